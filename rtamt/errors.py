@@ -1,0 +1,71 @@
+"""Errors of the toolkit: what was expected, what came, where, and the way out."""
+
+from __future__ import annotations
+
+__all__ = [
+    "InputError",
+    "InputTypeError",
+    "ParseError",
+    "RtamtError",
+    "SpecificationError",
+    "StateError",
+]
+
+
+class RtamtError(Exception):
+    """Base class of every error that a user of the toolkit can cause."""
+
+
+class SpecificationError(RtamtError, ValueError):
+    """A specification that cannot be given a meaning: bounds, units, depth, types, unbounded future."""
+
+
+class ParseError(SpecificationError):
+    """Text that is not a specification.
+
+    The message reads ``STL:LINE:COLUMN: what is wrong``, then the line of text, a caret, and a hint.
+
+    Attributes:
+        reason: The message without its place.
+        line: Line in the text, from 1.
+        column: Column in the line, from 1.
+        hint: The way out, or an empty string.
+    """
+
+    def __init__(
+        self, reason: str, text: str, line: int, column: int, hint: str = ""
+    ) -> None:
+        lines = text.splitlines() or [""]
+        source = lines[min(line, len(lines)) - 1]
+        # A caret under a tab-indented line stands right only if the tabs are kept; a line of
+        # thousands of characters is shown around the caret.
+        start = max(0, column - 1 - _CONTEXT)
+        shown = source[start : column - 1 + _CONTEXT]
+        indent = "".join("\t" if c == "\t" else " " for c in source[start : column - 1])
+        parts = [f"STL:{line}:{column}: {reason}", f"  {shown}", f"  {indent}^"]
+        if hint:
+            parts.append(f"  hint: {hint}")
+        super().__init__("\n".join(parts))
+        self.reason = reason
+        self.text = text
+        self.line = line
+        self.column = column
+        self.hint = hint
+
+    def __reduce__(self) -> tuple[type[ParseError], tuple[str, str, int, int, str]]:
+        return type(self), (self.reason, self.text, self.line, self.column, self.hint)
+
+
+_CONTEXT = 60
+
+
+class InputError(RtamtError, ValueError):
+    """Signals that a monitor cannot take: nan, a missing or unknown variable, a wrong shape."""
+
+
+class InputTypeError(RtamtError, TypeError):
+    """Signals of a type that is not a real number: text, complex, object."""
+
+
+class StateError(RtamtError, RuntimeError):
+    """A call that the object's state does not allow, such as ``update`` after ``finish``."""

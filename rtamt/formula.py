@@ -1,0 +1,620 @@
+"""Formulas and terms: frozen trees in which equal parts are the same object.
+
+Nodes are hash-consed, so ``==`` is identity, hashing is free, and a sub-formula that stands twice
+is compiled to one register. ``str`` prints with the fewest brackets that the parser needs:
+``parse(str(f)).formula is f``.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import weakref
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import Self, cast
+
+from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.operators import OPERATORS, RESERVED, Operator
+
+__all__ = [
+    "MAX_DEPTH",
+    "MAX_SIZE",
+    "UNITS",
+    "Formula",
+    "Interval",
+    "Node",
+    "Term",
+    "conjunction",
+    "decimal_text",
+    "disjunction",
+    "exact",
+    "make",
+    "number",
+    "variable",
+]
+
+MAX_DEPTH = 200
+"""Nodes on the longest path of a formula; also the most brackets that may stand inside another."""
+
+MAX_SIZE = 1_000_000
+"""Nodes of a formula written out; a name used twice counts twice."""
+
+UNITS: dict[str, Fraction] = {
+    "s": Fraction(1),
+    "ms": Fraction(1, 10**3),
+    "us": Fraction(1, 10**6),
+    "ns": Fraction(1, 10**9),
+    "ps": Fraction(1, 10**12),
+}
+"""Time units in seconds."""
+
+Exact = int | float | str | Decimal | Fraction
+
+
+def exact(value: Exact, what: str) -> Fraction:
+    """The exact value of a finite number; a float means its shortest decimal text."""
+    if isinstance(value, bool) or not isinstance(
+        value, int | float | str | Decimal | Fraction
+    ):
+        msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
+        raise InputTypeError(msg)
+    try:
+        return Fraction(repr(float(value)) if isinstance(value, float) else value)
+    except (ValueError, OverflowError):
+        msg = f"expected a finite number for {what}, got {value!r}"
+        raise SpecificationError(msg) from None
+
+
+def decimal_text(value: Fraction) -> str:
+    """The shortest decimal text that is exactly the fraction; one third has none."""
+    scale = 0
+    while (value * 10**scale).denominator != 1:
+        scale += 1
+        if 2**scale > value.denominator**4 + 2**64:
+            msg = f"expected a decimal number, got {value}, which no decimal text writes exactly"
+            raise SpecificationError(msg)
+    digits = str(abs(int(value * 10**scale))).rjust(scale + 1, "0")
+    sign = "-" if value < 0 else ""
+    return sign + (f"{digits[:-scale]}.{digits[-scale:]}" if scale else digits)
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """Offsets ``[begin, end]`` from now, both included.
+
+    Attributes:
+        begin: Least offset, not negative.
+        end: Greatest offset, or None for no end.
+        unit: Unit of both bounds, or None: samples without a period, else the specification's unit.
+    """
+
+    begin: Fraction
+    end: Fraction | None
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that are no interval.
+
+        Raises:
+            SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.
+        """
+        if self.begin < 0 or (self.end is not None and self.end < self.begin):
+            least = "0" if self.begin < 0 else decimal_text(self.begin)
+            wrong = self.begin if self.begin < 0 else cast("Fraction", self.end)
+            msg = f"expected a bound of at least {least}, got {decimal_text(wrong)}"
+            raise SpecificationError(msg)
+        if self.unit is not None and self.unit not in UNITS:
+            msg = f"expected a unit out of {', '.join(UNITS)}, got '{self.unit}'"
+            raise SpecificationError(msg)
+        decimal_text(self.begin)
+        if self.end is not None:
+            decimal_text(self.end)
+
+    @classmethod
+    def of(cls, begin: Exact, end: Exact | None) -> Interval | None:
+        """The interval of two bounds; the end may carry a unit: ``of(0, "500ms")``.
+
+        None, which is ``[0, inf)``, if there is nothing to bound.
+        """
+        unit = None
+        if isinstance(end, str):
+            text = end.strip()
+            digits = text.rstrip("abcdefghijklmnopqrstuvwxyz")
+            if text.startswith("inf"):
+                digits, end = "inf", None
+            else:
+                end = digits.strip()
+            unit = text[len(digits) :].strip() or None
+        elif isinstance(end, float) and end == math.inf:
+            end = None
+        first = exact(begin, "the begin of an interval")
+        last = None if end is None else exact(end, "the end of an interval")
+        return None if last is None and first == 0 else cls(first, last, unit)
+
+    def __str__(self) -> str:
+        end = "inf" if self.end is None else decimal_text(self.end)
+        # "inf" is a word: its unit needs a space before it.
+        unit = (
+            "" if self.unit is None else (" " if self.end is None else "") + self.unit
+        )
+        return f"[{decimal_text(self.begin)}:{end}{unit}]"
+
+
+class Node:
+    """A term or a formula. Made by `make`, `variable` and `number`, never directly.
+
+    Attributes:
+        op: Row of the operator, or None for a variable or a number.
+        args: Operands.
+        interval: Interval of a temporal operator; None where it has none, or ``[0, inf)``.
+        leaf: Name of a variable or value of a number.
+        depth: Nodes on the longest path.
+        size: Nodes of the tree written out.
+    """
+
+    __slots__ = ("__weakref__", "args", "depth", "interval", "leaf", "op", "size")
+
+    op: Operator | None
+    args: tuple[Node, ...]
+    interval: Interval | None
+    leaf: str | float | None
+    depth: int
+    size: int
+
+    def __setattr__(self, name: str, value: object) -> None:
+        msg = (
+            f"{type(self).__name__} is frozen: make a new one instead of setting {name}"
+        )
+        raise AttributeError(msg)
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self}>"
+
+    def __str__(self) -> str:
+        if self.op is None:
+            return (
+                self.leaf
+                if isinstance(self.leaf, str)
+                else number_text(cast("float", self.leaf))
+            )
+        return _text(self, self.op)
+
+    def nodes(self) -> Iterator[Node]:
+        """Every different node below and with this one, operands before what uses them."""
+        seen: set[Node] = set()
+        stack: list[tuple[Node, bool]] = [(self, False)]
+        while stack:
+            node, done = stack.pop()
+            if done:
+                yield node
+            elif node not in seen:
+                seen.add(node)
+                stack.append((node, True))
+                stack.extend((child, False) for child in reversed(node.args))
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables, in order of first appearance."""
+        return tuple(
+            n.leaf for n in self.nodes() if n.op is None and isinstance(n.leaf, str)
+        )
+
+
+class Term(Node):
+    """Arithmetic over variables: ``(variable("x") - 3) * 2``; comparing it gives a formula.
+
+    ``==`` compares trees; the formula ``x == y`` is ``x.equals(y)``.
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return _term_from_text, (str(self),)
+
+    def __add__(self, other: Term | float) -> Term:
+        return _term("+", self, other)
+
+    def __radd__(self, other: float) -> Term:
+        return _term("+", other, self)
+
+    def __sub__(self, other: Term | float) -> Term:
+        return _term("-", self, other)
+
+    def __rsub__(self, other: float) -> Term:
+        return _term("-", other, self)
+
+    def __mul__(self, other: Term | float) -> Term:
+        return _term("*", self, other)
+
+    def __rmul__(self, other: float) -> Term:
+        return _term("*", other, self)
+
+    def __truediv__(self, other: Term | float) -> Term:
+        return _term("/", self, other)
+
+    def __rtruediv__(self, other: float) -> Term:
+        return _term("/", other, self)
+
+    def __pow__(self, other: Term | float) -> Term:
+        return _term("pow", self, other)
+
+    def __neg__(self) -> Term:
+        return _term("neg", self)
+
+    def __abs__(self) -> Term:
+        return _term("abs", self)
+
+    def sqrt(self) -> Term:
+        """Square root."""
+        return _term("sqrt", self)
+
+    def exp(self) -> Term:
+        """Exponential."""
+        return _term("exp", self)
+
+    def ln(self) -> Term:
+        """Natural logarithm."""
+        return _term("ln", self)
+
+    def log(self, base: Term | float) -> Term:
+        """Logarithm to a base."""
+        return _term("log", self, base)
+
+    def min(self, *others: Term | float) -> Term:
+        """The least of this and the others."""
+        return _term("min", self, *others)
+
+    def max(self, *others: Term | float) -> Term:
+        """The greatest of this and the others."""
+        return _term("max", self, *others)
+
+    def __lt__(self, other: Term | float) -> Formula:
+        return _comparison("<", self, other)
+
+    def __le__(self, other: Term | float) -> Formula:
+        return _comparison("<=", self, other)
+
+    def __gt__(self, other: Term | float) -> Formula:
+        return _comparison(">", self, other)
+
+    def __ge__(self, other: Term | float) -> Formula:
+        return _comparison(">=", self, other)
+
+    def equals(self, other: Term | float) -> Formula:
+        """The formula ``self == other``."""
+        return _comparison("==", self, other)
+
+    def differs(self, other: Term | float) -> Formula:
+        """The formula ``self != other``."""
+        return _comparison("!=", self, other)
+
+    def formula(self) -> Formula:
+        """The formula whose robustness is the value of the term."""
+        return cast("Formula", make("value", (self,)))
+
+
+class Formula(Node):
+    """A formula of signal temporal logic.
+
+    Temporal methods take the bounds of the interval, ``begin`` and ``end``, both included; the
+    end may carry a unit (``always(0, "500ms")``) and None is no end.
+
+    Example:
+        >>> x = variable("x")
+        >>> f = (x > 0).always(0, 5) | ~(x + 1 > 3)
+        >>> print(f)
+        always[0:5](x > 0) or not (x + 1 > 3)
+    """
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return _formula_from_text, (str(self),)
+
+    def __bool__(self) -> bool:
+        msg = f"a formula has no truth value; use & | ~ instead of and, or, not: {self}"
+        raise InputTypeError(msg)
+
+    def __and__(self, other: Formula) -> Formula:
+        return conjunction((self, other))
+
+    def __or__(self, other: Formula) -> Formula:
+        return disjunction((self, other))
+
+    def __invert__(self) -> Formula:
+        return self._with("not")
+
+    def implies(self, other: Formula) -> Formula:
+        """``self implies other``."""
+        return self._with("implies", other)
+
+    def iff(self, other: Formula) -> Formula:
+        """``self iff other``."""
+        return self._with("iff", other)
+
+    def xor(self, other: Formula) -> Formula:
+        """``self xor other``."""
+        return self._with("xor", other)
+
+    def always(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
+        """``always[begin:end] self``."""
+        return self._with("always", interval=Interval.of(begin, end))
+
+    def eventually(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
+        """``eventually[begin:end] self``."""
+        return self._with("eventually", interval=Interval.of(begin, end))
+
+    def historically(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
+        """``historically[begin:end] self``."""
+        return self._with("historically", interval=Interval.of(begin, end))
+
+    def once(self, begin: Exact = 0, end: Exact | None = None) -> Formula:
+        """``once[begin:end] self``."""
+        return self._with("once", interval=Interval.of(begin, end))
+
+    def until(
+        self, other: Formula, begin: Exact = 0, end: Exact | None = None
+    ) -> Formula:
+        """``self until[begin:end] other``."""
+        return self._with("until", other, interval=Interval.of(begin, end))
+
+    def since(
+        self, other: Formula, begin: Exact = 0, end: Exact | None = None
+    ) -> Formula:
+        """``self since[begin:end] other``."""
+        return self._with("since", other, interval=Interval.of(begin, end))
+
+    def unless(
+        self, other: Formula, begin: Exact = 0, end: Exact | None = None
+    ) -> Formula:
+        """``self unless[begin:end] other``."""
+        return self._with("unless", other, interval=Interval.of(begin, end))
+
+    def next(self, *, strong: bool = False) -> Formula:
+        """``next self``; strong: -inf instead of +inf after the last sample."""
+        return self._with("s_next" if strong else "next")
+
+    def prev(self, *, strong: bool = False) -> Formula:
+        """``prev self``; strong: -inf instead of +inf before the first sample."""
+        return self._with("s_prev" if strong else "prev")
+
+    def rise(self) -> Formula:
+        """``rise(self)``."""
+        return self._with("rise")
+
+    def fall(self) -> Formula:
+        """``fall(self)``."""
+        return self._with("fall")
+
+    def _with(
+        self, name: str, *others: Formula, interval: Interval | None = None
+    ) -> Formula:
+        return cast("Formula", make(name, (self, *others), interval))
+
+
+def variable(name: str) -> Term:
+    """The term of a variable: a name, or dotted names for the fields of a message.
+
+    Raises:
+        SpecificationError: If the specification language could not read the name.
+    """
+    if not all(part.isidentifier() and part.isascii() for part in name.split(".")):
+        msg = f"expected a name of letters, digits, '_' and dots, got '{name}'"
+        raise SpecificationError(msg)
+    if name in RESERVED:
+        msg = f"'{name}' is a word of the language and cannot name a variable"
+        raise SpecificationError(msg)
+    return cast("Term", _intern(Term, None, (), None, name))
+
+
+def number(value: float) -> Term:
+    """The term of a finite number."""
+    if isinstance(value, complex | str) or not hasattr(value, "__float__"):
+        msg = f"expected a real number, got {type(value).__name__} {value!r}"
+        raise InputTypeError(msg)
+    value = float(value)
+    if not math.isfinite(value):
+        msg = f"expected a finite number in a term, got {value!r}; write true or false for +-inf"
+        raise SpecificationError(msg)
+    return cast("Term", _intern(Term, None, (), None, value))
+
+
+def conjunction(formulas: Iterable[Formula]) -> Formula:
+    """The ``and`` of one formula or more, as one node."""
+    return _junction("and", tuple(formulas))
+
+
+def disjunction(formulas: Iterable[Formula]) -> Formula:
+    """The ``or`` of one formula or more, as one node."""
+    return _junction("or", tuple(formulas))
+
+
+def make(
+    name: str, args: tuple[Node, ...], interval: Interval | None = None
+) -> Term | Formula:
+    """The node of an operator over its operands.
+
+    Operands of another kind, a wrong number of them, or an interval where none belongs are errors.
+
+    Raises:
+        SpecificationError: As said, or if the tree would be too deep or too large.
+    """
+    op = OPERATORS[name]
+    kind: type[Node] = Term if op.operands == "term" else Formula
+    args = tuple(_as_kind(op, kind, arg) for arg in args)
+    if op.grouping == "flat":
+        args = tuple(
+            part for arg in args for part in (arg.args if arg.op is op else (arg,))
+        )
+    elif op.grouping == "left-flat" and args[0].op is op:
+        args = args[0].args + args[1:]
+    elif name == "neg" and args[0].op is None and isinstance(args[0].leaf, float):
+        return number(-args[0].leaf)
+    least, most = op.arity
+    if len(args) < least or (most is not None and len(args) > most):
+        expected = f"{least}" if most == least else f"{least} or more"
+        msg = f"expected {expected} operands for '{op.symbol}', got {len(args)}"
+        raise SpecificationError(msg)
+    if interval is not None and not op.timed:
+        msg = f"'{op.symbol}' takes no interval, got {interval}"
+        raise SpecificationError(msg)
+    result: type[Node] = Term if op.result == "term" else Formula
+    return cast("Term | Formula", _intern(result, op, args, interval, None))
+
+
+def number_text(value: float) -> str:
+    """The shortest text that reads back as the number."""
+    text = repr(value)
+    return text.removesuffix(".0")
+
+
+def _junction(name: str, formulas: tuple[Formula, ...]) -> Formula:
+    if len(formulas) == 1:
+        return formulas[0]
+    return cast("Formula", make(name, formulas))
+
+
+def _term(name: str, *args: Term | float) -> Term:
+    return cast("Term", make(name, tuple(_as_term(a) for a in args)))
+
+
+def _comparison(name: str, x: Term, y: Term | float) -> Formula:
+    return cast("Formula", make(name, (x, _as_term(y))))
+
+
+def _as_term(value: Term | float) -> Term:
+    return value if isinstance(value, Node) else number(value)
+
+
+def _as_kind(op: Operator, kind: type[Node], arg: Node) -> Node:
+    if kind is Formula and isinstance(arg, Term):
+        return arg.formula()
+    # A term that was read as a formula is still a term: `x` in `f = x` and then `f > 3`.
+    if kind is Term and isinstance(arg, Formula) and arg.op is OPERATORS["value"]:
+        return arg.args[0]
+    if not isinstance(arg, kind):
+        got = (
+            f"the formula {arg}"
+            if isinstance(arg, Node)
+            else f"{type(arg).__name__} {arg!r}"
+        )
+        msg = (
+            f"expected a {kind.__name__.lower()} as operand of '{op.symbol}', got {got}"
+        )
+        raise SpecificationError(msg)
+    return arg
+
+
+_Key = tuple[
+    type[Node],
+    Operator | None,
+    tuple[Node, ...],
+    Interval | None,
+    str | float | None,
+    str,
+]
+_interned: weakref.WeakValueDictionary[_Key, Node] = weakref.WeakValueDictionary()
+_lock = threading.Lock()
+
+
+def _intern(
+    kind: type[Node],
+    op: Operator | None,
+    args: tuple[Node, ...],
+    interval: Interval | None,
+    leaf: str | float | None,
+) -> Node:
+    # repr tells 0.0 from -0.0, which compare equal but divide differently.
+    key = (kind, op, args, interval, leaf, repr(leaf))
+    with _lock:
+        node = _interned.get(key)
+        if node is None:
+            depth = 1 + max((a.depth for a in args), default=0)
+            size = 1 + sum(a.size for a in args)
+            if depth > MAX_DEPTH or size > MAX_SIZE:
+                msg = (
+                    f"the formula is nested {depth} deep; the limit is {MAX_DEPTH}"
+                    if depth > MAX_DEPTH
+                    else f"the formula has {size} nodes written out; the limit is {MAX_SIZE}"
+                )
+                raise SpecificationError(msg)
+            node = object.__new__(kind)
+            values = (op, args, interval, leaf, depth, size)
+            for name, value in zip(_FIELDS, values, strict=True):
+                object.__setattr__(node, name, value)
+            _interned[key] = node
+        return node
+
+
+_FIELDS = ("op", "args", "interval", "leaf", "depth", "size")
+
+
+def _text(node: Node, op: Operator) -> str:
+    match op.notation:
+        case "atom":
+            return str(node.args[0]) if node.args else op.symbol
+        case "call":
+            return f"{op.symbol}({', '.join(str(a) for a in node.args)})"
+        case "prefix":
+            return _prefix_text(node, op)
+        case "infix":
+            symbol = op.symbol + ("" if node.interval is None else str(node.interval))
+            first, *rest = node.args
+            loose = op.grouping == "none"
+            words = [_operand(first, op.precedence + loose)]
+            words += [_operand(a, op.precedence + 1) for a in rest]
+            return f" {symbol} ".join(words)
+
+
+def _prefix_text(node: Node, op: Operator) -> str:
+    operand = node.args[0]
+    inner = operand.args[0] if operand.op is OPERATORS["value"] else operand
+    interval = "" if node.interval is None else str(node.interval)
+    text = str(operand)
+    if op.symbol == "-":
+        tight = inner.op is None or inner.op.notation == "call"
+        return f"-{text}" if tight and not text.startswith("-") else f"-({text})"
+    bare = (
+        inner.op is not None
+        and inner.op.notation in ("prefix", "atom", "call")
+        and text[0] != "-"
+    )
+    if bare and op.symbol == "not":
+        return f"not {text}"
+    return (
+        f"{op.symbol}{interval} {text}"
+        if bare
+        else f"{op.symbol}{interval}{_space(op)}({text})"
+    )
+
+
+def _space(op: Operator) -> str:
+    return " " if op.symbol == "not" else ""
+
+
+def _operand(node: Node, least: int) -> str:
+    inner = node.args[0] if node.op is OPERATORS["value"] else node
+    text = str(node)
+    return f"({text})" if inner.op is not None and inner.op.precedence < least else text
+
+
+def _term_from_text(text: str) -> Term:
+    from rtamt.parser import parse  # noqa: PLC0415 - text is the pickle; formulas do not need a parser
+
+    formula = parse(text).formula
+    return cast("Term", formula.args[0])
+
+
+def _formula_from_text(text: str) -> Formula:
+    from rtamt.parser import parse  # noqa: PLC0415
+
+    return parse(text).formula

@@ -1,0 +1,612 @@
+"""The table of operators: one row says how an operator is written and what it means.
+
+The parser, the printer, the compiler and the documentation read the rows. A meaning is a function
+over a `Builder`: sugar is one line over the core (`map` of a function, fold of a monoid over a
+window of offsets from now). Definitions follow the robust semantics of STL (Fainekos and Pappas
+2009; Donze and Maler 2010) as used by Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors
+from STL", ATVA 2020.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+__all__ = [
+    "FUNCTIONS",
+    "MONOIDS",
+    "OPERATORS",
+    "RESERVED",
+    "SPELLINGS",
+    "Bounds",
+    "Builder",
+    "Function",
+    "Monoid",
+    "Operator",
+]
+
+INF = math.inf
+
+
+# Functions: MAP f. IEEE doubles, nothing raises; a nan is found by the machine. -----------------
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A total function on doubles, known by the same name to the C++ machine."""
+
+    name: str
+    arity: int
+    apply: Callable[..., float]
+
+
+def _div(x: float, y: float) -> float:
+    if y:
+        return x / y
+    if x == 0.0 or x != x:  # noqa: PLR0124 - nan is the one value that differs from itself
+        return math.nan
+    return math.copysign(INF, x) * math.copysign(1.0, y)
+
+
+def _sqrt(x: float) -> float:
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
+def _exp(x: float) -> float:
+    try:
+        return math.exp(x)
+    except OverflowError:
+        return INF
+
+
+def _ln(x: float) -> float:
+    if x > 0.0:
+        return math.log(x)
+    return -INF if x == 0.0 else math.nan
+
+
+def _pow(x: float, y: float) -> float:
+    try:
+        return math.pow(x, y)
+    except (
+        OverflowError,
+        ValueError,
+    ):  # where math raises, IEEE has a value: let numpy say it
+        with np.errstate(all="ignore"):
+            return float(np.power(x, y))
+
+
+def _log(x: float, base: float) -> float:
+    return _div(_ln(x), _ln(base))
+
+
+# min and max keep a nan of either side: `a if a <= b else b` alone would lose one of them.
+def _min(x: float, y: float) -> float:
+    return x if x <= y or x != x else y  # noqa: PLR0124
+
+
+def _max(x: float, y: float) -> float:
+    return x if x >= y or x != x else y  # noqa: PLR0124
+
+
+FUNCTIONS: Mapping[str, Function] = {
+    f.name: f
+    for f in (
+        Function("neg", 1, lambda x: -x),
+        Function("abs", 1, abs),
+        Function("sqrt", 1, _sqrt),
+        Function("exp", 1, _exp),
+        Function("ln", 1, _ln),
+        Function("add", 2, lambda x, y: x + y),
+        Function("sub", 2, lambda x, y: x - y),
+        Function("mul", 2, lambda x, y: x * y),
+        Function("div", 2, _div),
+        Function("pow", 2, _pow),
+        Function("log", 2, _log),
+        Function("min", 2, _min),
+        Function("max", 2, _max),
+    )
+}
+
+
+# Monoids: WINDOW m. ------------------------------------------------------------------------------
+
+Element = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Monoid:
+    """An associative fold with identity. The older element stands left.
+
+    Attributes:
+        width: Numbers in an element; the last one is the result.
+        mirror: The same fold with time flipped.
+        dual: The same fold with the order of the reals flipped (the fold under a negation).
+    """
+
+    name: str
+    width: int
+    identity: Element
+    combine: Callable[[Element, Element], Element]
+    mirror: str
+    dual: str
+
+    def __post_init__(self) -> None:
+        """Check identity and associativity where the row is made."""
+        values = (-INF, 0.0, 1.0)
+        elements = list(itertools.product(values, repeat=self.width))
+        fold = self.combine
+        for x in elements:
+            if not fold(self.identity, x) == x == fold(x, self.identity):
+                msg = f"{self.identity} is no identity of {self.name}"
+                raise AssertionError(msg)
+        for x, y, z in itertools.product(elements[::2], repeat=3):
+            if fold(fold(x, y), z) != fold(x, fold(y, z)):
+                msg = f"{self.name} is not associative"
+                raise AssertionError(msg)
+
+
+MONOIDS: Mapping[str, Monoid] = {
+    m.name: m
+    for m in (
+        Monoid("min", 1, (INF,), lambda x, y: x if x[0] <= y[0] else y, "min", "max"),
+        Monoid("max", 1, (-INF,), lambda x, y: x if x[0] >= y[0] else y, "max", "min"),
+        # (p, q) of a stretch of time: p holds throughout it, q is reached while p has held before.
+        Monoid(
+            "until",
+            2,
+            (INF, -INF),
+            lambda x, y: (min(x[0], y[0]), max(x[1], min(x[0], y[1]))),
+            "since",
+            "release",
+        ),
+        # mirrored: q was reached, and p has held ever since.
+        Monoid(
+            "since",
+            2,
+            (INF, -INF),
+            lambda x, y: (min(x[0], y[0]), max(y[1], min(y[0], x[1]))),
+            "until",
+            "trigger",
+        ),
+        Monoid(
+            "release",
+            2,
+            (-INF, INF),
+            lambda x, y: (max(x[0], y[0]), min(x[1], max(x[0], y[1]))),
+            "trigger",
+            "until",
+        ),
+        Monoid(
+            "trigger",
+            2,
+            (-INF, INF),
+            lambda x, y: (max(x[0], y[0]), min(y[1], max(y[0], x[1]))),
+            "release",
+            "since",
+        ),
+    )
+}
+
+
+# Operators. --------------------------------------------------------------------------------------
+
+Bounds = tuple[int, int | None]
+"""Bounds of an interval in samples; None is no upper bound."""
+
+
+class Builder(Protocol):
+    """What a meaning is written in. A register is whatever the builder hands out."""
+
+    def constant(self, value: float) -> int:
+        """The same value at every sample, seen or not."""
+
+    def map(self, function: str, *args: int) -> int:
+        """The function of the operands' values now."""
+
+    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+        """The fold over offsets lo to hi from now, cut to the trace; None is unbounded."""
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open until: p holds from now on up to, not at, the moment q holds."""
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open since: p holds from just after the moment q held."""
+
+
+Meaning = Callable[..., int]
+Kind = Literal["term", "formula"]
+Notation = Literal["prefix", "infix", "call", "atom"]
+Grouping = Literal["flat", "left-flat", "left", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """One row.
+
+    Attributes:
+        name: The key of the row.
+        spellings: Every spelling that the parser takes; `str` prints the first.
+        notation: ``p op q``, ``op p``, ``op(p, ...)`` or a constant by itself.
+        precedence: Binding strength; higher binds tighter.
+        operands: Whether the operands are terms or formulas.
+        result: Whether the whole is a term or a formula.
+        arity: Least and greatest number of operands; None is any.
+        grouping: For infix operators: ``flat`` associates and is one node of many operands,
+            ``left-flat`` likewise but only on the left (floating-point sums), ``left`` nests to the
+            left, ``none`` does not chain.
+        timed: Whether an interval may follow the operator.
+        future: Whether the value depends on later samples.
+        meaning: The robustness, over a builder and the operands' registers (after the bounds).
+        doc: The robustness at sample i, in one line.
+    """
+
+    name: str
+    spellings: tuple[str, ...]
+    notation: Notation
+    precedence: int
+    operands: Kind
+    result: Kind
+    arity: tuple[int, int | None]
+    meaning: Meaning
+    doc: str
+    grouping: Grouping = "none"
+    timed: bool = False
+    future: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the row against itself."""
+        infix = self.notation == "infix"
+        well_formed = (
+            len(self.spellings) > 0
+            and (infix or self.grouping == "none")
+            and (not infix or self.arity[0] == 2)  # noqa: PLR2004
+            and (self.notation != "prefix" or self.arity == (1, 1))
+            and (not self.timed or self.operands == "formula")
+        )
+        if not well_formed:
+            msg = f"the row of {self.name} contradicts itself"
+            raise AssertionError(msg)
+
+    @property
+    def symbol(self) -> str:
+        """The canonical spelling."""
+        return self.spellings[0]
+
+    def __reduce__(self) -> tuple[Callable[[str], Operator], tuple[str]]:
+        return _row, (self.name,)
+
+    def __repr__(self) -> str:
+        return f"<operator {self.name}>"
+
+
+def _row(name: str) -> Operator:
+    return OPERATORS[name]
+
+
+def _fold(function: str) -> Meaning:
+    def meaning(b: Builder, first: int, *rest: int) -> int:
+        for operand in rest:
+            first = b.map(function, first, operand)
+        return first
+
+    return meaning
+
+
+def _ahead(monoid: str) -> Meaning:
+    return lambda b, bounds, p: b.window(monoid, bounds[0], bounds[1], p)
+
+
+def _back(monoid: str) -> Meaning:
+    return lambda b, bounds, p: b.window(monoid, _minus(bounds[1]), -bounds[0], p)
+
+
+def _step(monoid: str, offset: int) -> Meaning:
+    # A window of one sample is that sample; outside the trace it is the identity of the fold:
+    # +inf of min is the weak form, -inf of max the strong one.
+    return lambda b, p: b.window(monoid, offset, offset, p)
+
+
+def _minus(bound: int | None) -> int | None:
+    return None if bound is None else -bound
+
+
+def _apart(b: Builder, x: int, y: int) -> int:
+    return b.map("abs", b.map("sub", x, y))
+
+
+def _implies(b: Builder, p: int, q: int) -> int:
+    return b.map("max", b.map("neg", p), q)
+
+
+def _iff(b: Builder, p: int, q: int) -> int:
+    return b.map("min", _implies(b, p, q), _implies(b, q, p))
+
+
+def _unless(b: Builder, bounds: Bounds, p: int, q: int) -> int:
+    return b.map("max", b.window("min", 0, bounds[1], p), b.until(bounds, p, q))
+
+
+def _rise(b: Builder, p: int) -> int:
+    return b.map("min", b.window("min", -1, -1, b.map("neg", p)), p)
+
+
+def _term(
+    name: str,
+    precedence: int,
+    arity: tuple[int, int | None],
+    meaning: Meaning,
+    doc: str,
+    notation: Notation = "call",
+    grouping: Grouping = "none",
+    spellings: tuple[str, ...] = (),
+) -> Operator:
+    return Operator(
+        name,
+        spellings or (name,),
+        notation,
+        precedence,
+        "term",
+        "term",
+        arity,
+        meaning,
+        doc,
+        grouping,
+    )
+
+
+def _atom(name: str, arity: tuple[int, int], meaning: Meaning, doc: str) -> Operator:
+    spellings = (name,) if arity == (0, 0) else ("",)
+    return Operator(name, spellings, "atom", 14, "term", "formula", arity, meaning, doc)
+
+
+def _compare(name: str, meaning: Meaning, doc: str, *others: str) -> Operator:
+    return Operator(
+        name, (name, *others), "infix", 9, "term", "formula", (2, 2), meaning, doc
+    )
+
+
+def _temporal(
+    name: str, others: str, meaning: Meaning, doc: str, *, future: bool
+) -> Operator:
+    return Operator(
+        name,
+        (name, *others.split()),
+        "prefix",
+        7,
+        "formula",
+        "formula",
+        (1, 1),
+        meaning,
+        doc,
+        timed=True,
+        future=future,
+    )
+
+
+def _neighbour(
+    name: str, other: str, meaning: Meaning, doc: str, *, future: bool
+) -> Operator:
+    return Operator(
+        name,
+        (name, other),
+        "prefix",
+        7,
+        "formula",
+        "formula",
+        (1, 1),
+        meaning,
+        doc,
+        future=future,
+    )
+
+
+def _edge(name: str, meaning: Meaning, doc: str) -> Operator:
+    return Operator(
+        name, (name,), "call", 13, "formula", "formula", (1, 1), meaning, doc
+    )
+
+
+def _binary(
+    name: str,
+    others: str,
+    precedence: int,
+    meaning: Meaning,
+    doc: str,
+    grouping: Grouping = "none",
+    *,
+    timed: bool = False,
+    future: bool = False,
+) -> Operator:
+    arity = (2, None if grouping == "flat" else 2)
+    return Operator(
+        name,
+        (name, *others.split()),
+        "infix",
+        precedence,
+        "formula",
+        "formula",
+        arity,
+        meaning,
+        doc,
+        grouping,
+        timed,
+        future,
+    )
+
+
+def _unary(function: str) -> Meaning:
+    return lambda b, p: b.map(function, p)
+
+
+OPERATORS: Mapping[str, Operator] = {
+    row.name: row
+    for row in (
+        # atoms
+        _atom("true", (0, 0), lambda b: b.constant(INF), "+inf"),
+        _atom("false", (0, 0), lambda b: b.constant(-INF), "-inf"),
+        # A term by itself is a formula; it has no symbol of its own.
+        _atom("value", (1, 1), lambda _, x: x, "the value of the term"),
+        # terms
+        _term("abs", 13, (1, 1), _unary("abs"), "absolute value"),
+        _term("sqrt", 13, (1, 1), _unary("sqrt"), "square root"),
+        _term("exp", 13, (1, 1), _unary("exp"), "e to the power of x"),
+        _term("ln", 13, (1, 1), _unary("ln"), "natural logarithm"),
+        _term("pow", 13, (2, 2), _fold("pow"), "pow(x, y): x to the power of y"),
+        _term("log", 13, (2, 2), _fold("log"), "log(x, base): ln(x) / ln(base)"),
+        _term("min", 13, (2, None), _fold("min"), "the least of two terms or more"),
+        _term("max", 13, (2, None), _fold("max"), "the greatest of two terms or more"),
+        _term(
+            "neg", 12, (1, 1), _unary("neg"), "unary minus", "prefix", spellings=("-",)
+        ),
+        _term("*", 11, (2, None), _fold("mul"), "product", "infix", "left-flat"),
+        _term(
+            "/",
+            11,
+            (2, 2),
+            _fold("div"),
+            "quotient; x / 0 is +inf or -inf",
+            "infix",
+            "left",
+        ),
+        _term("+", 10, (2, None), _fold("add"), "sum", "infix", "left-flat"),
+        _term("-", 10, (2, 2), _fold("sub"), "difference", "infix", "left"),
+        # comparisons: terms to a formula
+        _compare(">=", _fold("sub"), "x - y"),
+        _compare(">", _fold("sub"), "x - y"),
+        _compare("<=", lambda b, x, y: b.map("sub", y, x), "y - x"),
+        _compare("<", lambda b, x, y: b.map("sub", y, x), "y - x"),
+        _compare("==", lambda b, x, y: b.map("neg", _apart(b, x, y)), "-abs(x - y)"),
+        _compare("!=", _apart, "abs(x - y)", "!=="),
+        # Boolean
+        Operator(
+            "not",
+            ("not", "!"),
+            "prefix",
+            8,
+            "formula",
+            "formula",
+            (1, 1),
+            _unary("neg"),
+            "-p(i)",
+        ),
+        _binary("and", "& &&", 5, _fold("min"), "min of the operands at i", "flat"),
+        _binary("or", "| ||", 4, _fold("max"), "max of the operands at i", "flat"),
+        _binary("implies", "->", 3, _implies, "max(-p, q)"),
+        _binary("iff", "<->", 2, _iff, "min(max(-p, q), max(-q, p))", "left"),
+        _binary(
+            "xor",
+            "",
+            1,
+            lambda b, p, q: b.map("neg", _iff(b, p, q)),
+            "max(min(p, -q), min(-p, q))",
+            "left",
+        ),
+        # the past
+        _temporal(
+            "historically",
+            "H",
+            _back("min"),
+            "min of p over [i-b, i-a] cut to the trace; empty: +inf",
+            future=False,
+        ),
+        _temporal(
+            "once",
+            "O",
+            _back("max"),
+            "max of p over [i-b, i-a] cut to the trace; empty: -inf",
+            future=False,
+        ),
+        _binary(
+            "since",
+            "S",
+            6,
+            lambda b, bounds, p, q: b.since(bounds, p, q),
+            "max over j in [i-b, i-a] of min(q(j), min of p over (j, i])",
+            timed=True,
+        ),
+        _neighbour(
+            "prev",
+            "Y",
+            _step("min", -1),
+            "p(i-1); at the first sample +inf",
+            future=False,
+        ),
+        _neighbour(
+            "s_prev",
+            "sY",
+            _step("max", -1),
+            "p(i-1); at the first sample -inf",
+            future=False,
+        ),
+        _edge(
+            "rise", _rise, "min(-p(i-1), p(i)); the first sample has no neighbour: p(i)"
+        ),
+        _edge(
+            "fall",
+            lambda b, p: _rise(b, b.map("neg", p)),
+            "min(p(i-1), -p(i)); first: -p(i)",
+        ),
+        # the future
+        _temporal(
+            "always",
+            "G alw",
+            _ahead("min"),
+            "min of p over [i+a, i+b] cut to the trace; empty: +inf",
+            future=True,
+        ),
+        _temporal(
+            "eventually",
+            "F ev",
+            _ahead("max"),
+            "max of p over [i+a, i+b] cut to the trace; empty: -inf",
+            future=True,
+        ),
+        _binary(
+            "until",
+            "U",
+            6,
+            lambda b, bounds, p, q: b.until(bounds, p, q),
+            "max over j in [i+a, i+b] of min(q(j), min of p over [i, j))",
+            timed=True,
+            future=True,
+        ),
+        _binary(
+            "unless",
+            "W",
+            6,
+            _unless,
+            "always[0:b] p or p until[a:b] q",
+            timed=True,
+            future=True,
+        ),
+        _neighbour(
+            "next", "X", _step("min", 1), "p(i+1); at the last sample +inf", future=True
+        ),
+        _neighbour(
+            "s_next",
+            "sX",
+            _step("max", 1),
+            "p(i+1); at the last sample -inf",
+            future=True,
+        ),
+    )
+}
+
+SPELLINGS: Mapping[tuple[str, Notation], Operator] = {
+    (spelling, row.notation): row
+    for row in OPERATORS.values()
+    for spelling in row.spellings
+}
+"""(spelling, notation) to its row; ``-`` is a prefix and an infix operator."""
+
+RESERVED = frozenset(
+    {s for row in OPERATORS.values() for s in row.spellings if s.isidentifier()}
+    | {"inf", "const", "input", "output", "specification", "from", "import"}
+)
+"""Words that cannot name a variable."""
