@@ -1,0 +1,1 @@
+"""Scenario environments for Gymnasium, in the namespace ``rtamt/``."""
