@@ -1,0 +1,105 @@
+"""Which machines run: the C++ ones where they were built, else the Python ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import discrete
+from rtamt.errors import InputError
+from rtamt.inputs import SampleReader
+from rtamt.program import Program
+from rtamt.schedule import encoded
+
+try:
+    import rtamt._native as _native
+except ModuleNotFoundError as absent:  # a module that is there but does not load is a broken build
+    if absent.name != "rtamt._native":
+        raise
+    _built: Literal["native", "python"] = "python"
+else:
+    _built = "native"
+
+__all__ = ["BACKEND", "Backend", "DiscreteMachine", "choose", "discrete_machine"]
+
+BACKEND: Final = _built
+"""``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""
+
+Backend = Literal["auto", "native", "python"]
+
+
+class DiscreteMachine(Protocol):
+    """What both machines on samples offer; `rtamt.discrete.Machine` says what it means."""
+
+    @property
+    def samples(self) -> int:
+        """Samples taken in since the reset."""
+
+    @property
+    def registers(self) -> Sequence[float]:
+        """The value of every register."""
+
+    @property
+    def inputs(self) -> Sequence[float]:
+        """The last sample, empty before the first."""
+
+    @property
+    def update(self) -> Callable[..., float]:
+        """Take in one sample, in any of the argument forms."""
+
+    def run(
+        self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
+    ) -> list[NDArray[np.float64]]:
+        """Take in n samples at once, all or none; the observed registers at each."""
+
+    def reset(self) -> None:
+        """Forget every sample."""
+
+    def state(self) -> object:
+        """What ``restore`` needs to continue from here."""
+
+    def restore(self, state: Any) -> None:
+        """Continue from where ``state`` was taken."""
+
+
+def choose(backend: Backend) -> Literal["native", "python"]:
+    """The back-end that is meant.
+
+    Raises:
+        InputError: If it is unknown, or native and not built.
+    """
+    if backend == "auto":
+        return BACKEND
+    if backend not in ("native", "python"):
+        msg = f"expected backend='auto', 'native' or 'python', got {backend!r}"
+        raise InputError(msg)
+    if backend == "native" != BACKEND:
+        msg = "backend='native' was not built; reinstall rtamt where a C++20 compiler is found"
+        raise InputError(msg)
+    return backend
+
+
+def discrete_machine(
+    backend: Backend, program: Program, reader: SampleReader, observed: Sequence[int]
+) -> DiscreteMachine:
+    """The machine on samples of a back-end.
+
+    Args:
+        backend: Which one.
+        program: What to run; every register has a latency.
+        reader: Turns arguments into samples, and refuses them.
+        observed: Registers whose values ``run`` returns.
+    """
+    if choose(backend) == "python":
+        return discrete.Machine(program, reader, observed)
+    return _native.Machine(
+        encoded(program),
+        program.terms,
+        program.variables,
+        program.result,
+        [(register, program.latencies[register] or 0) for register in (program.result, *observed)],
+        reader,
+    )

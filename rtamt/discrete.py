@@ -1,0 +1,198 @@
+"""The reference machine on samples: readable, and the definition that the C++ is tested against."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.inputs import SampleReader
+from rtamt.operators import FUNCTIONS, MONOIDS, Element
+from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.schedule import Delay, Scheduled, schedule
+from rtamt.windows import DelayLine, Fold, State, make_fold
+
+__all__ = ["Machine"]
+
+Registers = list[float]
+Step = Callable[[Registers, int], None]
+
+
+class Machine:
+    """Runs a program whose every register has a latency, one sample after the other.
+
+    At sample t the register r holds its value of time t - latency(r). A window takes in the
+    operand's value of a time only if the trace has that time, else the identity of its fold: that
+    cuts every window to the trace, at its begin and, in `run` with ``final=True``, at its end.
+
+    Args:
+        program: What to run.
+        reader: Turns arguments into samples, and refuses them.
+        observed: Registers whose values `run` returns.
+    """
+
+    def __init__(self, program: Program, reader: SampleReader, observed: Sequence[int]) -> None:
+        self.program = program
+        self.reader = reader
+        self.observed = tuple(observed)
+        self.samples = 0
+        self._end = math.inf  # the trace has the times 0 <= time < end
+        self.inputs: list[float] = []
+        self._late = program.latency or 0
+        self._loads: list[tuple[int, int]] = []
+        self._constants: Registers = []
+        self._term_steps: list[Step] = []
+        self._steps: list[Step] = []
+        self._parts: list[DelayLine | Fold] = []
+        for slot, scheduled in schedule(program):
+            self._constants += [0.0] * (slot + 1 - len(self._constants))
+            self._compile(slot, scheduled)
+        self.registers = self._constants[:]
+
+    def _compile(self, out: int, scheduled: Scheduled) -> None:
+        steps = self._term_steps if out < self.program.terms else self._steps
+        match scheduled:
+            case Load(variable):
+                self._loads.append((out, self.program.variables.index(variable)))
+            case Const(value):
+                self._constants[out] = value
+            case Map(function, args):
+                steps.append(_map(out, FUNCTIONS[function].apply, args))
+            case Window(name, lo, hi, args):
+                monoid = MONOIDS[name]
+                fold = make_fold(monoid, None if lo is None or hi is None else hi - lo + 1)
+                self._parts.append(fold)
+                steps.append(self._window(out, fold, monoid.identity, args))
+            case Delay(length, operand):
+                line = DelayLine(length)
+                self._parts.append(line)
+                steps.append(_delay(out, line, operand))
+            case _ as never:
+                assert_never(never)
+
+    def _window(self, out: int, fold: Fold, identity: Element, args: tuple[int, ...]) -> Step:
+        push = fold.push
+        start = self.program.start(out)
+        if len(args) == 1:
+            (a,) = args
+
+            def step(r: Registers, t: int) -> None:
+                r[out] = push((r[a],) if 0 <= t - start < self._end else identity)[0]
+
+        else:
+            p, q = args
+
+            def step(r: Registers, t: int) -> None:
+                r[out] = push((r[p], r[q]) if 0 <= t - start < self._end else identity)[1]
+
+        return step
+
+    def update(self, *args: object, **named: object) -> float:
+        """Take in one sample; the robustness of time t - latency, nan before there is one."""
+        values = self.reader.read(args, named, self.samples, self.inputs)
+        return self._step(self._terms(values, self.samples), values)
+
+    def _terms(self, values: list[float], sample: int) -> Registers:
+        """The registers of the terms, or the error of one that is nan; touches no state."""
+        registers = self._constants[:]
+        for out, place in self._loads:
+            registers[out] = values[place]
+        for step in self._term_steps:
+            step(registers, sample)
+        for value in registers:
+            if value != value:  # noqa: PLR0124 - nan
+                self.reader.refuse(values, sample)
+        return registers
+
+    def _step(self, terms: Registers, values: list[float]) -> float:
+        registers, t = self.registers, self.samples
+        known = self.program.terms
+        registers[:known] = terms[:known]
+        for step in self._steps:
+            step(registers, t)
+        self.samples = t + 1
+        self.inputs = values
+        return registers[self.program.result] if t >= self._late else math.nan
+
+    def run(
+        self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
+    ) -> list[NDArray[np.float64]]:
+        """Take in n samples at once, all or none.
+
+        Args:
+            columns: For every variable its n values.
+            n: How many samples.
+            final: Whether the trace ends with them; the machine is of no use after that.
+
+        Returns:
+            For every observed register n values: not final, what `update` gives at each sample
+            (nan before the latency); final, with the machine new, the values of times 0 to n - 1.
+        """
+        rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
+        terms = [self._terms(row, self.samples + i) for i, row in enumerate(rows)]
+        late = [self.program.latencies[r] or 0 for r in self.observed]
+        taken: list[list[float]] = [[] for _ in self.observed]
+        for _ in self._play(terms, rows, max(late, default=0) if final else 0):
+            t = self.samples - 1
+            for values, register, lag in zip(taken, self.observed, late, strict=True):
+                if t >= lag:
+                    values.append(self.registers[register])
+                elif not final:
+                    values.append(math.nan)
+        return [np.array(values[:n]) for values in taken]
+
+    def _play(self, terms: list[Registers], rows: list[list[float]], more: int) -> Iterator[None]:
+        for registers, row in zip(terms, rows, strict=True):
+            self._step(registers, row)
+            yield
+        if more:
+            self._end = self.samples
+            for _ in range(more):
+                self._step(self.registers, self.inputs)
+                yield
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self.samples = 0
+        self._end = math.inf
+        self.inputs = []
+        self.registers = self._constants[:]
+        for part in self._parts:
+            part.reset()
+
+    def state(self) -> State:
+        """What `restore` needs to continue from here."""
+        return [self.samples, self.inputs[:], self.registers[:], [p.state() for p in self._parts]]
+
+    def restore(self, state: State) -> None:
+        """Continue from where ``state`` was taken."""
+        self.samples, inputs, registers, parts = state  # type: ignore[assignment]
+        self.inputs, self.registers = list(inputs), list(registers)  # type: ignore[call-overload]
+        for part, saved in zip(self._parts, parts, strict=True):  # type: ignore[call-overload]
+            part.restore(saved)
+
+
+def _map(out: int, apply: Callable[..., float], args: tuple[int, ...]) -> Step:
+    if len(args) == 1:
+        (a,) = args
+
+        def step(r: Registers, _: int) -> None:
+            r[out] = apply(r[a])
+
+    else:
+        a, b = args
+
+        def step(r: Registers, _: int) -> None:
+            r[out] = apply(r[a], r[b])
+
+    return step
+
+
+def _delay(out: int, line: DelayLine, operand: int) -> Step:
+    def step(r: Registers, _: int) -> None:
+        r[out] = line.push(r[operand])
+
+    return step

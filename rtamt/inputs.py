@@ -1,0 +1,255 @@
+"""From what a caller hands in to floats: the argument forms, the checks and their messages.
+
+Both back-ends use this reader: the Python machine for every sample, the native one for the forms
+that it does not take itself and for every message.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Literal, NoReturn, SupportsFloat, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.errors import InputError, InputTypeError
+from rtamt.operators import FUNCTIONS
+from rtamt.program import Const, Load, Map, Program
+
+__all__ = ["Columns", "NanPolicy", "SampleReader", "nearest"]
+
+NanPolicy = Literal["raise", "hold"]
+Columns = Mapping[str, ArrayLike] | ArrayLike
+
+
+def nearest(name: str, names: Collection[str]) -> str:
+    """A hint with the most similar name, or an empty string."""
+    close = difflib.get_close_matches(name, names, 1)
+    return f"; did you mean '{close[0]}'?" if close else ""
+
+
+class SampleReader:
+    """Reads samples and blocks of samples of a program's variables.
+
+    Args:
+        program: Says which variables there are and which terms can fail.
+        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value.
+    """
+
+    __slots__ = ("_known", "nan", "program", "variables")
+
+    def __init__(self, program: Program, nan: NanPolicy = "raise") -> None:
+        if nan not in ("raise", "hold"):
+            msg = f"expected nan='raise' or nan='hold', got {nan!r}"
+            raise InputError(msg)
+        self.program = program
+        self.variables = program.variables
+        self.nan = nan
+        self._known = frozenset(program.variables)
+
+    def read(
+        self,
+        args: Sequence[object],
+        named: Mapping[str, object],
+        sample: int,
+        previous: Sequence[float],
+    ) -> list[float]:
+        """The sample that ``update(*args, **named)`` means, in the order of the variables.
+
+        Raises:
+            InputError: On missing or unknown variables, a wrong count, a wrong shape, a nan.
+            InputTypeError: On what is no real number.
+        """
+        if args and named:
+            msg = "expected values by position or by keyword, got both"
+            raise InputError(msg)
+        if not args:
+            values: Iterable[object] = self._by_name(named)
+        elif len(args) == 1 and (isinstance(args[0], Mapping) or hasattr(args[0], "keys")):
+            values = self._by_name(cast("Mapping[str, object]", args[0]))
+        elif len(args) == 1 and isinstance(args[0], list | tuple | np.ndarray):
+            values = self._row(args[0])
+        else:
+            values = args
+        floats = [
+            self._number(value, name, sample)
+            for name, value in zip(self.variables, self._counted(list(values)), strict=True)
+        ]
+        for i, value in enumerate(floats):
+            if value != value:  # noqa: PLR0124 - nan
+                if self.nan != "hold" or not previous:
+                    self._refuse_nan(self.variables[i], sample)
+                floats[i] = previous[i]
+        return floats
+
+    def _by_name(self, named: Mapping[str, object]) -> Iterable[object]:
+        if named.keys() != self._known:
+            self._refuse_names(named)
+        return [named[name] for name in self.variables]
+
+    def _refuse_names(self, named: Mapping[str, object]) -> NoReturn:
+        for name in named:
+            if name not in self._known:
+                msg = f"unknown variable '{name}'{nearest(name, self._known) or self._list()}"
+                raise InputError(msg)
+        missing = next(name for name in self.variables if name not in named)
+        msg = f"expected a value for every variable, got none for '{missing}'{self._list()}"
+        raise InputError(msg)
+
+    def _list(self) -> str:
+        names = ", ".join(self.variables)
+        return f"; the variables are {names}" if names else "; the formula has no variables"
+
+    def _row(self, values: Sequence[object] | NDArray[np.generic]) -> Iterable[object]:
+        if isinstance(values, np.ndarray):
+            if values.ndim != 1 and values.shape != ():
+                msg = (
+                    f"expected a 1-D array of {len(self.variables)} values, "
+                    f"got shape {values.shape}; update_many takes blocks"
+                )
+                raise InputError(msg)
+            return cast("list[object]", np.atleast_1d(values).tolist())
+        return values
+
+    def _counted(self, values: list[object]) -> list[object]:
+        if len(values) != len(self.variables):
+            msg = (
+                f"expected {len(self.variables)} values ({', '.join(self.variables)}), "
+                f"got {len(values)}"
+            )
+            raise InputError(msg)
+        return values
+
+    def _number(self, value: object, name: str, sample: int) -> float:
+        if isinstance(value, str | bytes | complex | np.complexfloating) or not hasattr(
+            value, "__float__"
+        ):
+            msg = f"expected a number for '{name}' at sample {sample}, got {_kind(value)}"
+            raise InputTypeError(msg)
+        try:
+            return float(cast("SupportsFloat", value))
+        except (TypeError, ValueError):  # an array of several values, for one
+            msg = f"expected a number for '{name}' at sample {sample}, got {_kind(value)}"
+            raise InputTypeError(msg) from None
+
+    def _refuse_nan(self, name: str, sample: int) -> NoReturn:
+        hint = "nan='hold' keeps the last value, which the first sample has not"
+        if self.nan == "raise":
+            hint = "pass nan='hold' to keep the last value instead"
+        msg = f"variable '{name}' is nan at sample {sample}; {hint}"
+        raise InputError(msg)
+
+    def block(
+        self,
+        data: Columns,
+        sample: int,
+        previous: Sequence[float],
+        *,
+        n: int | None = None,
+        extra: bool = False,
+    ) -> tuple[list[NDArray[np.float64]], int]:
+        """The columns of a block of samples, in the order of the variables, and their length.
+
+        Args:
+            data: A mapping of names to 1-D arrays (a data frame too), or an (n, variables) array.
+            sample: Number of the block's first sample, for messages.
+            previous: The sample before the block, for ``nan="hold"``.
+            n: The length where there are no variables.
+            extra: Whether unknown names are ignored.
+        """
+        if isinstance(data, Mapping) or hasattr(data, "keys"):
+            named = cast("Mapping[str, ArrayLike]", data)
+            names = {str(name) for name in named.keys()}  # noqa: SIM118 - data frames iterate so too
+            if not self._known <= names or not (extra or names <= self._known):
+                self._refuse_names({str(name): None for name in named.keys()})  # noqa: SIM118
+            columns = [self._column(named[name], name) for name in self.variables]
+        else:
+            table = self._array(data, "the block")
+            if table.ndim != 2 or table.shape[1] != len(self.variables):  # noqa: PLR2004
+                msg = (
+                    f"expected an array of shape (n, {len(self.variables)}), "
+                    f"a column for each of {', '.join(self.variables)}, got shape {table.shape}"
+                )
+                raise InputError(msg)
+            columns = [np.ascontiguousarray(column) for column in table.T]
+            n = table.shape[0]
+        lengths = {len(c) for c in columns} | (set() if n is None else {n})
+        if len(lengths) > 1:
+            got = ", ".join(f"{v}: {len(c)}" for v, c in zip(self.variables, columns, strict=True))
+            asked = "" if n is None else f" and n={n}"
+            msg = f"expected columns of one length, got {got}{asked}"
+            raise InputError(msg)
+        if not lengths:
+            msg = "the formula has no variables: say how many samples with n="
+            raise InputError(msg)
+        for i, column in enumerate(columns):
+            columns[i] = self._without_nan(column, self.variables[i], sample, previous[i : i + 1])
+        return columns, lengths.pop()
+
+    def _column(self, values: ArrayLike, name: str) -> NDArray[np.float64]:
+        column = self._array(values, f"'{name}'")
+        if column.ndim != 1:
+            msg = f"expected a 1-D array for '{name}', got shape {column.shape}"
+            raise InputError(msg)
+        return np.ascontiguousarray(column)
+
+    @staticmethod
+    def _array(values: ArrayLike, what: str) -> NDArray[np.float64]:
+        try:
+            array = np.asarray(values)
+        except ValueError as ragged:
+            msg = f"expected an array of numbers for {what}, got {_kind(values)}"
+            raise InputTypeError(msg) from ragged
+        if array.dtype.kind not in "biuf" and array.size:
+            kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else _kind(values)
+            msg = f"expected an array of numbers for {what}, got {kind}"
+            raise InputTypeError(msg)
+        return array.astype(np.float64, copy=False)
+
+    def _without_nan(
+        self, column: NDArray[np.float64], name: str, sample: int, previous: Sequence[float]
+    ) -> NDArray[np.float64]:
+        missing = np.isnan(column)
+        if not missing.any():
+            return column
+        if self.nan != "hold" or (missing[0] and not previous):
+            self._refuse_nan(name, sample + int(missing.argmax()))
+        held = np.concatenate([previous, column])
+        offset = len(previous)
+        places = np.where(np.isnan(held), 0, np.arange(len(held)))
+        return cast("NDArray[np.float64]", held[np.maximum.accumulate(places)][offset:])
+
+    def refuse(self, values: Sequence[float], sample: int) -> NoReturn:
+        """Raise the error of the first term that is nan at a sample.
+
+        Raises:
+            InputError: Naming the term, the sample and the values.
+        """
+        registers: list[float] = []
+        for instruction in self.program.instructions[: self.program.terms]:
+            match instruction:
+                case Load(variable):
+                    registers.append(values[self.variables.index(variable)])
+                case Const(value):
+                    registers.append(value)
+                case Map(function, args):
+                    registers.append(FUNCTIONS[function].apply(*(registers[a] for a in args)))
+            if math.isnan(registers[-1]):
+                source = self.program.sources[len(registers) - 1]
+                where = ", ".join(
+                    f"{v} = {x!r}"
+                    for v, x in zip(self.variables, values, strict=True)
+                    if v in source.variables
+                )
+                msg = f"'{source}' is not a number at sample {sample}, where {where}"
+                raise InputError(msg)
+        msg = f"no term is nan at sample {sample}"
+        raise AssertionError(msg)
+
+
+def _kind(value: object) -> str:
+    text = repr(value)
+    shown = text if len(text) <= 40 else text[:37] + "..."  # noqa: PLR2004
+    return f"{type(value).__name__} {shown}"

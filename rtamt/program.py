@@ -1,0 +1,465 @@
+"""A specification as a program of four instructions, with latencies that are plain numbers.
+
+=======================  =====================================================================
+``LOAD variable``        the variable's sample
+``CONST value``          the same value at every sample
+``MAP f args``           a function of the registers' values at one time
+``WINDOW m lo hi args``  the fold of a monoid over offsets lo to hi from now, cut to the trace
+=======================  =====================================================================
+
+A register is the index of its instruction. The first `Program.terms` instructions are arithmetic
+over the present sample; what follows are formulas. A register of latency L gives, at sample t, its
+value of time t - L; operands of less latency reach it through delay lines (`Program.delay`), which
+is the paper's pastification, done once and on numbers instead of on syntax trees.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, assert_never
+
+from rtamt.errors import SpecificationError
+from rtamt.formula import Formula, Node, Term, number_text
+from rtamt.operators import FUNCTIONS, MONOIDS, Bounds
+from rtamt.timing import samples
+
+if TYPE_CHECKING:
+    from rtamt.specification import Specification
+
+__all__ = [
+    "Const",
+    "Instruction",
+    "Load",
+    "Map",
+    "Program",
+    "Window",
+    "compile_program",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """The variable's sample."""
+
+    variable: str
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    """The same value at every sample, seen or not."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """A function of the operands' values at one time."""
+
+    function: str
+    args: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The fold of a monoid over offsets ``lo`` to ``hi`` from now; None is unbounded."""
+
+    monoid: str
+    lo: int | None
+    hi: int | None
+    args: tuple[int, ...]
+
+
+Instruction = Load | Const | Map | Window
+
+
+def operands(instruction: Instruction) -> tuple[int, ...]:
+    """The registers that the instruction reads."""
+    match instruction:
+        case Load() | Const():
+            return ()
+        case Map() | Window():
+            return instruction.args
+        case _ as never:
+            assert_never(never)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A compiled specification.
+
+    Attributes:
+        instructions: In an order in which every register is written before it is read.
+        terms: How many instructions, from the first, are arithmetic over the present sample.
+        latencies: Samples by which each register is late; None if it needs the whole future.
+        result: Register of the robustness.
+        outputs: Registers of the named formulas.
+        variables: Names of the inputs, in the order in which samples list them.
+        sources: What each register was compiled from, for errors and listings.
+        specification: Where it comes from.
+    """
+
+    instructions: tuple[Instruction, ...]
+    terms: int
+    latencies: tuple[int | None, ...]
+    result: int
+    outputs: Mapping[str, int]
+    variables: tuple[str, ...]
+    sources: tuple[Node, ...]
+    specification: Specification
+
+    @property
+    def latency(self) -> int | None:
+        """Samples by which the robustness is late; None if it needs the whole future."""
+        return self.latencies[self.result]
+
+    def delay(self, register: int, operand: int) -> int:
+        """Samples by which ``register`` must delay what it reads from ``operand``."""
+        instruction = self.instructions[register]
+        if isinstance(self.instructions[operand], Const):
+            return 0
+        read = self.latencies[register]
+        if isinstance(instruction, Window):
+            read = self.start(register)
+        late = self.latencies[operand]
+        if read is None or late is None:
+            msg = f"register {register} needs the whole future"
+            raise AssertionError(msg)
+        return read - late
+
+    def start(self, register: int) -> int:
+        """The first sample at which the window has something to take in."""
+        instruction, late = self.instructions[register], self.latencies[register]
+        if not isinstance(instruction, Window) or instruction.hi is None or late is None:
+            msg = f"register {register} is no bounded window"
+            raise AssertionError(msg)
+        return late - instruction.hi
+
+    def verify(self) -> None:
+        """Check the program against its own rules.
+
+        Raises:
+            AssertionError: If it breaks one; that is a bug in this package.
+        """
+        for register, instruction in enumerate(self.instructions):
+            self._check(register, instruction)
+        for register in (self.result, *self.outputs.values()):
+            self._require(
+                0 <= register < len(self.instructions),
+                register,
+                "is not in the program",
+            )
+        loads = [i.variable for i in self.instructions if isinstance(i, Load)]
+        self._require(sorted(loads) == sorted(self.variables), 0, "variables are not the loads")
+        self._require(
+            len(set(self.instructions[self.terms :])) == len(self.instructions) - self.terms,
+            0,
+            "repeats",
+        )
+
+    def _check(self, register: int, instruction: Instruction) -> None:
+        args = operands(instruction)
+        self._require(all(0 <= a < register for a in args), register, "reads what is not written")
+        match instruction:
+            case Load() | Const():
+                self._require(register < self.terms, register, "is an input behind the terms")
+            case Map(function):
+                self._require(FUNCTIONS[function].arity == len(args), register, "has wrong arity")
+                if register < self.terms:
+                    self._require(all(a < self.terms for a in args), register, "is no term")
+            case Window(monoid, lo, hi):
+                self._require(register >= self.terms, register, "is a window among the terms")
+                self._require(MONOIDS[monoid].width == len(args), register, "has wrong arity")
+                past = hi is not None and hi <= 0
+                future = lo is not None and lo >= 0
+                self._require(past or future, register, "looks both ways")
+                self._require(lo is None or hi is None or lo <= hi, register, "is empty")
+            case _ as never:
+                assert_never(never)
+        late = _latency(instruction, self.latencies, self.instructions)
+        self._require(self.latencies[register] == late, register, f"has not latency {late}")
+
+    @staticmethod
+    def _require(condition: bool, register: int, what: str) -> None:  # noqa: FBT001
+        if not condition:
+            msg = f"register {register} {what}"
+            raise AssertionError(msg)
+
+    def online(self) -> Program:
+        """The program whose every register has a latency, for `Monitor`.
+
+        A top-level ``always p`` or ``eventually p`` without end becomes the fold over all samples
+        so far. Any other unbounded future is refused.
+
+        Raises:
+            SpecificationError: Naming the operator, and what to write instead.
+        """
+        program = self
+        root = self.instructions[self.result]
+        if isinstance(root, Window) and root.hi is None and root.lo == 0 and len(root.args) == 1:
+            running = Window(root.monoid, None, 0, root.args)
+            source = self.sources[self.result]
+            program = replace(
+                self,
+                instructions=(*self.instructions, running),
+                latencies=(
+                    *self.latencies,
+                    _latency(running, self.latencies, self.instructions),
+                ),
+                sources=(*self.sources, source),
+                result=len(self.instructions),
+                outputs={
+                    name: len(self.instructions) if register == self.result else register
+                    for name, register in self.outputs.items()
+                },
+            ).pruned()
+        for register, instruction in enumerate(program.instructions):
+            if isinstance(instruction, Window) and instruction.hi is None:
+                source = program.sources[register]
+                symbol = source.op.symbol if source.op else ""
+                raise program.specification.error(
+                    source,
+                    f"'{symbol}' without an end needs the whole future, "
+                    "for which Monitor cannot wait",
+                    f"write an end, as in {symbol}[0:10], or use EpisodeMonitor or evaluate()",
+                )
+        return program
+
+    def pruned(self) -> Program:
+        """The program without what neither the result nor an output needs."""
+        return self.restricted(self.result, self.outputs)
+
+    def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
+        """The part of the program that other outputs need."""
+        needed: set[int] = set()
+        stack = [result, *outputs.values()]
+        while stack:
+            register = stack.pop()
+            if register not in needed:
+                needed.add(register)
+                stack.extend(operands(self.instructions[register]))
+        return self._kept(sorted(needed), result, outputs)
+
+    def _kept(self, kept: list[int], result: int, outputs: Mapping[str, int]) -> Program:
+        new = {old: i for i, old in enumerate(kept)}
+        instructions = tuple(_renumbered(self.instructions[r], new) for r in kept)
+        loads = {i.variable for i in instructions if isinstance(i, Load)}
+        return replace(
+            self,
+            instructions=instructions,
+            terms=sum(r < self.terms for r in kept),
+            latencies=tuple(self.latencies[r] for r in kept),
+            result=new[self.result],
+            outputs={name: new[register] for name, register in self.outputs.items()},
+            variables=tuple(v for v in self.variables if v in loads),
+            sources=tuple(self.sources[r] for r in kept),
+        )
+
+    def clamped(self, n: int) -> Program:
+        """The program with no bound beyond n: the same on every trace of n samples or less."""
+        instructions: list[Instruction] = []
+        for instruction in self.instructions:
+            if isinstance(instruction, Window):
+                lo, hi = (
+                    None if bound is None else max(-n, min(n, bound))
+                    for bound in (instruction.lo, instruction.hi)
+                )
+                instruction = replace(instruction, lo=lo, hi=hi)  # noqa: PLW2901
+            instructions.append(instruction)
+            latencies.append(_latency(instruction, latencies, instructions))
+        return replace(self, instructions=tuple(instructions), latencies=tuple(latencies))
+
+    def __str__(self) -> str:
+        """A listing: register, instruction, latency, and what it was compiled from."""
+        rows = []
+        for register, instruction in enumerate(self.instructions):
+            late = self.latencies[register]
+            rows.append(
+                (
+                    f"{register}",
+                    _listed(instruction),
+                    "-" if late is None else f"{late}",
+                    str(self.sources[register]),
+                )
+            )
+        widths = [max(len(row[i]) for row in rows) for i in range(3)]
+        lines = [
+            f"{r:>{widths[0]}}  {i:<{widths[1]}}  {late:>{widths[2]}}  {source}"
+            for r, i, late, source in rows
+        ]
+        names = {register: name for name, register in self.outputs.items()}
+        lines.append(f"result {self.result}" + "".join(f", {n} = {r}" for r, n in names.items()))
+        return "\n".join(lines)
+
+
+def _listed(instruction: Instruction) -> str:
+    match instruction:
+        case Load(variable):
+            return f"LOAD {variable}"
+        case Const(value):
+            return f"CONST {number_text(value)}"
+        case Map(function, args):
+            return " ".join(["MAP", function, *map(str, args)])
+        case Window(monoid, lo, hi, args):
+            bounds = f"[{'-inf' if lo is None else lo}, {'inf' if hi is None else hi}]"
+            return " ".join(["WINDOW", monoid, bounds, *map(str, args)])
+        case _ as never:
+            assert_never(never)
+
+
+def _renumbered(instruction: Instruction, new: Mapping[int, int]) -> Instruction:
+    match instruction:
+        case Load() | Const():
+            return instruction
+        case Map() | Window():
+            return replace(instruction, args=tuple(new[a] for a in instruction.args))
+        case _ as never:
+            assert_never(never)
+
+
+def latencies_of(instructions: Sequence[Instruction]) -> tuple[int | None, ...]:
+    """The latency of every register; None where it needs the whole future."""
+    latencies: list[int | None] = []
+    for instruction in instructions:
+        latencies.append(_latency(instruction, latencies, instructions))
+    return tuple(latencies)
+
+
+def _latency(
+    instruction: Instruction,
+    latencies: Sequence[int | None],
+    instructions: Sequence[Instruction],
+) -> int | None:
+    late = 0
+    for operand in operands(instruction):
+        if not isinstance(instructions[operand], Const):
+            of_operand = latencies[operand]
+            if of_operand is None:
+                return None
+            late = max(late, of_operand)
+    if isinstance(instruction, Window):
+        return None if instruction.hi is None else max(0, late + instruction.hi)
+    return late
+
+
+class _Builder:
+    """Writes instructions; equal ones share a register."""
+
+    def __init__(self, specification: Specification, period: Fraction | None) -> None:
+        self.specification = specification
+        self.period = period
+        self.instructions: list[Instruction] = []
+        self.latencies: list[int | None] = []
+        self.sources: list[Node] = []
+        self.is_term: list[bool] = []
+        self.registers: dict[tuple[Instruction, bool, str], int] = {}
+        self.node: Node
+        self.term = False
+
+    def lower(self, node: Node, known: Mapping[Node, int]) -> int:
+        """Write one node whose operands are written."""
+        self.node = node
+        self.term = isinstance(node, Term) or (node.op is not None and node.op.operands == "term")
+        if node.op is None:
+            if isinstance(node.leaf, str):
+                return self._emit(Load(node.leaf), term=True)
+            return self.constant(node.leaf or 0.0)
+        args = [known[a] for a in node.args]
+        if node.op.timed:
+            error = functools.partial(self.specification.error, node)
+            bounds = samples(node.interval, self.period, self.specification.unit, error)
+            return node.op.meaning(self, bounds, *args)
+        return node.op.meaning(self, *args)
+
+    def _emit(self, instruction: Instruction, *, term: bool) -> int:
+        # A term and a formula of the same shape stay apart: at an unseen sample the one is
+        # unknown as a whole, the other by its parts. The text tells 0.0 from -0.0.
+        key = (instruction, term, _listed(instruction))
+        register = self.registers.get(key)
+        if register is None:
+            register = self.registers[key] = len(self.instructions)
+            self.latencies.append(_latency(instruction, self.latencies, self.instructions))
+            self.instructions.append(instruction)
+            self.sources.append(self.node)
+            self.is_term.append(term)
+        return register
+
+    def constant(self, value: float) -> int:
+        return self._emit(Const(value), term=True)
+
+    def map(self, function: str, *args: int) -> int:
+        values = [i.value for i in map(self.instructions.__getitem__, args) if isinstance(i, Const)]
+        if len(values) == len(args):
+            value = FUNCTIONS[function].apply(*values)
+            if value != value:  # noqa: PLR0124 - nan
+                raise self.specification.error(self.node, f"{self.node} is not a number")
+            return self.constant(value)
+        return self._emit(Map(function, args), term=self.term)
+
+    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+        if lo == hi == 0:
+            return args[-1]
+        return self._emit(Window(monoid, lo, hi, args), term=False)
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        fold = self.window("since", None if end is None else -end, -begin, p, q)
+        if begin == 0:
+            return fold
+        return self.map("min", self.window("min", 1 - begin, 0, p), fold)
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        late_p, late_q = self.latencies[p], self.latencies[q]
+        if begin == end:
+            fold = self.window("max", begin, begin, q)
+        elif end is None or late_p is None or late_q is None or late_p <= late_q:
+            fold = self.window("until", begin, end, p, q)
+        else:
+            # p is needed only up to the sample before the witness, so it may come one sample
+            # later than q: pair q with the sample of p before it.
+            held = self.window("min", -1, -1, p)
+            later = self.window("until", begin + 1, end, held, self.map("min", held, q))
+            fold = self.map("max", self.window("max", begin, begin, q), later)
+        if begin == 0:
+            return fold
+        return self.map("min", self.window("min", 0, begin - 1, p), fold)
+
+
+@functools.lru_cache(maxsize=256)
+def compile_program(specification: Specification, period: Fraction | None = None) -> Program:
+    """The program of a specification.
+
+    Args:
+        specification: What to compile.
+        period: Seconds between samples; None: bounds are in samples.
+
+    Raises:
+        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`).
+    """
+    builder = _Builder(specification, period)
+    known: dict[Node, int] = {}
+    formulas: Iterable[Formula] = (
+        *specification.formulas.values(),
+        specification.formula,
+    )
+    for formula in formulas:
+        for node in formula.nodes():
+            if node not in known:
+                known[node] = builder.lower(node, known)
+    raw = Program(
+        instructions=tuple(builder.instructions),
+        terms=sum(builder.is_term),
+        latencies=tuple(builder.latencies),
+        result=known[specification.formula],
+        outputs={name: known[f] for name, f in specification.formulas.items()},
+        variables=specification.variables,
+        sources=tuple(builder.sources),
+        specification=specification,
+    )
+    terms_first = sorted(range(len(raw.instructions)), key=lambda r: not builder.is_term[r])
+    program = raw.reordered(terms_first, raw.terms).pruned()
+    program.verify()
+    return program

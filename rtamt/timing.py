@@ -1,0 +1,147 @@
+"""Time to samples, exactly: periods, units and the bounds of intervals."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable
+from fractions import Fraction
+
+from rtamt.errors import InputTypeError, RtamtError, SpecificationError
+from rtamt.formula import UNITS, Interval, decimal_text
+from rtamt.operators import Bounds
+
+__all__ = ["MAX_WINDOW", "Period", "as_period", "samples", "seconds_text"]
+
+MAX_WINDOW = 2**31
+"""The greatest bound in samples."""
+
+Period = str | float | Fraction
+"""Seconds as a number, or text with a unit: ``0.1``, ``"100ms"``."""
+
+_TOLERANCE = Fraction(1, 10**12)
+
+
+def as_period(period: Period | None) -> Fraction | None:
+    """The period in seconds, exactly; None stays None.
+
+    A float is the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and ``0.1``
+    mean what they say.
+
+    Raises:
+        SpecificationError: If it is not a positive, finite time.
+        InputTypeError: If it is neither a number nor text.
+
+    Example:
+        >>> as_period("100ms"), as_period(0.1), as_period(1 / 15)
+        (Fraction(1, 10), Fraction(1, 10), Fraction(1, 15))
+    """
+    if period is None:
+        return None
+    wrong = SpecificationError(
+        f'expected a period greater than 0, in seconds or as text such as "100ms", got {period!r}'
+    )
+    if isinstance(period, str):
+        digits = period.strip().rstrip("abcdefghijklmnopqrstuvwxyz")
+        unit = period.strip()[len(digits) :] or "s"
+        try:
+            value = Fraction(digits.strip()) * UNITS[unit]
+        except (ValueError, KeyError, ZeroDivisionError):
+            raise wrong from None
+    elif isinstance(period, numbers.Rational) and not isinstance(period, bool):
+        value = Fraction(period)
+    elif isinstance(period, numbers.Real) and not isinstance(period, bool):
+        if not math.isfinite(period) or period <= 0:
+            raise wrong
+        near = Fraction(float(period))
+        value = _simplest(near * (1 - _TOLERANCE), near * (1 + _TOLERANCE))
+    else:
+        msg = f'expected a period in seconds or as text such as "100ms", got {period!r}'
+        raise InputTypeError(msg)
+    if value <= 0:
+        raise wrong
+    return value
+
+
+def _simplest(low: Fraction, high: Fraction) -> Fraction:
+    """The fraction of least denominator in [low, high], by continued fractions."""
+    whole = math.ceil(low)
+    if whole <= high:
+        return Fraction(whole)
+    rest = whole - 1
+    return rest + 1 / _simplest(1 / (high - rest), 1 / (low - rest))
+
+
+def seconds_text(value: Fraction) -> str:
+    """Decimal text if there is one, else a quotient."""
+    try:
+        return decimal_text(value)
+    except SpecificationError:
+        return str(value)
+
+
+def samples(
+    interval: Interval | None,
+    period: Fraction | None,
+    unit: str,
+    error: Callable[[str, str], RtamtError],
+) -> Bounds:
+    """The bounds of an interval in whole samples.
+
+    Args:
+        interval: The interval; None is [0, inf).
+        period: Seconds between samples, or None: bounds without unit are samples.
+        unit: The unit of bounds that name none.
+        error: Makes the error from reason and hint, with the place that only the caller knows.
+
+    Raises:
+        SpecificationError: From ``error``: a unit without a period, a bound that does not divide,
+            or one beyond `MAX_WINDOW`.
+    """
+    if interval is None:
+        return 0, None
+    begin = _count(interval.begin, interval.unit, period, unit, error)
+    if interval.end is None:
+        return begin, None
+    return begin, _count(interval.end, interval.unit, period, unit, error)
+
+
+def _count(
+    bound: Fraction,
+    own: str | None,
+    period: Fraction | None,
+    unit: str,
+    error: Callable[[str, str], RtamtError],
+) -> int:
+    if period is None and own is not None:
+        raise error(
+            f"bound {decimal_text(bound)} {own} has a unit, but no period is known",
+            f"give period= in seconds or as text such as {'100ms'!r}, or write bounds in samples",
+        )
+    step = Fraction(1) if period is None else period / UNITS[own or unit]
+    count = bound / step
+    if count > MAX_WINDOW:
+        raise error(
+            f"bound {decimal_text(bound)} is {math.ceil(count)} samples; the limit is {MAX_WINDOW}",
+            "write a smaller bound or a longer period",
+        )
+    if count.denominator == 1:
+        return int(count)
+    low, high = (n * step for n in (math.floor(count), math.ceil(count)))
+    if period is None:
+        raise error(
+            f"bound {decimal_text(bound)} is not a whole number of samples",
+            f"use {low} or {high}, or give period= for bounds in time",
+        )
+    name = own or unit
+    steps = float(count)
+    finer = Fraction(
+        math.gcd(bound.numerator * step.denominator, step.numerator * bound.denominator),
+        bound.denominator * step.denominator,
+    )
+    raise error(
+        f"bound {decimal_text(bound)} {name} is not a multiple of the period "
+        f"{seconds_text(period)} s ({steps:g} steps)",
+        f"use {seconds_text(low)} {name} or {seconds_text(high)} {name}, "
+        f"or period={seconds_text(finer * UNITS[name])}",
+    )

@@ -1,0 +1,187 @@
+"""Folds over a stream, one push a sample: the state of a WINDOW and of a delay line.
+
+`SlidingFold` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
+and Schneider, "In-order sliding-window aggregation in worst-case constant time", 2021, for windows
+of fixed length): four combinations a push in the worst case, whatever the length, any monoid.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rtamt.operators import Element, Monoid
+
+__all__ = ["DelayLine", "Fold", "LatestFold", "RunningFold", "SlidingFold", "State", "make_fold"]
+
+State = list[object]
+
+
+class Fold(Protocol):
+    """The fold of the elements that a window covers."""
+
+    def push(self, x: Element) -> Element:
+        """Take in the next element; the fold of the window that ends with it."""
+
+    def reset(self) -> None:
+        """Forget everything: as if only identities had come."""
+
+    def state(self) -> State:
+        """What `restore` needs."""
+
+    def restore(self, state: State) -> None:
+        """Become what `state` was taken from."""
+
+
+def make_fold(monoid: Monoid, length: int | None) -> Fold:
+    """The fold over the last ``length`` elements; None: over all of them."""
+    if length is None:
+        return RunningFold(monoid)
+    return LatestFold() if length == 1 else SlidingFold(monoid, length)
+
+
+class LatestFold:
+    """A window of one element."""
+
+    __slots__ = ()
+
+    def push(self, x: Element) -> Element:
+        """The element itself."""
+        return x
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def state(self) -> State:
+        """Nothing to keep."""
+        return []
+
+    def restore(self, state: State) -> None:
+        """Nothing to restore."""
+
+
+class RunningFold:
+    """The fold of everything so far."""
+
+    __slots__ = ("_monoid", "_total")
+
+    def __init__(self, monoid: Monoid) -> None:
+        self._monoid = monoid
+        self.reset()
+
+    def push(self, x: Element) -> Element:
+        """The fold of everything up to x."""
+        self._total = self._monoid.combine(self._total, x)
+        return self._total
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._total = self._monoid.identity
+
+    def state(self) -> State:
+        """The fold so far."""
+        return [self._total]
+
+    def restore(self, state: State) -> None:
+        """Take over the fold."""
+        (self._total,) = state  # type: ignore[assignment]
+
+
+class SlidingFold:
+    """The fold of the last ``length`` elements, in blocks of half that length.
+
+    The window is the end of the block before the last one (its suffix folds stand in ``_front``),
+    the whole last block (its fold is ``_middle``) and the block being filled (``_prefix``). While
+    a block is filled, into the places of ``_front`` that are consumed, the last block in ``_back``
+    is turned into suffix folds from its end, one a push.
+    """
+
+    __slots__ = (
+        "_back",
+        "_block",
+        "_combine",
+        "_front",
+        "_identity",
+        "_middle",
+        "_odd",
+        "_offset",
+        "_prefix",
+        "_suffix",
+    )
+
+    def __init__(self, monoid: Monoid, length: int) -> None:
+        self._combine = monoid.combine
+        self._identity = monoid.identity
+        self._block = length // 2
+        self._odd = length % 2
+        self.reset()
+
+    def reset(self) -> None:
+        """Fill the window with identities."""
+        self._offset = 0
+        self._front: list[Element] = [self._identity] * self._block
+        self._back: list[Element] = [self._identity] * self._block
+        self._middle = self._prefix = self._suffix = self._identity
+
+    def push(self, x: Element) -> Element:
+        """Take in x; the fold of the last ``length`` elements."""
+        combine, front, offset = self._combine, self._front, self._offset
+        last = self._block - 1
+        if self._odd:
+            oldest = front[offset]
+        else:
+            oldest = self._identity if offset == last else front[offset + 1]
+        front[offset] = x
+        place = last - offset
+        self._suffix = self._back[place] = combine(self._back[place], self._suffix)
+        self._prefix = combine(self._prefix, x)
+        result = combine(combine(oldest, self._middle), self._prefix)
+        if offset == last:
+            self._front, self._back = self._back, front
+            self._middle = self._prefix
+            self._prefix = self._suffix = self._identity
+            self._offset = 0
+        else:
+            self._offset = offset + 1
+        return result
+
+    def state(self) -> State:
+        """Both blocks and the three folds."""
+        folds = (self._middle, self._prefix, self._suffix)
+        return [self._offset, self._front[:], self._back[:], *folds]
+
+    def restore(self, state: State) -> None:
+        """Take over blocks and folds."""
+        self._offset, front, back, self._middle, self._prefix, self._suffix = state  # type: ignore[assignment]
+        self._front, self._back = list(front), list(back)  # type: ignore[call-overload]
+
+
+class DelayLine:
+    """A stream, ``length`` samples late."""
+
+    __slots__ = ("_place", "_ring")
+
+    def __init__(self, length: int) -> None:
+        self._ring = [0.0] * length
+        self._place = 0
+
+    def push(self, x: float) -> float:
+        """Take in x; what came ``length`` pushes ago (0.0 before that, which nobody reads)."""
+        place = self._place
+        late = self._ring[place]
+        self._ring[place] = x
+        self._place = (place + 1) % len(self._ring)
+        return late
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._ring = [0.0] * len(self._ring)
+        self._place = 0
+
+    def state(self) -> State:
+        """The values on their way."""
+        return [self._place, self._ring[:]]
+
+    def restore(self, state: State) -> None:
+        """Take over the values on their way."""
+        self._place, ring = state  # type: ignore[assignment]
+        self._ring = list(ring)  # type: ignore[call-overload]
