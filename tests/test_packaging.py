@@ -1,0 +1,116 @@
+"""What an installation holds: one is built here, with a compiler that fails."""
+
+import importlib.metadata
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rtamt
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = {
+    "rtamt": ROOT / "rtamt",
+    "rtamt_gym": ROOT / "rtamt_gym",
+    "rtamt_envs": ROOT / "envs" / "rtamt_envs",
+}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the distribution installed where no compiler works."""
+    target = tmp_path_factory.mktemp("site")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
+    built = subprocess.run(
+        [*pip, "--no-build-isolation", "--target", str(target), str(ROOT)],
+        env={**os.environ, "CC": "false", "CXX": "false"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    return target
+
+
+@pytest.fixture(scope="module")
+def distribution(site: Path) -> importlib.metadata.Distribution:
+    return next(iter(importlib.metadata.distributions(name="rtamt", path=[str(site)])))
+
+
+def run_without_editable_install(site: Path, code: str) -> str:
+    # -S leaves the .pth files aside, through which an editable install would come first.
+    path = [str(site), *(entry for entry in sys.path if entry.endswith("site-packages"))]
+    ran = subprocess.run(
+        [sys.executable, "-S", "-c", code],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path)},
+        cwd=site,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    return ran.stdout
+
+
+def test_without_a_compiler_every_public_name_is_there_and_the_backend_is_python(
+    site: Path,
+) -> None:
+    code = """
+import json, rtamt
+for name in rtamt.__all__:
+    getattr(rtamt, name)
+print(json.dumps([rtamt.BACKEND, rtamt.__file__, rtamt.__all__]))
+"""
+    backend, file, names = json.loads(run_without_editable_install(site, code))
+    assert backend == "python"
+    assert Path(file).is_relative_to(site)
+    assert names == list(rtamt.__all__)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_file_of_a_package_is_installed_but_the_native_sources(
+    site: Path, package: str
+) -> None:
+    def files(folder: Path) -> set[Path]:
+        found = {file.relative_to(folder) for file in folder.rglob("*") if file.is_file()}
+        return {file for file in found if not any(map(left_out, file.parts))}
+
+    def left_out(part: str) -> bool:
+        return part in {"native", "__pycache__"} or part.startswith(".")
+
+    installed = files(site / package)
+    assert installed == files(PACKAGES[package])
+    assert Path("py.typed") in installed
+
+
+def test_a_plain_install_needs_numpy_and_the_antlr_runtime_only(
+    distribution: importlib.metadata.Distribution,
+) -> None:
+    needs = {need for need in distribution.requires or () if "extra ==" not in need}
+    assert needs == {"antlr4-python3-runtime>=4.13", "numpy>=1.26"}
+
+
+def test_no_requirement_has_an_upper_bound(
+    distribution: importlib.metadata.Distribution,
+) -> None:
+    assert not [need for need in distribution.requires or () if "<" in need or "~=" in need]
+
+
+def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distribution) -> None:
+    extras = distribution.metadata.get_all("Provides-Extra")
+    assert extras is not None
+    assert set(extras) == {"gym", "highway", "search", "rl", "plot", "test", "dev"}
+
+
+def test_the_version_is_one_number(distribution: importlib.metadata.Distribution) -> None:
+    assert distribution.version == rtamt.__version__
+
+
+def test_the_command_is_the_main_function_of_the_gym_package(
+    distribution: importlib.metadata.Distribution,
+) -> None:
+    (script,) = distribution.entry_points.select(group="console_scripts")
+    assert (script.name, script.value) == ("rtamt", "rtamt_gym.__main__:main")
