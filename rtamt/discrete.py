@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs import SampleReader
-from rtamt.operators import FUNCTIONS, MONOIDS, Element
+from rtamt.operators import MONOIDS, Element
 from rtamt.program import Const, Load, Map, Program, Window
 from rtamt.schedule import Delay, Scheduled, schedule
+from rtamt.terms import Registers, Step, Terms, map_step
 from rtamt.windows import DelayLine, Fold, State, make_fold
 
 __all__ = ["Machine"]
-
-Registers = list[float]
-Step = Callable[[Registers, int], None]
 
 
 class Machine:
@@ -42,34 +40,32 @@ class Machine:
         self._end = math.inf  # the trace has the times 0 <= time < end
         self.inputs: list[float] = []
         self._late = program.latency or 0
-        self._loads: list[tuple[int, int]] = []
-        self._constants: Registers = []
-        self._term_steps: list[Step] = []
+        self._terms = Terms(program, reader)
+        self._initial = self._terms.initial
         self._steps: list[Step] = []
         self._parts: list[DelayLine | Fold] = []
         for slot, scheduled in schedule(program):
-            self._constants += [0.0] * (slot + 1 - len(self._constants))
-            self._compile(slot, scheduled)
-        self.registers = self._constants[:]
+            if slot >= program.terms:
+                self._initial += [0.0] * (slot + 1 - len(self._initial))
+                self._steps.append(self._compiled(slot, scheduled))
+        self.registers = self._initial[:]
 
-    def _compile(self, out: int, scheduled: Scheduled) -> None:
-        steps = self._term_steps if out < self.program.terms else self._steps
+    def _compiled(self, out: int, scheduled: Scheduled) -> Step:
         match scheduled:
-            case Load(variable):
-                self._loads.append((out, self.program.variables.index(variable)))
-            case Const(value):
-                self._constants[out] = value
+            case Load() | Const():
+                msg = f"register {out} is an input behind the terms"
+                raise AssertionError(msg)
             case Map(function, args):
-                steps.append(_map(out, FUNCTIONS[function].apply, args))
+                return map_step(out, function, args)
             case Window(name, lo, hi, args):
                 monoid = MONOIDS[name]
                 fold = make_fold(monoid, None if lo is None or hi is None else hi - lo + 1)
                 self._parts.append(fold)
-                steps.append(self._window(out, fold, monoid.identity, args))
+                return self._window(out, fold, monoid.identity, args)
             case Delay(length, operand):
                 line = DelayLine(length)
                 self._parts.append(line)
-                steps.append(_delay(out, line, operand))
+                return _delay(out, line, operand)
             case _ as never:
                 assert_never(never)
 
@@ -79,14 +75,16 @@ class Machine:
         if len(args) == 1:
             (a,) = args
 
-            def step(r: Registers, t: int) -> None:
-                r[out] = push((r[a],) if 0 <= t - start < self._end else identity)[0]
+            def step(r: Registers) -> None:
+                here = 0 <= self.samples - start < self._end
+                r[out] = push((r[a],) if here else identity)[0]
 
         else:
             p, q = args
 
-            def step(r: Registers, t: int) -> None:
-                r[out] = push((r[p], r[q]) if 0 <= t - start < self._end else identity)[1]
+            def step(r: Registers) -> None:
+                here = 0 <= self.samples - start < self._end
+                r[out] = push((r[p], r[q]) if here else identity)[1]
 
         return step
 
@@ -95,27 +93,15 @@ class Machine:
         values = self.reader.read(args, named, self.samples, self.inputs)
         return self._step(self._terms(values, self.samples), values)
 
-    def _terms(self, values: list[float], sample: int) -> Registers:
-        """The registers of the terms, or the error of one that is nan; touches no state."""
-        registers = self._constants[:]
-        for out, place in self._loads:
-            registers[out] = values[place]
-        for step in self._term_steps:
-            step(registers, sample)
-        for value in registers:
-            if value != value:  # noqa: PLR0124 - nan
-                self.reader.refuse(values, sample)
-        return registers
-
     def _step(self, terms: Registers, values: list[float]) -> float:
-        registers, t = self.registers, self.samples
+        registers = self.registers
         known = self.program.terms
         registers[:known] = terms[:known]
         for step in self._steps:
-            step(registers, t)
-        self.samples = t + 1
+            step(registers)
         self.inputs = values
-        return registers[self.program.result] if t >= self._late else math.nan
+        self.samples += 1
+        return registers[self.program.result] if self.samples > self._late else math.nan
 
     def run(
         self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
@@ -159,7 +145,7 @@ class Machine:
         self.samples = 0
         self._end = math.inf
         self.inputs = []
-        self.registers = self._constants[:]
+        self.registers = self._initial[:]
         for part in self._parts:
             part.reset()
 
@@ -175,24 +161,8 @@ class Machine:
             part.restore(saved)
 
 
-def _map(out: int, apply: Callable[..., float], args: tuple[int, ...]) -> Step:
-    if len(args) == 1:
-        (a,) = args
-
-        def step(r: Registers, _: int) -> None:
-            r[out] = apply(r[a])
-
-    else:
-        a, b = args
-
-        def step(r: Registers, _: int) -> None:
-            r[out] = apply(r[a], r[b])
-
-    return step
-
-
 def _delay(out: int, line: DelayLine, operand: int) -> Step:
-    def step(r: Registers, _: int) -> None:
+    def step(r: Registers) -> None:
         r[out] = line.push(r[operand])
 
     return step

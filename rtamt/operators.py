@@ -13,9 +13,10 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = [
     "FUNCTIONS",
@@ -117,6 +118,10 @@ FUNCTIONS: Mapping[str, Function] = {
 # Monoids: WINDOW m. ------------------------------------------------------------------------------
 
 Element = tuple[float, ...]
+Arrays = tuple[NDArray[np.float64], ...]
+_X = TypeVar("_X")
+_Lattice = Callable[[_X, _X], _X]
+_Combine = Callable[[tuple[_X, ...], tuple[_X, ...]], tuple[_X, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,20 +131,22 @@ class Monoid:
     Attributes:
         width: Numbers in an element; the last one is the result.
         mirror: The same fold with time flipped.
-        dual: The same fold with the order of the reals flipped (the fold under a negation).
+        dual: The same fold with the order of the reals flipped: the fold under a negation.
+        combine: The fold of two elements.
+        combine_arrays: The same, number by number of arrays.
     """
 
     name: str
     width: int
     identity: Element
-    combine: Callable[[Element, Element], Element]
     mirror: str
     dual: str
+    combine: _Combine[float]
+    combine_arrays: _Combine[NDArray[np.float64]]
 
     def __post_init__(self) -> None:
         """Check identity and associativity where the row is made."""
-        values = (-INF, 0.0, 1.0)
-        elements = list(itertools.product(values, repeat=self.width))
+        elements = list(itertools.product((-INF, 0.0, 1.0), repeat=self.width))
         fold = self.combine
         for x in elements:
             if not fold(self.identity, x) == x == fold(x, self.identity):
@@ -151,45 +158,38 @@ class Monoid:
                 raise AssertionError(msg)
 
 
+def _least(lo: _Lattice[_X], _hi: _Lattice[_X]) -> _Combine[_X]:
+    return lambda x, y: (lo(x[0], y[0]),)
+
+
+def _until(lo: _Lattice[_X], hi: _Lattice[_X]) -> _Combine[_X]:
+    # (p, q) of a stretch of time: p holds throughout it; q is reached while p has held before.
+    return lambda x, y: (lo(x[0], y[0]), hi(x[1], lo(x[0], y[1])))
+
+
+def _since(lo: _Lattice[_X], hi: _Lattice[_X]) -> _Combine[_X]:
+    # Mirrored: q was reached, and p has held ever since.
+    return lambda x, y: (lo(x[0], y[0]), hi(y[1], lo(y[0], x[1])))
+
+
+def _pair_of_duals(
+    fold: Callable[..., Any], identity: Element, names: tuple[str, str], mirrors: tuple[str, str]
+) -> tuple[Monoid, Monoid]:
+    opposite = tuple(-x for x in identity)
+    lo, hi = np.minimum, np.maximum
+    (name, dual), width = names, len(identity)
+    return (
+        Monoid(name, width, identity, mirrors[0], dual, fold(min, max), fold(lo, hi)),
+        Monoid(dual, width, opposite, mirrors[1], name, fold(max, min), fold(hi, lo)),
+    )
+
+
 MONOIDS: Mapping[str, Monoid] = {
     m.name: m
     for m in (
-        Monoid("min", 1, (INF,), lambda x, y: x if x[0] <= y[0] else y, "min", "max"),
-        Monoid("max", 1, (-INF,), lambda x, y: x if x[0] >= y[0] else y, "max", "min"),
-        # (p, q) of a stretch of time: p holds throughout it, q is reached while p has held before.
-        Monoid(
-            "until",
-            2,
-            (INF, -INF),
-            lambda x, y: (min(x[0], y[0]), max(x[1], min(x[0], y[1]))),
-            "since",
-            "release",
-        ),
-        # mirrored: q was reached, and p has held ever since.
-        Monoid(
-            "since",
-            2,
-            (INF, -INF),
-            lambda x, y: (min(x[0], y[0]), max(y[1], min(y[0], x[1]))),
-            "until",
-            "trigger",
-        ),
-        Monoid(
-            "release",
-            2,
-            (-INF, INF),
-            lambda x, y: (max(x[0], y[0]), min(x[1], max(x[0], y[1]))),
-            "trigger",
-            "until",
-        ),
-        Monoid(
-            "trigger",
-            2,
-            (-INF, INF),
-            lambda x, y: (max(x[0], y[0]), min(y[1], max(y[0], x[1]))),
-            "release",
-            "since",
-        ),
+        *_pair_of_duals(_least, (INF,), ("min", "max"), ("min", "max")),
+        *_pair_of_duals(_until, (INF, -INF), ("until", "release"), ("since", "trigger")),
+        *_pair_of_duals(_since, (INF, -INF), ("since", "trigger"), ("until", "release")),
     )
 }
 
@@ -366,14 +366,10 @@ def _atom(name: str, arity: tuple[int, int], meaning: Meaning, doc: str) -> Oper
 
 
 def _compare(name: str, meaning: Meaning, doc: str, *others: str) -> Operator:
-    return Operator(
-        name, (name, *others), "infix", 9, "term", "formula", (2, 2), meaning, doc
-    )
+    return Operator(name, (name, *others), "infix", 9, "term", "formula", (2, 2), meaning, doc)
 
 
-def _temporal(
-    name: str, others: str, meaning: Meaning, doc: str, *, future: bool
-) -> Operator:
+def _temporal(name: str, others: str, meaning: Meaning, doc: str, *, future: bool) -> Operator:
     return Operator(
         name,
         (name, *others.split()),
@@ -389,9 +385,7 @@ def _temporal(
     )
 
 
-def _neighbour(
-    name: str, other: str, meaning: Meaning, doc: str, *, future: bool
-) -> Operator:
+def _neighbour(name: str, other: str, meaning: Meaning, doc: str, *, future: bool) -> Operator:
     return Operator(
         name,
         (name, other),
@@ -407,9 +401,7 @@ def _neighbour(
 
 
 def _edge(name: str, meaning: Meaning, doc: str) -> Operator:
-    return Operator(
-        name, (name,), "call", 13, "formula", "formula", (1, 1), meaning, doc
-    )
+    return Operator(name, (name,), "call", 13, "formula", "formula", (1, 1), meaning, doc)
 
 
 def _binary(
@@ -461,9 +453,7 @@ OPERATORS: Mapping[str, Operator] = {
         _term("log", 13, (2, 2), _fold("log"), "log(x, base): ln(x) / ln(base)"),
         _term("min", 13, (2, None), _fold("min"), "the least of two terms or more"),
         _term("max", 13, (2, None), _fold("max"), "the greatest of two terms or more"),
-        _term(
-            "neg", 12, (1, 1), _unary("neg"), "unary minus", "prefix", spellings=("-",)
-        ),
+        _term("neg", 12, (1, 1), _unary("neg"), "unary minus", "prefix", spellings=("-",)),
         _term("*", 11, (2, None), _fold("mul"), "product", "infix", "left-flat"),
         _term(
             "/",
@@ -544,9 +534,7 @@ OPERATORS: Mapping[str, Operator] = {
             "p(i-1); at the first sample -inf",
             future=False,
         ),
-        _edge(
-            "rise", _rise, "min(-p(i-1), p(i)); the first sample has no neighbour: p(i)"
-        ),
+        _edge("rise", _rise, "min(-p(i-1), p(i)); the first sample has no neighbour: p(i)"),
         _edge(
             "fall",
             lambda b, p: _rise(b, b.map("neg", p)),
@@ -585,9 +573,7 @@ OPERATORS: Mapping[str, Operator] = {
             timed=True,
             future=True,
         ),
-        _neighbour(
-            "next", "X", _step("min", 1), "p(i+1); at the last sample +inf", future=True
-        ),
+        _neighbour("next", "X", _step("min", 1), "p(i+1); at the last sample +inf", future=True),
         _neighbour(
             "s_next",
             "sX",
@@ -599,9 +585,7 @@ OPERATORS: Mapping[str, Operator] = {
 }
 
 SPELLINGS: Mapping[tuple[str, Notation], Operator] = {
-    (spelling, row.notation): row
-    for row in OPERATORS.values()
-    for spelling in row.spellings
+    (spelling, row.notation): row for row in OPERATORS.values() for spelling in row.spellings
 }
 """(spelling, notation) to its row; ``-`` is a prefix and an infix operator."""
 
