@@ -1,17 +1,47 @@
-"""Online monitoring of Signal Temporal Logic."""
+"""Robustness monitors from Signal Temporal Logic.
 
-from typing import Final, Literal
+Text becomes a formula, a formula a program of four instructions, and small machines run it: on
+samples as they come (`Monitor`), on a whole episode with bounds from the first sample on
+(`EpisodeMonitor`), on recorded traces (`evaluate`).
+"""
 
-try:
-    import rtamt._native
-except ModuleNotFoundError:  # a module that is there but does not load is a broken build: raise
-    _backend: Literal["native", "python"] = "python"
-else:
-    _backend = "native"
-
-BACKEND: Final = _backend
-"""``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""
+from rtamt.backend import BACKEND
+from rtamt.errors import (
+    InputError,
+    InputTypeError,
+    ParseError,
+    RtamtError,
+    SpecificationError,
+    StateError,
+)
+from rtamt.formula import Formula, Interval, Term, conjunction, disjunction, number, variable
+from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
+from rtamt.parser import load, parse
+from rtamt.specification import Specification
 
 __version__ = "0.5.0"
 
-__all__ = ["BACKEND", "__version__"]
+__all__ = [
+    "BACKEND",
+    "EpisodeMonitor",
+    "Formula",
+    "InputError",
+    "InputTypeError",
+    "Interval",
+    "Monitor",
+    "ParseError",
+    "RtamtError",
+    "Specification",
+    "SpecificationError",
+    "StateError",
+    "Term",
+    "Verdict",
+    "__version__",
+    "conjunction",
+    "disjunction",
+    "evaluate",
+    "load",
+    "number",
+    "parse",
+    "variable",
+]

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import discrete
+from rtamt import discrete, episode
 from rtamt.errors import InputError
 from rtamt.inputs import SampleReader
 from rtamt.program import Program
@@ -23,7 +23,16 @@ except ModuleNotFoundError as absent:  # a module that is there but does not loa
 else:
     _built = "native"
 
-__all__ = ["BACKEND", "Backend", "DiscreteMachine", "choose", "discrete_machine"]
+__all__ = [
+    "BACKEND",
+    "Backend",
+    "DiscreteMachine",
+    "EpisodeMachine",
+    "Machine",
+    "choose",
+    "discrete_machine",
+    "episode_machine",
+]
 
 BACKEND: Final = _built
 """``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""
@@ -31,16 +40,12 @@ BACKEND: Final = _built
 Backend = Literal["auto", "native", "python"]
 
 
-class DiscreteMachine(Protocol):
-    """What both machines on samples offer; `rtamt.discrete.Machine` says what it means."""
+class Machine(Protocol):
+    """What the machines of both back-ends offer to a monitor."""
 
     @property
     def samples(self) -> int:
         """Samples taken in since the reset."""
-
-    @property
-    def registers(self) -> Sequence[float]:
-        """The value of every register."""
 
     @property
     def inputs(self) -> Sequence[float]:
@@ -50,11 +55,6 @@ class DiscreteMachine(Protocol):
     def update(self) -> Callable[..., float]:
         """Take in one sample, in any of the argument forms."""
 
-    def run(
-        self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
-    ) -> list[NDArray[np.float64]]:
-        """Take in n samples at once, all or none; the observed registers at each."""
-
     def reset(self) -> None:
         """Forget every sample."""
 
@@ -63,6 +63,42 @@ class DiscreteMachine(Protocol):
 
     def restore(self, state: Any) -> None:
         """Continue from where ``state`` was taken."""
+
+
+class DiscreteMachine(Machine, Protocol):
+    """Runs a program on samples; `rtamt.discrete.Machine` says what it means."""
+
+    @property
+    def registers(self) -> Sequence[float]:
+        """The value of every register."""
+
+    def run(
+        self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
+    ) -> list[NDArray[np.float64]]:
+        """Take in n samples at once, all or none; the observed registers at each."""
+
+
+class EpisodeMachine(Machine, Protocol):
+    """Bounds the robustness of an episode; `rtamt.episode.EpisodeMachine` says what it means."""
+
+    @property
+    def robustness(self) -> float:
+        """Robustness if the episode ended now."""
+
+    @property
+    def lower(self) -> float:
+        """The least over all continuations."""
+
+    @property
+    def upper(self) -> float:
+        """The greatest over all continuations."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the trace has ended."""
+
+    def finish(self) -> float:
+        """End the trace."""
 
 
 def choose(backend: Backend) -> Literal["native", "python"]:
@@ -103,3 +139,8 @@ def discrete_machine(
         [(register, program.latencies[register] or 0) for register in (program.result, *observed)],
         reader,
     )
+
+
+def episode_machine(backend: Backend, program: Program, reader: SampleReader) -> EpisodeMachine:
+    """The machine of a back-end for the bounds of an episode."""
+    return episode.EpisodeMachine(program, reader)

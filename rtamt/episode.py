@@ -1,0 +1,225 @@
+"""The reference machine of `EpisodeMonitor`: the whole episode's robustness and its bounds.
+
+The value at time 0 is wanted in three worlds: ``NOW``, in which the episode ended with the last
+sample, and ``LOWER`` and ``UPPER``, in which it goes on for ever and every predicate is -inf or
++inf at every unseen sample. In a program without negations (`rtamt.polarity`) every register is
+monotone in the predicates, so the last two are the bounds over all continuations.
+
+After sample t a register of reach H (into the future) and past E (what it remembers) has
+
+* settled values, up to time t - H: the same in all worlds;
+* open values, of times t - H + 1 to t + E (in ``NOW`` to t), one array a world;
+* a tail: one value a world for every time after that.
+
+A window without end inside another operator never settles. Its value u at the first open time is
+left as an unknown, and values before that are lattice polynomials in the unknowns: monotone
+functions max over S of min(c_S, u_i for i in S), stored by their values at the corners u in
+{-inf, +inf}. Folds act corner by corner; a sample that settles replaces u by op(sample, u), and a
+world replaces u by its value. Every settled array has one axis of length 2 an unknown, in front.
+
+Only the operators above the streams are read at time 0 alone; they keep one fold each.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import assert_never
+
+import numpy as np
+
+from rtamt.errors import SpecificationError, StateError
+from rtamt.inputs import SampleReader
+from rtamt.operators import MONOIDS
+from rtamt.polarity import positive
+from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.streams import (
+    WORLDS,
+    Constant,
+    Endless,
+    Keeper,
+    Pointwise,
+    Predicate,
+    Running,
+    Sliding,
+    Stream,
+    TopFold,
+)
+from rtamt.terms import Registers, Terms
+from rtamt.windows import State
+
+__all__ = ["MAX_UNKNOWNS", "EpisodeMachine"]
+
+MAX_UNKNOWNS = 6
+"""Windows without end that may stand inside other temporal operators."""
+
+
+class EpisodeMachine:
+    """Runs a program, future without end included, and bounds its value at time 0."""
+
+    def __init__(self, program: Program, reader: SampleReader) -> None:
+        self.program = positive(program)
+        self.reader = reader
+        self._terms = Terms(self.program, reader)
+        self._streams: dict[int, Stream] = {}
+        self._unknowns: list[Endless] = []
+        self._top: dict[int, TopFold | None] = {}
+        self._place(self.program.result)
+        dimensions = len(self._unknowns)
+        if dimensions > MAX_UNKNOWNS:
+            msg = (
+                f"the formula has {dimensions} operators without an end inside others; "
+                f"the limit is {MAX_UNKNOWNS}; write an end, as in eventually[0:100]"
+            )
+            raise SpecificationError(msg)
+        self.reset()
+
+    # The upper part of the program is read at time 0 alone; what stands below a window is read at
+    # all times.
+    def _place(self, root: int) -> None:
+        needed = [root]
+        while needed:
+            register = needed.pop()
+            if register in self._top:
+                continue
+            self._top[register] = None
+            match self.program.instructions[register]:
+                case Map(_, args) if register >= self.program.terms:
+                    needed.extend(args)
+                case Window(name, lo, hi, args):
+                    streams = [self._stream(a) for a in args]
+                    self._top[register] = TopFold(MONOIDS[name], lo, hi, streams)
+
+    def _stream(self, register: int) -> Stream:
+        """The stream of a register; those it reads are made first, so order is preserved."""
+        for needed in self._below(register):
+            if needed not in self._streams:
+                self._streams[needed] = self._made(needed)
+        return self._streams[register]
+
+    def _below(self, register: int) -> list[int]:
+        found: set[int] = set()
+        stack = [register]
+        while stack:
+            r = stack.pop()
+            if r not in found:
+                found.add(r)
+                i = self.program.instructions[r]
+                if r >= self.program.terms and isinstance(i, Map | Window):
+                    stack.extend(i.args)
+        return sorted(found)
+
+    def _made(self, register: int) -> Stream:
+        instruction = self.program.instructions[register]
+        if isinstance(instruction, Const):
+            return Constant(instruction.value)
+        if register < self.program.terms:
+            return Predicate(register)
+        match instruction:
+            case Map(function, args):
+                return Pointwise(MONOIDS[function], [self._streams[a] for a in args])
+            case Window(name, lo, hi, args):
+                streams = [self._streams[a] for a in args]
+                if hi is None:
+                    endless = Endless(MONOIDS[name], len(self._unknowns), streams)
+                    self._unknowns.append(endless)
+                    return endless
+                if lo is None:
+                    return Running(MONOIDS[name], hi, streams)
+                return Sliding(MONOIDS[name], lo, hi, streams)
+            case Load():
+                msg = f"register {register} is an input behind the terms"
+                raise AssertionError(msg)
+            case _ as never:
+                assert_never(never)
+
+    def update(self, *args: object, **named: object) -> float:
+        """Take in one sample; the robustness if the episode ended with it."""
+        if self.finished:
+            msg = "the episode is finished; call reset() before the next update"
+            raise StateError(msg)
+        values = self.reader.read(args, named, self.samples, self.inputs)
+        terms = self._terms(values, self.samples)
+        self.inputs = values
+        self.samples += 1
+        self._advance(terms)
+        return self.robustness
+
+    def _advance(self, terms: Registers) -> None:
+        t = self.samples - 1
+        stored: list[Keeper] = [*self._streams.values(), *filter(None, self._top.values())]
+        for stream in self._streams.values():
+            value = stream.settle(t, terms)
+            if isinstance(stream, Endless) and value is not None:
+                for keeper in stored:
+                    keeper.substitute(stream.axis, value)
+            if value is not None:
+                stream.append(value, t)
+            stream.look(t, self._values_of_unknowns)
+        if t == 0:
+            self._first = terms
+        for fold in filter(None, self._top.values()):
+            fold.settle(t)
+        self._conclude(t)
+
+    def _conclude(self, t: int) -> None:
+        found: dict[int, list[float]] = {}
+        for register in sorted(self._top):
+            found[register] = self._at_zero(register, found, t)
+        self.robustness, self.lower, self.upper = found[self.program.result]
+        if t < 0:
+            self.robustness = math.nan
+
+    def _at_zero(self, register: int, found: dict[int, list[float]], t: int) -> list[float]:
+        instruction = self.program.instructions[register]
+        if isinstance(instruction, Const):
+            return [instruction.value] * 3
+        if register < self.program.terms:
+            return [self._first[register]] * 3 if t >= 0 else [math.nan, -math.inf, math.inf]
+        fold = self._top[register]
+        if fold is not None:
+            return [fold.value(world, t, self._values_of_unknowns) for world in WORLDS]
+        if not isinstance(instruction, Map):
+            msg = f"register {register} is not read at time 0"
+            raise AssertionError(msg)
+        choose = min if instruction.function == "min" else max
+        return [choose(found[a][world] for a in instruction.args) for world in WORLDS]
+
+    def finish(self) -> float:
+        """End the trace here; see `EpisodeMonitor.finish`."""
+        if self.samples == 0:
+            msg = "finish() needs at least one sample, got none since reset"
+            raise StateError(msg)
+        self.finished = True
+        if self.lower <= 0.0 <= self.upper:
+            self.lower = self.upper = self.robustness
+        return self.robustness
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self.samples = 0
+        self.inputs: list[float] = []
+        self.finished = False
+        self._first: Registers = []
+        # The value of every unknown, a row for each world.
+        self._values_of_unknowns = np.zeros((3, len(self._unknowns)))
+        for keeper in (*self._streams.values(), *filter(None, self._top.values())):
+            keeper.reset(len(self._unknowns))
+        for stream in self._streams.values():
+            stream.look(-1, self._values_of_unknowns)
+        self._conclude(-1)
+
+    def state(self) -> State:
+        """What `restore` needs to continue from here."""
+        keepers = (*self._streams.values(), *filter(None, self._top.values()))
+        bounds = (self.robustness, self.lower, self.upper)
+        kept = [keeper.state() for keeper in keepers]
+        return [self.samples, self.inputs[:], self.finished, self._first[:], *bounds, kept]
+
+    def restore(self, state: State) -> None:
+        """Continue from where ``state`` was taken."""
+        samples, inputs, finished, first, *bounds, kept = state
+        self.samples, self.inputs, self.finished, self._first = samples, inputs[:], finished, first  # type: ignore[assignment, index]
+        self.robustness, self.lower, self.upper = bounds  # type: ignore[assignment]
+        keepers = (*self._streams.values(), *filter(None, self._top.values()))
+        for keeper, saved in zip(keepers, kept, strict=True):  # type: ignore[call-overload]
+            keeper.restore(saved)

@@ -1,0 +1,356 @@
+"""The facade: a monitor of one signal, sample by sample, and the evaluation of whole traces."""
+
+from __future__ import annotations
+
+import enum
+import functools
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.backend import (
+    Backend,
+    DiscreteMachine,
+    EpisodeMachine,
+    Machine,
+    choose,
+    discrete_machine,
+    episode_machine,
+)
+from rtamt.errors import InputError
+from rtamt.formula import Formula
+from rtamt.inputs import Columns, NanPolicy, SampleReader
+from rtamt.offline import run_offline
+from rtamt.parser import as_specification
+from rtamt.program import Program, compile_program
+from rtamt.specification import Specification
+from rtamt.timing import Period, as_period
+
+__all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict", "evaluate"]
+
+Spec = str | Formula | Specification
+"""A specification: text, a formula made of combinators, or a parsed specification."""
+
+Compile = Callable[[Specification, Fraction | None], Program]
+
+
+@functools.lru_cache(maxsize=256)
+def _online(specification: Specification, period: Fraction | None) -> Program:
+    return compile_program(specification, period).online()
+
+
+_UPDATE = """Take in one sample{result}
+
+The sample is given by keyword (``update(x=1.0, y=2.0)``), as one mapping, by position in the order
+of ``variables``, or as one 1-D array or list in that order. Integers, booleans and numpy scalars
+are converted; +-inf is legal.
+
+Raises:
+    InputError: On a missing or unknown variable, a wrong count or shape, a nan, or a term that is
+        not a number (``sqrt(-1)``). The monitor is as it was before the call.
+    InputTypeError: On a value that is no real number; likewise.
+"""
+
+
+class _Online:
+    """What monitors of samples share: a specification, a machine, snapshots."""
+
+    __slots__ = ("_machine", "_period", "_reader", "backend", "program", "specification")
+
+    _machine: Machine
+    backend: Literal["native", "python"]
+    program: Program
+    specification: Specification
+
+    def _prepare(
+        self, spec: Spec, period: Period | None, backend: Backend, nan: NanPolicy, online: Compile
+    ) -> None:
+        self.specification = as_specification(spec)
+        self._period = as_period(period)
+        self.backend = choose(backend)
+        self.program = online(self.specification, self._period)
+        self._reader = SampleReader(self.program, nan)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables: in order of declaration, else of first appearance."""
+        return self.program.variables
+
+    @property
+    def samples(self) -> int:
+        """Samples taken in since the monitor was made or reset."""
+        return self._machine.samples
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._machine.reset()
+
+    def __copy__(self) -> Self:
+        make, args, state = self.__reduce__()
+        twin = make(*args)
+        twin.__setstate__(state)
+        return twin
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
+        make = functools.partial(type(self), backend=self.backend, nan=self._reader.nan)
+        return make, (self.specification, self._period), self._machine.state()
+
+    def __setstate__(self, state: object) -> None:
+        self._machine.restore(state)
+
+
+class Monitor(_Online):
+    """Robustness at every sample, late by a known latency.
+
+    At sample t, ``update`` gives the robustness at time ``t - latency``: positive, satisfied by
+    that margin; negative, violated by it. The first ``latency`` values are nan. Every value equals
+    the one of `evaluate` wherever the formula's future lies inside the trace. An update costs the
+    same whatever the length of the windows.
+
+    Future operators need an end (``eventually[0:5]``), except a top-level ``always p`` or
+    ``eventually p``: there ``update`` gives the least or greatest robustness of p so far.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
+            the formula are numbers of samples.
+        backend: ``"auto"`` takes the C++ machine where it was built.
+        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+
+    Raises:
+        SpecificationError: On text that is no specification, bounds that are no whole number of
+            periods, or a future without end.
+
+    Example:
+        >>> m = Monitor("always[0:2](x > 1)")
+        >>> m.latency, m.variables
+        (2, ('x',))
+        >>> [m.update(x=value) for value in (5, 4, 3, 0)]
+        [nan, nan, 2.0, -1.0]
+
+    Source: Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL", ATVA 2020.
+    """
+
+    __slots__ = {"update": _UPDATE.format(result=" and give the robustness at time t - latency.")}
+
+    _machine: DiscreteMachine
+    update: Callable[..., float]
+
+    def __init__(
+        self,
+        spec: Spec,
+        period: Period | None = None,
+        *,
+        backend: Backend = "auto",
+        nan: NanPolicy = "raise",
+    ) -> None:
+        self._prepare(spec, period, backend, nan, _online)
+        self._machine = discrete_machine(
+            self.backend, self.program, self._reader, (self.program.result,)
+        )
+        self.update = self._machine.update
+
+    @property
+    def latency(self) -> int:
+        """Samples by which the robustness is late."""
+        return self.program.latency or 0
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Current robustness of every named formula, each late by its own latency; nan before."""
+        seen, registers = self._machine.samples, self._machine.registers
+        return {
+            name: registers[register] if seen > self.latencies[name] else math.nan
+            for name, register in self.program.outputs.items()
+        }
+
+    @property
+    def latencies(self) -> dict[str, int]:
+        """Samples by which the value of every named formula is late."""
+        return {n: self.program.latencies[r] or 0 for n, r in self.program.outputs.items()}
+
+    def update_many(self, block: Columns) -> NDArray[np.float64]:
+        """Take in a block of samples; what `update` gives for each, as an array.
+
+        Args:
+            block: A mapping of every variable to its n values (a data frame too), or an array of
+                shape (n, variables).
+
+        Returns:
+            n values; those of the first ``latency`` samples since the reset are nan.
+
+        Raises:
+            InputError: As `update` does; then no sample of the block was taken in.
+            InputTypeError: Likewise.
+        """
+        machine = self._machine
+        columns, n = self._reader.block(block, machine.samples, machine.inputs)
+        return machine.run(columns, n, final=False)[0]
+
+    def __repr__(self) -> str:
+        return f"<Monitor of {self.specification.formula}, latency {self.latency}>"
+
+
+class Verdict(enum.IntEnum):
+    """What is certain about an episode."""
+
+    VIOLATED = -1
+    """No continuation can satisfy the specification: the upper bound is below 0."""
+    UNDECIDED = 0
+    """The bounds do not exclude 0."""
+    SATISFIED = 1
+    """No continuation can violate the specification: the lower bound is above 0."""
+
+
+class EpisodeMonitor(_Online):
+    """The robustness of a whole episode, and its bounds over all continuations, at every sample.
+
+    Everything is about time 0 of the episode, as STL defines satisfaction; invariants are written
+    ``always(...)``. Future operators need no end. After every sample
+
+    * ``robustness`` is the one that the episode has if it ends now, as `evaluate` gives for sample 0;
+    * ``lower`` and ``upper`` bound the robustness over all ways to go on for ever (the robust
+      satisfaction interval): a predicate at an unseen sample lies in [-inf, +inf], and bounds go
+      through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never rises;
+    * ``verdict`` is decided as soon as the bounds exclude 0: a violation is known at the first
+      sample at which interval arithmetic shows that nothing can save the episode.
+
+    ``lower <= robustness <= upper`` holds but for one case: where a window is empty because the
+    trace ends (``eventually[5:9]`` of a trace of 3 samples is -inf, ``always[5:9]`` +inf, under
+    any polarity), ``robustness`` may lie outside the bounds, which speak of longer traces.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
+            the formula are numbers of samples.
+        backend: ``"auto"`` takes the fastest machine that there is.
+        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+
+    Raises:
+        SpecificationError: On text that is no specification, bounds that are no whole number of
+            periods, or too many operators without an end inside others.
+
+    Example:
+        >>> e = EpisodeMonitor("always[0:100](x > 1)")
+        >>> e.update(x=5), e.lower, e.upper, e.verdict.name
+        (4.0, -inf, 4.0, 'UNDECIDED')
+        >>> e.update(x=0), e.lower, e.upper, e.verdict.name
+        (-1.0, -inf, -1.0, 'VIOLATED')
+
+    Source: Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL", ATVA 2020; bounds
+    after Deshmukh et al., "Robust online monitoring of signal temporal logic", FMSD 2017.
+    """
+
+    __slots__ = {
+        "update": _UPDATE.format(result=" and give the robustness if the episode ended with it.")
+        + "    StateError: After `finish`.\n"
+    }
+
+    _machine: EpisodeMachine
+    update: Callable[..., float]
+
+    def __init__(
+        self,
+        spec: Spec,
+        period: Period | None = None,
+        *,
+        backend: Backend = "auto",
+        nan: NanPolicy = "raise",
+    ) -> None:
+        self._prepare(spec, period, backend, nan, compile_program)
+        self._machine = episode_machine(self.backend, self.program, self._reader)
+        self.update = self._machine.update
+
+    @property
+    def robustness(self) -> float:
+        """Robustness if the episode ended with the last sample; nan before the first."""
+        return self._machine.robustness
+
+    @property
+    def lower(self) -> float:
+        """The least robustness over all continuations."""
+        return self._machine.lower
+
+    @property
+    def upper(self) -> float:
+        """The greatest robustness over all continuations."""
+        return self._machine.upper
+
+    @property
+    def verdict(self) -> Verdict:
+        """What is certain."""
+        if self._machine.upper < 0.0:
+            return Verdict.VIOLATED
+        return Verdict.SATISFIED if self._machine.lower > 0.0 else Verdict.UNDECIDED
+
+    @property
+    def finished(self) -> bool:
+        """Whether `finish` has ended the trace."""
+        return self._machine.finished
+
+    def finish(self) -> float:
+        """End the trace with the last sample, and give its robustness.
+
+        Both bounds become the robustness, unless the verdict was decided: a verdict and the
+        bounds that decided it never change. A robustness of 0 stays UNDECIDED. Calling it again
+        changes nothing.
+
+        Raises:
+            StateError: Before the first sample.
+        """
+        return self._machine.finish()
+
+    def __repr__(self) -> str:
+        return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
+
+
+def evaluate(
+    spec: Spec,
+    data: Columns,
+    period: Period | None = None,
+    *,
+    n: int | None = None,
+    backend: Backend = "auto",
+    nan: NanPolicy = "raise",
+) -> NDArray[np.float64]:
+    """Robustness at every sample of a whole trace.
+
+    Windows are cut at both ends of the trace: where nothing of the window is left, ``always`` is
+    +inf and ``eventually`` -inf. Operators without an end reach to the end of the trace.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        data: A mapping of every variable to its n values (a data frame too; other columns are
+            ignored), or an array of shape (n, variables).
+        period: Seconds between samples; None: bounds are numbers of samples.
+        n: The length, for a formula without variables.
+        backend: ``"auto"`` takes the C++ machine where it was built.
+        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+
+    Returns:
+        n values, one for each sample.
+
+    Raises:
+        SpecificationError: As for `Monitor`, but a future without end is welcome.
+        InputError: On missing variables, an empty trace, columns of different length, a nan.
+        InputTypeError: On values that are no real numbers.
+
+    Example:
+        >>> evaluate("always(x > 1)", {"x": [5, 4, 3]}).tolist()
+        [2.0, 2.0, 2.0]
+    """
+    program = compile_program(as_specification(spec), as_period(period))
+    reader = SampleReader(program, nan)
+    columns, length = reader.block(data, 0, (), n=n, extra=True)
+    if length == 0:
+        msg = "expected a trace of at least 1 sample, got 0"
+        raise InputError(msg)
+    machine = functools.partial(discrete_machine, backend)
+    return run_offline(program, reader, machine, columns, length)

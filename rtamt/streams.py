@@ -1,0 +1,461 @@
+"""Registers of the episode machine as signals over all times: settled, open and tail.
+
+See `rtamt.episode` for the words. Times are sample numbers; arrays run over time in their last
+axis, and settled ones have an axis of length 2 for every unknown in front.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.operators import Monoid
+from rtamt.terms import Registers
+
+__all__ = [
+    "LOWER",
+    "NOW",
+    "UPPER",
+    "WORLDS",
+    "Constant",
+    "Endless",
+    "Keeper",
+    "Pointwise",
+    "Predicate",
+    "Running",
+    "Sliding",
+    "Stream",
+    "TopFold",
+]
+
+Array = NDArray[np.float64]
+Arrays = tuple[Array, ...]
+
+INF = math.inf
+NOW, LOWER, UPPER = WORLDS = range(3)
+_NOTHING: Array = np.zeros(0)
+
+
+def _slide(monoid: Monoid, elements: Arrays, width: int) -> Arrays:
+    """The folds of all windows of ``width`` elements, from windows of powers of two."""
+    count = elements[0].shape[-1] - width + 1
+    power, size, taken = elements, 1, 0
+    result: Arrays | None = None
+    while True:
+        if width & size:
+            part = tuple(a[..., taken : taken + count] for a in power)
+            result = part if result is None else monoid.combine_arrays(result, part)
+            taken += size
+        if taken == width:
+            return result or elements
+        power = monoid.combine_arrays(
+            tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
+        )
+        size *= 2
+
+
+def _fold_all(monoid: Monoid, elements: Arrays) -> Arrays:
+    return _slide(monoid, elements, elements[0].shape[-1])
+
+
+def _padded(monoid: Monoid, elements: Arrays, before: int, after: int) -> Arrays:
+    """The elements with identities before and after them."""
+    padding = [(0, 0)] * (elements[0].ndim - 1) + [(before, after)]
+    return tuple(
+        np.pad(a, padding, constant_values=e)
+        for a, e in zip(elements, monoid.identity, strict=True)
+    )
+
+
+def _in_world(settled: Array, unknowns: Array) -> Array:
+    """The lattice polynomials at a value of every unknown."""
+    for u in unknowns:
+        settled = np.maximum(settled[0], np.minimum(settled[1], u))
+    return settled
+
+
+class Keeper(Protocol):
+    """What holds settled values, which speak of the unknowns."""
+
+    def substitute(self, axis: int, value: Array) -> None:
+        """Replace an unknown by its value one sample later."""
+
+    def reset(self, unknowns: int) -> None:
+        """Forget every sample."""
+
+    def state(self) -> list[Any]:
+        """What ``restore`` needs."""
+
+    def restore(self, state: list[Any]) -> None:
+        """Become what ``state`` was taken from."""
+
+
+class _Polynomials:
+    """Arrays of settled values, an axis of length 2 an unknown in front."""
+
+    def __init__(self) -> None:
+        self.kept: Arrays = ()
+
+    def substitute(self, axis: int, value: Array) -> None:
+        """Replace an unknown by its value one sample later."""
+        self.kept = tuple(
+            np.maximum(a.take([0], axis), np.minimum(a.take([1], axis), value[..., None]))
+            for a in self.kept
+        )
+
+
+class Stream(_Polynomials):
+    """A register that is read at all times.
+
+    Attributes:
+        late: Samples into the future that a value depends on, unknowns aside.
+        past: Samples after the last one at which a value still depends on what was seen.
+        keep: Settled values that the readers need.
+        last: Time of the last settled value, -1 before there is one.
+    """
+
+    def __init__(self, late: int, past: int) -> None:
+        super().__init__()
+        self.late = late
+        self.past = past
+        self.keep = 1
+        self.last = -1
+        self.open: list[Array] = []
+        self.tail: list[float] = []
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The value of time t - late, where it exists."""
+        raise NotImplementedError
+
+    def look(self, t: int, unknowns: Array) -> None:
+        """Find the open values and the tail of every world after sample t."""
+
+    def append(self, value: Array, t: int) -> None:
+        """Keep the value that settled with sample t."""
+        (history,) = self.kept
+        start = max(0, history.shape[-1] + 1 - self.keep)
+        self.kept = (np.concatenate([history[..., start:], value[..., None]], axis=-1),)
+        self.last = t - self.late
+
+    def settled(self, begin: int, end: int) -> Array:
+        """The settled values of times begin to end."""
+        (history,) = self.kept
+        first = self.last + 1 - history.shape[-1]
+        return history[..., begin - first : end - first + 1]
+
+    def seen(self, world: int, begin: int, end: int, unknowns: Array) -> Array:
+        """The values of times begin to end in a world; in NOW they must exist."""
+        parts = []
+        if begin <= self.last:
+            known = self.settled(begin, min(end, self.last))
+            parts.append(_in_world(known, unknowns[world]))
+        open_from = self.last + 1
+        here = self.open[world]
+        parts.append(here[max(0, begin - open_from) : max(0, end - open_from + 1)])
+        beyond = end - max(begin - 1, self.last + len(here))
+        if beyond > 0:
+            parts.append(np.full(beyond, self.tail[world]))
+        return np.concatenate(parts)
+
+    def reset(self, unknowns: int) -> None:
+        """Forget every sample."""
+        self.kept = (np.zeros((2,) * unknowns + (0,)),)
+        self.last = -1
+        self.open = [_NOTHING] * 3
+        self.tail = [math.nan, -INF, INF]
+
+    def state(self) -> list[Any]:
+        """The settled values and the time of the last."""
+        return [self.last, *self.kept]
+
+    def restore(self, state: list[Any]) -> None:
+        """Take over the settled values."""
+        self.last, *kept = state
+        self.kept = tuple(kept)
+
+    def _corners(self) -> tuple[int, ...]:
+        return self.kept[0].shape[:-1]
+
+
+class Predicate(Stream):
+    """A term read as a formula: settled at once, unknown at every unseen sample."""
+
+    def __init__(self, register: int) -> None:
+        super().__init__(0, 0)
+        self._register = register
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The value of the term."""
+        return np.full(self._corners(), terms[self._register])
+
+
+class Constant(Stream):
+    """The same value at every time, seen or not."""
+
+    def __init__(self, value: float) -> None:
+        super().__init__(0, 0)
+        self._value = value
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The constant."""
+        return np.full(self._corners(), self._value)
+
+    def reset(self, unknowns: int) -> None:
+        """Forget every sample."""
+        super().reset(unknowns)
+        self.tail = [self._value] * 3
+
+
+class _Reader:
+    """Operands of a fold, read as elements of its monoid."""
+
+    def __init__(self, monoid: Monoid, streams: Sequence[Stream]) -> None:
+        self.monoid = monoid
+        self.streams = streams
+        self.late = max(s.late for s in streams)
+        self.past = max(s.past for s in streams)
+
+    def hold(self, late: int, oldest: int) -> None:
+        """Have the operands keep what a reader needs who reads offset ``oldest`` at t - late."""
+        for s in self.streams:
+            s.keep = max(s.keep, late - s.late - oldest + 1)
+
+    def settled(self, begin: int, end: int) -> Arrays:
+        """The settled elements of times begin to end; identities before time 0."""
+        first = max(0, begin)
+        if first > end:
+            corners = self.streams[0].kept[0].shape[:-1]
+            return tuple(np.full((*corners, end - begin + 1), e) for e in self.monoid.identity)
+        elements = tuple(s.settled(first, end) for s in self.streams)
+        return _padded(self.monoid, elements, first - begin, 0)
+
+    def seen(self, world: int, begin: int, end: int, t: int, unknowns: Array) -> Arrays:
+        """The elements of times begin to end in a world; identities outside the trace."""
+        first = max(0, begin)
+        last = min(end, t) if world == NOW else end
+        if first > last:
+            return tuple(np.full(end - begin + 1, e) for e in self.monoid.identity)
+        elements = tuple(s.seen(world, first, last, unknowns) for s in self.streams)
+        return _padded(self.monoid, elements, first - begin, end - last)
+
+    def tail(self, world: int) -> Arrays:
+        """The element of every time beyond what is open."""
+        if world == NOW:
+            return tuple(np.array([e]) for e in self.monoid.identity)
+        return tuple(np.array([s.tail[world]]) for s in self.streams)
+
+
+class _Windowed(Stream):
+    """A stream of folds."""
+
+    def __init__(self, reader: _Reader, late: int, past: int) -> None:
+        super().__init__(late, past)
+        self.reader = reader
+        self.monoid = reader.monoid
+
+    def look(self, t: int, unknowns: Array) -> None:
+        """Find the open values and the tail of every world after sample t."""
+        begin = self.last + 1
+        for world in WORLDS:
+            count = (t if world == NOW else t + self.past) - begin + 1
+            self.open[world] = self._open(world, begin, max(0, count), t, unknowns)
+
+    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
+        """The values of ``count`` times from begin on; notes the tail."""
+        raise NotImplementedError
+
+
+class Sliding(_Windowed):
+    """The fold over offsets lo to hi."""
+
+    def __init__(self, monoid: Monoid, lo: int, hi: int, streams: Sequence[Stream]) -> None:
+        reader = _Reader(monoid, streams)
+        super().__init__(reader, max(0, reader.late + hi), max(0, reader.past - lo))
+        reader.hold(self.late, lo)
+        self._lo, self._hi = lo, hi
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The fold of settled values."""
+        time = t - self.late
+        if time < 0:
+            return None
+        elements = self.reader.settled(time + self._lo, time + self._hi)
+        return _fold_all(self.monoid, elements)[-1][..., 0]
+
+    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
+        tail = self.reader.tail(world)
+        self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
+        if count == 0:
+            return _NOTHING
+        end = begin + count - 1 + self._hi
+        elements = self.reader.seen(world, begin + self._lo, end, t, unknowns)
+        return _slide(self.monoid, elements, self._hi - self._lo + 1)[-1]
+
+
+class Pointwise(Sliding):
+    """The least or greatest of the operands at one time: of each a window of one sample."""
+
+    def __init__(self, monoid: Monoid, streams: Sequence[Stream]) -> None:
+        super().__init__(monoid, 0, 0, streams)
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The fold over the operands."""
+        time = t - self.late
+        if time < 0:
+            return None
+        return self._across([s.settled(time, time)[..., 0] for s in self.reader.streams])
+
+    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
+        streams = self.reader.streams
+        self.tail[world] = self._across([np.array(s.tail[world]) for s in streams]).item()
+        if count == 0:
+            return _NOTHING
+        return self._across([s.seen(world, begin, begin + count - 1, unknowns) for s in streams])
+
+    def _across(self, values: list[Array]) -> Array:
+        first, *rest = values
+        for value in rest:
+            (first,) = self.monoid.combine_arrays((first,), (value,))
+        return first
+
+
+class Running(_Windowed):
+    """The fold over all offsets up to hi."""
+
+    def __init__(self, monoid: Monoid, hi: int, streams: Sequence[Stream]) -> None:
+        reader = _Reader(monoid, streams)
+        super().__init__(reader, max(0, reader.late + hi), reader.past - hi)
+        reader.hold(self.late, hi)
+        self._hi = hi
+        self._total = _Polynomials()
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The fold of everything settled up to now."""
+        time = t - self.late
+        if time < 0:
+            return None
+        newest = self.reader.settled(time + self._hi, time + self._hi)
+        self._total.kept = self.monoid.combine_arrays(self._total.kept, newest)
+        return self._total.kept[-1][..., 0]
+
+    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
+        combine = self.monoid.combine_arrays
+        total = tuple(_in_world(a, unknowns[world]) for a in self._total.kept)
+        elements = self.reader.seen(
+            world, begin + self._hi, begin + count - 1 + self._hi, t, unknowns
+        )
+        elements = tuple(np.concatenate(pair) for pair in zip(total, elements, strict=True))
+        prefixes = _slide(self.monoid, _padded(self.monoid, elements, count, 0), count + 1)
+        last = tuple(a[-1:] for a in prefixes)
+        self.tail[world] = combine(last, self.reader.tail(world))[-1].item()
+        return prefixes[-1][1:]
+
+    def substitute(self, axis: int, value: Array) -> None:
+        """Replace an unknown in the settled values and in the fold."""
+        super().substitute(axis, value)
+        self._total.substitute(axis, value)
+
+    def reset(self, unknowns: int) -> None:
+        """Forget every sample."""
+        super().reset(unknowns)
+        shape = (2,) * unknowns + (1,)
+        self._total.kept = tuple(np.full(shape, e) for e in self.monoid.identity)
+
+    def state(self) -> list[Any]:
+        """The settled values and the fold."""
+        return [super().state(), self._total.kept]
+
+    def restore(self, state: list[Any]) -> None:
+        """Take over values and fold."""
+        settled, self._total.kept = state
+        super().restore(settled)
+
+
+class Endless(_Windowed):
+    """The fold over all offsets from 0 on: never settled but for an unknown.
+
+    Attributes:
+        axis: Which unknown is its value at the first open time.
+    """
+
+    def __init__(self, monoid: Monoid, axis: int, streams: Sequence[Stream]) -> None:
+        reader = _Reader(monoid, streams)
+        super().__init__(reader, reader.late, reader.past)
+        reader.hold(self.late, 0)
+        self.axis = axis
+
+    def settle(self, t: int, terms: Registers) -> Array | None:
+        """The fold of what has just settled and the unknown."""
+        time = t - self.late
+        if time < 0:
+            return None
+        newest = tuple(a[..., 0] for a in self.reader.settled(time, time))
+        shape = [1] * newest[0].ndim
+        shape[self.axis] = 2
+        unknown = np.array([-INF, INF]).reshape(shape)
+        rest = (*(np.full_like(unknown, e) for e in self.monoid.identity[:-1]), unknown)
+        return np.broadcast_to(self.monoid.combine_arrays(newest, rest)[-1], newest[0].shape)
+
+    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
+        tail = self.reader.tail(world)
+        self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
+        elements = self.reader.seen(world, begin, begin + count - 1, t, unknowns)
+        elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
+        suffixes = _slide(self.monoid, _padded(self.monoid, elements, 0, count), count + 1)[-1]
+        unknowns[world, self.axis] = suffixes[0]
+        return suffixes[:count]
+
+
+class TopFold(_Polynomials):
+    """The fold over offsets lo to hi from time 0, read at time 0 alone."""
+
+    def __init__(
+        self, monoid: Monoid, lo: int | None, hi: int | None, streams: Sequence[Stream]
+    ) -> None:
+        super().__init__()
+        self._reader = _Reader(monoid, streams)
+        self._reader.hold(self._reader.late, 0)
+        self.monoid = monoid
+        self._begin = max(0, lo or 0)
+        self._end = hi
+
+    def _inside(self, time: int) -> bool:
+        return self._begin <= time and (self._end is None or time <= self._end)
+
+    def settle(self, t: int) -> None:
+        """Fold in what settled with sample t."""
+        time = t - self._reader.late
+        if self._inside(time):
+            newest = self._reader.settled(time, time)
+            self.kept = self.monoid.combine_arrays(self.kept, newest)
+
+    def value(self, world: int, t: int, unknowns: Array) -> float:
+        """The fold over settled, open and all later values in a world."""
+        reader = self._reader
+        total = tuple(_in_world(a, unknowns[world]) for a in self.kept)
+        begin = max(self._begin, t - reader.late + 1)
+        last = t if world == NOW else t + reader.past
+        end = last if self._end is None else min(last, self._end)
+        if begin <= end:
+            elements = reader.seen(world, begin, end, t, unknowns)
+            total = self.monoid.combine_arrays(total, _fold_all(self.monoid, elements))
+        if self._end is None or self._end > max(last, self._begin - 1):
+            total = self.monoid.combine_arrays(total, reader.tail(world))
+        return total[-1].item()
+
+    def reset(self, unknowns: int) -> None:
+        """Forget every sample."""
+        shape = (2,) * unknowns + (1,)
+        self.kept = tuple(np.full(shape, e) for e in self.monoid.identity)
+
+    def state(self) -> list[Any]:
+        """The fold."""
+        return list(self.kept)
+
+    def restore(self, state: list[Any]) -> None:
+        """Take over the fold."""
+        self.kept = tuple(state)
