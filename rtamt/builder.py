@@ -1,0 +1,265 @@
+"""Tokens of an expression to its tree, by precedence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import cast
+
+from rtamt.diagnosis import Token, fail, nearest
+from rtamt.errors import ParseError, SpecificationError
+from rtamt.formula import (
+    MAX_DEPTH,
+    UNITS,
+    Formula,
+    Interval,
+    Node,
+    decimal_text,
+    exact,
+    make,
+    number,
+)
+from rtamt.grammar.generated.StlLexer import StlLexer
+from rtamt.operators import SPELLINGS, Operator
+
+__all__ = ["Builder"]
+
+_CLOSING = (StlLexer.CLOSE, StlLexer.CLOSE_INTERVAL)
+
+_LONG = 60
+"""Operands longer than this are p, q and r where an error shows two readings."""
+
+
+class _Frame:
+    """An operator that waits for its last operand, or an open bracket."""
+
+    __slots__ = ("base", "interval", "row", "strength", "tokens")
+
+    def __init__(self, row: Operator | None, strength: int, token: Token, base: int) -> None:
+        self.row = row
+        self.strength = strength  # 0 is a bracket: no operator binds as loosely
+        self.tokens = [token]
+        self.interval: Interval | None = None
+        self.base = base
+
+
+class Builder:
+    """Builds the trees of a text whose syntax the grammar has found right.
+
+    Attributes:
+        positions: Line and column of each node's interval, operator or name.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        tokens: Sequence[Token],
+        constants: Mapping[str, Fraction],
+        resolve: Callable[[Token], Node],
+    ) -> None:
+        self.text = text
+        self.tokens = tokens
+        self.constants = constants
+        self.resolve = resolve
+        self.positions: dict[Node, tuple[int, int]] = {}
+        self._values: list[Node] = []
+        self._frames: list[_Frame] = []
+
+    def build(self, first: int, last: int) -> Node:
+        """The tree of the tokens from first to last: a term or a formula.
+
+        Raises:
+            ParseError: If operators do not chain, or terms and formulas do not fit.
+        """
+        values, frames = self._values, self._frames
+        operand_next = True
+        at = first
+        while at <= last:
+            token = self.tokens[at]
+            kind = token.type
+            if kind == StlLexer.NAME:
+                values.append(self._place(self.resolve(token), token))
+                operand_next = False
+            elif kind == StlLexer.NUMBER:
+                values.append(self._number(token))
+                operand_next = False
+            elif kind == StlLexer.TRUTH:
+                values.append(make(token.text, ()))
+                operand_next = False
+            elif kind == StlLexer.OPEN:
+                frames.append(_Frame(None, 0, token, len(values)))
+            elif kind == StlLexer.FUNCTION:
+                at += 1
+                frames.append(_Frame(SPELLINGS[token.text, "call"], 0, token, len(values)))
+            elif kind == StlLexer.COMMA:
+                self._reduce(1)
+                operand_next = True
+            elif kind == StlLexer.CLOSE:
+                self._reduce(1)
+                frame = frames.pop()
+                if frame.row is not None:
+                    self._apply(frame)
+                operand_next = False
+            elif operand_next:
+                row = SPELLINGS[token.text, "prefix"]
+                frames.append(_Frame(row, row.precedence, token, len(values)))
+                at = self._interval(at)
+            else:
+                self._infix(SPELLINGS[token.text, "infix"], token)
+                at = self._interval(at)
+                operand_next = True
+            at += 1
+        self._reduce(1)
+        return values.pop()
+
+    def _infix(self, row: Operator, token: Token) -> None:
+        strength = row.precedence
+        self._reduce(strength + 1)
+        frame = self._frames[-1] if self._frames else None
+        if frame is not None and frame.strength == strength:
+            # A run of one operator becomes one node. A chain that has no meaning is collected as
+            # well: its error shows the operands.
+            if frame.row is row and row.grouping in ("flat", "left-flat") or row.grouping == "none":
+                frame.tokens.append(token)
+                return
+            self._reduce(strength)
+        self._frames.append(_Frame(row, strength, token, len(self._values) - 1))
+
+    def _reduce(self, strength: int) -> None:
+        """Apply the operators that bind at least as strongly."""
+        while self._frames and self._frames[-1].strength >= strength:
+            self._apply(self._frames.pop())
+
+    def _apply(self, frame: _Frame) -> None:
+        row = cast("Operator", frame.row)
+        args = tuple(self._values[frame.base :])
+        del self._values[frame.base :]
+        token = frame.tokens[0]
+        if row.grouping == "none" and len(frame.tokens) > 1:
+            raise self._chained(row, frame.tokens, args)
+        try:
+            node = make(row.name, args, frame.interval)
+        except SpecificationError as error:
+            raise self._fail(token, str(error), _way_out(row, args)) from None
+        if frame.interval is not None:
+            token = self.tokens[token.tokenIndex + 1]
+        self._values.append(self._place(node, token))
+
+    def _place(self, node: Node, token: Token) -> Node:
+        self.positions.setdefault(node, (token.line, token.column + 1))
+        return node
+
+    def _number(self, token: Token) -> Node:
+        try:
+            return number(float(token.text))
+        except SpecificationError:
+            reason = f"expected a number of at most 1.797e308, got {token.text}"
+            raise self._fail(token, reason, "true and false are +inf and -inf") from None
+
+    def _chained(self, row: Operator, tokens: Sequence[Token], args: Sequence[Node]) -> ParseError:
+        first, second = (self._spelled(t) for t in tokens[:2])
+        p, q, r = (str(a) for a in args[:3])
+        if len(p) + len(q) + len(r) > _LONG:
+            p, q, r = "p", "q", "r"
+        names = " and ".join(dict.fromkeys(f"'{t.text}'" for t in tokens[:2]))
+        does = "do" if tokens[0].text != tokens[1].text else "does"
+        if row.operands == "term":
+            ways = f"({p} {first} {q}) and ({q} {second} {r})"
+        else:
+            ways = f"({p} {first} {q}) {second} {r} or {p} {first} ({q} {second} {r})"
+        return self._fail(tokens[1], f"{names} {does} not chain; write {ways}")
+
+    def _spelled(self, token: Token) -> str:
+        """An operator with its interval, as it stands in the text."""
+        last = token
+        if self.tokens[token.tokenIndex + 1].type == StlLexer.OPEN_INTERVAL:
+            at = token.tokenIndex + 2
+            while self.tokens[at].type not in _CLOSING:
+                at += 1
+            last = self.tokens[at]
+        return self.text[token.start : last.stop + 1]
+
+    def _interval(self, at: int) -> int:
+        """Read the interval behind the operator at an index, if one is there.
+
+        Returns:
+            Index of the last token of the operator.
+        """
+        if self.tokens[at + 1].type != StlLexer.OPEN_INTERVAL:
+            return at
+        first, at = at + 2, at + 2
+        begin, unit, at = self._bound(at)
+        if begin is None:
+            reason = "expected a finite bound as the begin of an interval, got inf"
+            raise self._fail(self.tokens[first], reason)
+        second = at + 1
+        end: Fraction | None = None
+        end_unit: Token | None = None
+        if self.tokens[second].type in _CLOSING:
+            at = second
+        else:
+            end, end_unit, at = self._bound(second)
+        if unit is not None and end is not None:
+            if end_unit is None:
+                bounds = f"{decimal_text(begin)}:{decimal_text(end)}{unit.text}"
+                reason = "expected a unit after the end, got one after the begin only"
+                raise self._fail(unit, reason, f"the unit of the end holds for both: [{bounds}]")
+            begin *= UNITS[unit.text] / UNITS[end_unit.text]
+        unit = end_unit or unit
+        if end is None and begin == 0:
+            return at
+        try:
+            interval = Interval(begin, end, unit.text if unit else None)
+        except SpecificationError as error:
+            wrong = self.tokens[first if begin < 0 else second]
+            raise self._fail(wrong, str(error)) from None
+        self._frames[-1].interval = interval
+        return at
+
+    def _bound(self, at: int) -> tuple[Fraction | None, Token | None, int]:
+        """Value, unit, and index behind a bound."""
+        token = self.tokens[at]
+        negative = token.type == StlLexer.MINUS
+        at += negative
+        value = self._value(self.tokens[at])
+        if negative:
+            if value is None:
+                raise self._fail(token, "expected a bound of at least 0, got -inf")
+            value = -value
+        unit = self.tokens[at + 1]
+        if unit.type != StlLexer.NAME:
+            return value, None, at + 1
+        if unit.text not in UNITS:
+            reason = f"expected a unit out of {', '.join(UNITS)}, got '{unit.text}'"
+            raise self._fail(unit, reason, nearest(unit.text, UNITS))
+        return value, unit, at + 2
+
+    def _value(self, token: Token) -> Fraction | None:
+        if token.type == StlLexer.INF:
+            return None
+        if token.type == StlLexer.NUMBER:
+            try:
+                return exact(token.text, "a bound")
+            except SpecificationError as error:
+                raise self._fail(token, str(error)) from None
+        name = token.text
+        if name in self.constants:
+            return self.constants[name]
+        if name == "nan":
+            raise self._fail(token, "expected a number as the bound of an interval, got nan")
+        if name in UNITS:
+            hint = f"write a number before the unit: [0:500{name}]"
+            raise self._fail(token, f"expected an interval bound, got '{name}'", hint)
+        hint = nearest(name, self.constants, f"declare it: const float {name} = 5")
+        raise self._fail(token, f"unknown constant '{name}'", hint)
+
+    def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
+        return fail(self.text, token, reason, hint)
+
+
+def _way_out(row: Operator, args: Sequence[Node]) -> str:
+    if row.operands == "term" and any(isinstance(a, Formula) for a in args):
+        return "arithmetic and comparisons take variables, numbers and functions of them"
+    if max(a.depth for a in args) >= MAX_DEPTH:
+        return "group long chains in brackets, or write several specifications"
+    return ""

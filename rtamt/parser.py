@@ -1,0 +1,98 @@
+"""Text to a `Specification`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from fractions import Fraction
+from pathlib import Path
+from types import MappingProxyType
+
+
+from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.formula import UNITS, Exact, Formula, exact
+from rtamt.specification import Specification
+
+__all__ = ["as_specification", "load", "parse"]
+
+_NONE: Mapping[str, object] = MappingProxyType({})
+
+
+def parse(
+    text: str,
+    *,
+    unit: str = "s",
+    constants: Mapping[str, Exact] | None = None,
+    modules: Mapping[str, object] | None = None,
+) -> Specification:
+    """The specification that a text says.
+
+    Parsing is cached by text and arguments, unless `modules` are given.
+
+    Args:
+        text: One formula or more, declarations, constants.
+        unit: Unit of the bounds that have none: s, ms, us, ns or ps.
+        constants: Values of constants that the text may use beside its own.
+        modules: Modules, by name, from which the text may import types. None other is imported.
+
+    Raises:
+        ParseError: If the text is no specification, with line, column and the way out.
+        SpecificationError: If an argument is wrong.
+
+    Example:
+        >>> spec = parse("always((req >= 3) -> F[0:5](gnt >= 3))")
+        >>> print(spec)
+        always(req >= 3 implies eventually[0:5](gnt >= 3))
+        >>> spec.variables, spec.horizon
+        (('req', 'gnt'), inf)
+    """
+    if not isinstance(text, str):
+        msg = f"expected the text of a specification, got {type(text).__name__} {text!r}"
+        raise InputTypeError(msg)
+    if unit not in UNITS:
+        msg = f"expected a unit out of {', '.join(UNITS)}, got {unit!r}"
+        raise SpecificationError(msg)
+    given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in (constants or {}).items())
+    if modules:
+        return _parse.__wrapped__(text, unit, given, modules)
+    return _parse(text, unit, given)
+
+
+def load(
+    path: str | Path,
+    *,
+    unit: str = "s",
+    constants: Mapping[str, Exact] | None = None,
+    modules: Mapping[str, object] | None = None,
+) -> Specification:
+    """The specification in a file, read as UTF-8; see `parse`.
+
+    Raises:
+        OSError: If the file cannot be read.
+    """
+    text = Path(path).read_text(encoding="utf-8-sig")
+    return parse(text, unit=unit, constants=constants, modules=modules)
+
+
+def as_specification(spec: str | Formula | Specification) -> Specification:
+    """The specification that a monitor was given, as text, formula or specification."""
+    if isinstance(spec, Specification):
+        return spec
+    if isinstance(spec, Formula):
+        return Specification.of(spec)
+    if isinstance(spec, str):
+        return parse(spec)
+    msg = f"expected a specification as text, Formula or Specification, got {type(spec).__name__}"
+    raise InputTypeError(msg)
+
+
+@lru_cache(maxsize=512)
+def _parse(
+    text: str,
+    unit: str,
+    given: tuple[tuple[str, Fraction], ...],
+    modules: Mapping[str, object] = _NONE,
+) -> Specification:
+    from rtamt.reader import read_specification  # noqa: PLC0415 - ANTLR is loaded when it is needed
+
+    return read_specification(text, unit, dict(given), modules)

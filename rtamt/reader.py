@@ -1,0 +1,190 @@
+"""Statements to a `Specification`: what names stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from itertools import takewhile
+from typing import Literal, cast
+
+from rtamt.builder import Builder
+from rtamt.diagnosis import PRIMITIVES, Token, fail, nearest
+from rtamt.errors import ParseError, SpecificationError
+from rtamt.formula import Formula, Node, exact, number, variable
+from rtamt.specification import Declaration, Specification
+from rtamt.tokens import Part, Statement, Statements, read
+
+__all__ = ["read_specification"]
+
+
+def read_specification(
+    text: str, unit: str, given: Mapping[str, Fraction], modules: Mapping[str, object]
+) -> Specification:
+    """The specification of a text; the arguments are those of `parse`, checked.
+
+    Raises:
+        ParseError: If the text is no specification.
+    """
+    statements, tokens = read(text)
+    return _Reader(text, tokens, given, modules).specification(statements, unit)
+
+
+class _Reader:
+    def __init__(
+        self,
+        text: str,
+        tokens: Sequence[Token],
+        given: Mapping[str, Fraction],
+        modules: Mapping[str, object],
+    ) -> None:
+        self.text = text
+        self.tokens = tokens
+        self.given = given
+        self.modules = modules
+        self.imports: dict[str, str] = {}
+        self.constants = dict(given)
+        self.declarations: dict[str, Declaration] = {}
+        self.declared: set[str] = set()
+        self.topics: dict[str, str] = {}
+        self.formulas: dict[str, Formula] = {}
+        self.used: set[str] = set()
+        self.builder = Builder(text, tokens, self.constants, self._resolve)
+
+    def specification(self, statements: Statements, unit: str) -> Specification:
+        if not statements.definitions:
+            got = "declarations only" if len(self.tokens) > 1 else "the end of the text"
+            hint = "write a formula, such as always(x > 0)"
+            raise fail(self.text, self.tokens[-1], f"expected a formula, got {got}", hint)
+        for statement in statements.imports:
+            self._import(statement)
+        for statement in statements.constants:
+            self._constant(statement)
+        for statement in statements.declarations:
+            self._declare(statement)
+        # A declaration of what a formula computes declares no input of the formulas.
+        named = {d.name.text for d in statements.definitions if d.name is not None}
+        self.declared = self.declarations.keys() - named
+        *others, last = statements.definitions
+        for statement in others:
+            if statement.name is None:
+                hint = "name it, p = ..., or remove it: the last formula is the result"
+                token = statement.formula.start
+                raise fail(self.text, token, "only the last formula may stand without a name", hint)
+            self._define(statement)
+        formula = self._define(last)
+        for statement in statements.annotations:
+            self._annotate(statement)
+        return Specification(
+            text=self.text,
+            formula=formula,
+            name=None if statements.name is None else statements.name.text,
+            formulas=self.formulas,
+            declarations=self.declarations,
+            constants={name: float(value) for name, value in self.constants.items()},
+            topics=self.topics,
+            imports=self.imports,
+            unit=unit,
+            given=self.given,
+            positions=self.builder.positions,
+        )
+
+    def _import(self, statement: Statement) -> None:
+        module, name = statement.module.text, cast("Token", statement.name)
+        if module not in self.modules:
+            hint = f"pass it: parse(text, modules={{'{module}': {module.split('.')[0]}...}})"
+            raise self._fail(statement.module, f"module '{module}' was not given", hint)
+        known = dir(self.modules[module])
+        if name.text not in known:
+            reason = f"module '{module}' has no type '{name.text}'"
+            raise self._fail(name, reason, nearest(name.text, known))
+        self.imports[name.text] = module
+
+    def _constant(self, statement: Statement) -> None:
+        name = self._new(statement, PRIMITIVES)
+        self.constants[name] = self._value(cast("Part", statement.default))
+
+    def _declare(self, statement: Statement) -> None:
+        name = self._new(statement, (*PRIMITIVES, *self.imports))
+        io = None if statement.io is None else cast("Literal['input', 'output']", statement.io.text)
+        default = None if statement.default is None else float(self._value(statement.default))
+        self.declarations[name] = Declaration(statement.kind.text, io, default)
+
+    def _new(self, statement: Statement, types: Iterable[str]) -> str:
+        token = cast("Token", statement.name)
+        if statement.kind.text not in types:
+            hint = nearest(statement.kind.text, types, f"types are {', '.join(types)}")
+            raise self._fail(statement.kind, f"unknown type '{statement.kind.text}'", hint)
+        if token.text in self.declarations or token.text in self.constants:
+            by = "given as a constant" if token.text in self.given else "declared"
+            raise self._fail(token, f"'{token.text}' is already {by}", "choose another name")
+        return token.text
+
+    def _value(self, part: Part) -> Fraction:
+        text = self.text[part.start.start : part.stop.stop + 1]
+        try:
+            return exact(text.replace(" ", ""), "a value")
+        except SpecificationError as error:
+            raise self._fail(part.start, str(error)) from None
+
+    def _annotate(self, statement: Statement) -> None:
+        if statement.kind.text != "topic":
+            reason = f"unknown annotation '{statement.kind.text}'"
+            raise self._fail(statement.kind, reason, "write @ topic(VARIABLE, path)")
+        name = statement.variable.text
+        known = self.declarations.keys() | self.used
+        if name not in known:
+            hint = nearest(name, known, f"declare it: float {name}")
+            raise self._fail(statement.variable, f"unknown variable '{name}'", hint)
+        first, last = statement.location.start.tokenIndex, statement.location.stop.tokenIndex
+        self.topics[name] = "".join(t.text for t in self.tokens[first : last + 1])
+
+    def _define(self, statement: Statement) -> Formula:
+        part, name = statement.formula, statement.name
+        if name is not None:
+            self._check_free(name)
+        node = self.builder.build(part.start.tokenIndex, part.stop.tokenIndex)
+        formula = node if isinstance(node, Formula) else node.formula()
+        if name is not None:
+            if name.text in self.used:
+                reason = f"'{name.text}' is used as a variable and cannot name a formula"
+                raise self._fail(name, reason, "use the name in later formulas only")
+            self.formulas[name.text] = formula
+        return formula
+
+    def _check_free(self, name: Token) -> None:
+        if name.text in self.formulas:
+            reason = f"'{name.text}' already names a formula"
+        elif name.text in self.constants:
+            reason = f"'{name.text}' already names a constant"
+        else:
+            return
+        raise self._fail(name, reason, "choose another name")
+
+    def _resolve(self, token: Token) -> Node:
+        name = token.text
+        if name in self.formulas:
+            return self.formulas[name]
+        if name in self.constants:
+            return number(float(self.constants[name]))
+        if name not in self.used:
+            self._check_declared(token)
+            self.used.add(name)
+        return variable(name)
+
+    def _check_declared(self, token: Token) -> None:
+        if not self.declared:
+            return
+        message = token.text
+        while message not in self.declared and "." in message:
+            message = message.rpartition(".")[0]
+        if message not in self.declared:
+            known = (*self.declared, *self.formulas, *self.constants)
+            hint = nearest(token.text, known, f"declare it: float {token.text}")
+            raise self._fail(token, f"'{token.text}' is not declared", hint)
+        kind = self.declarations[message].type
+        if message != token.text and kind in PRIMITIVES:
+            reason = f"'{message}' is a {kind} and has no field '{token.text[len(message) + 1 :]}'"
+            raise self._fail(token, reason)
+
+    def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
+        return fail(self.text, token, reason, hint)

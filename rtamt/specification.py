@@ -1,0 +1,233 @@
+"""A specification: formulas with names, declarations, constants, and what can be said of them.
+
+A specification never changes and does not know how it will be monitored. Two are equal if they say
+the same, however they are spelt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from types import MappingProxyType, SimpleNamespace
+from typing import Literal
+
+from rtamt.errors import ParseError, SpecificationError
+from rtamt.formula import UNITS, Formula, Interval, Node, number_text
+from rtamt.operators import Bounds
+
+__all__ = ["Declaration", "Specification"]
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """What a text says of a variable.
+
+    Attributes:
+        type: A primitive type or the name of an imported one.
+        io: Whether the system reads or sets the variable; None if neither is said.
+        default: Its value as long as none has come, or None.
+    """
+
+    type: str
+    io: Literal["input", "output"] | None = None
+    default: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Specification:
+    """One formula or more, the last of which is the result.
+
+    ``str`` gives a canonical text; under the same ``unit`` it parses to an equal specification.
+
+    Attributes:
+        text: The text as it was given.
+        formula: The result: the last formula.
+        name: The name that the text gives to the whole, or None.
+        formulas: The named formulas, in order; the result is among them only if it has a name.
+        declarations: What the text says of variables, used or not.
+        constants: Values of the constants, those given to `parse` among them.
+        topics: Variable to the path of its topic.
+        imports: Imported type to its module.
+        unit: Unit of the bounds that have none.
+        given: Exact values of the constants that were given to `parse`.
+        positions: Line and column in the text of a node's interval, operator or name.
+    """
+
+    text: str
+    formula: Formula
+    name: str | None = None
+    formulas: Mapping[str, Formula] = field(default_factory=dict)
+    declarations: Mapping[str, Declaration] = field(default_factory=dict)
+    constants: Mapping[str, float] = field(default_factory=dict)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    imports: Mapping[str, str] = field(default_factory=dict)
+    unit: str = "s"
+    given: Mapping[str, Fraction] = field(default_factory=dict)
+    positions: Mapping[Node, tuple[int, int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Close the mappings."""
+        for attribute in _MAPPINGS:
+            closed = MappingProxyType(dict(getattr(self, attribute)))
+            object.__setattr__(self, attribute, closed)
+
+    @classmethod
+    def of(cls, formula: Formula) -> Specification:
+        """The specification of a formula that was made in Python."""
+        return cls(str(formula), formula)
+
+    @cached_property
+    def variables(self) -> tuple[str, ...]:
+        """Names used in any formula, in the order of declaration, else of first appearance."""
+        formulas = (*self.formulas.values(), self.formula)
+        used = dict.fromkeys(v for f in formulas for v in f.variables)
+        order = {name: rank for rank, name in enumerate(self.declarations)}
+        return tuple(sorted(used, key=lambda v: order.get(self._declared(v), len(order))))
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """The used variables that are declared ``input``, by themselves or as a whole message."""
+        return self._declared_as("input")
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """The used variables that are declared ``output``, by themselves or as a whole message."""
+        return self._declared_as("output")
+
+    @cached_property
+    def horizon(self) -> float:
+        """The longest time after t that the robustness at t can depend on, in `unit`.
+
+        inf if there is none; `next` counts as one. With a period and until or prev, a monitor may
+        need a sample less: its ``latency`` is exact.
+        """
+        horizons = _Horizons()
+        registers: dict[Node, int] = {}
+        for node in self.formula.nodes():
+            if node.op is None:
+                registers[node] = horizons.constant(0.0)
+                continue
+            operands = [registers[a] for a in node.args]
+            if node.op.timed:
+                registers[node] = node.op.meaning(horizons, self.bounds(node.interval), *operands)
+            else:
+                registers[node] = node.op.meaning(horizons, *operands)
+        return float(horizons.values[registers[self.formula]])
+
+    @cached_property
+    def looks_ahead(self) -> bool:
+        """Whether the result has an operator of the future."""
+        return any(n.op is not None and n.op.future for n in self.formula.nodes())
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether any formula has an interval."""
+        formulas = (*self.formulas.values(), self.formula)
+        return any(n.interval is not None for f in formulas for n in f.nodes())
+
+    def bounds(self, interval: Interval | None) -> tuple[Fraction, Fraction | None]:
+        """The bounds of an interval in `unit`; None as the end is no end."""
+        if interval is None:
+            return Fraction(0), None
+        scale = UNITS[interval.unit or self.unit] / UNITS[self.unit]
+        end = None if interval.end is None else interval.end * scale
+        return interval.begin * scale, end
+
+    def declaration(self, variable: str) -> Declaration | None:
+        """What the text says of a variable, or of the message of which it is a field."""
+        return self.declarations.get(self._declared(variable))
+
+    def error(self, node: Node, reason: str, hint: str = "") -> SpecificationError:
+        """The error about a node: with its place in the text if it has one, else with the formula."""
+        if node in self.positions:
+            return ParseError(reason, self.text, *self.positions[node], hint)
+        shown = f"{reason}\n  in {node}"
+        return SpecificationError(f"{shown}\n  hint: {hint}" if hint else shown)
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            self._content == other._content if isinstance(other, Specification) else NotImplemented
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.formula, self.name, self.unit, *self.formulas))
+
+    def __str__(self) -> str:
+        lines = [] if self.name is None else [f"specification {self.name}"]
+        lines += [f"from {module} import {name}" for name, module in self.imports.items()]
+        lines += [f"const float {n} = {number_text(v)}" for n, v in self.constants.items()]
+        for name, d in self.declarations.items():
+            words = [d.io, d.type, name] if d.io else [d.type, name]
+            words += [] if d.default is None else ["=", number_text(d.default)]
+            lines.append(" ".join(words))
+        lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
+        lines += [f"{name} = {formula}" for name, formula in self.formulas.items()]
+        if self.formula is not next(reversed(self.formulas.values()), None):
+            lines.append(str(self.formula))
+        # A line that begins with "-" would continue the one before it.
+        return lines[0] + "".join((";\n" if x[0] == "-" else "\n") + x for x in lines[1:])
+
+    def __repr__(self) -> str:
+        return f"<Specification {self}>"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _from_text, (self.text, self.unit, dict(self.given), dict(self.imports))
+
+    @cached_property
+    def _content(self) -> tuple[object, ...]:
+        said = (self.declarations, self.constants, self.topics, self.imports)
+        formulas = tuple(self.formulas.items())
+        return (self.formula, self.name, formulas, self.unit, *map(dict, said))
+
+    def _declared(self, variable: str) -> str:
+        while variable not in self.declarations and "." in variable:
+            variable = variable.rpartition(".")[0]
+        return variable
+
+    def _declared_as(self, io: str) -> tuple[str, ...]:
+        return tuple(v for v in self.variables if (d := self.declaration(v)) and d.io == io)
+
+
+_MAPPINGS = ("formulas", "declarations", "constants", "topics", "imports", "given", "positions")
+
+
+class _Horizons:
+    """A builder of the table's meanings whose registers are horizons."""
+
+    def __init__(self) -> None:
+        self.values: list[Fraction | float] = []
+
+    def constant(self, value: float) -> int:  # noqa: ARG002 - a horizon does not depend on it
+        return self._new(0)
+
+    def map(self, function: str, *args: int) -> int:  # noqa: ARG002
+        return self._new(max(self.values[a] for a in args))
+
+    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:  # noqa: ARG002
+        reach = max(self.values[a] for a in args)
+        return self._new(math.inf if hi is None else max(0, hi + reach))
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        return q if bounds[1] == 0 else self.window("until", *bounds, p, q)
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        if bounds[1] == 0:
+            return q
+        return self._new(max(self.values[p], self.values[q] - bounds[0], 0))
+
+    def _new(self, horizon: Fraction | float) -> int:
+        self.values.append(horizon)
+        return len(self.values) - 1
+
+
+def _from_text(
+    text: str, unit: str, given: dict[str, Fraction], imports: dict[str, str]
+) -> Specification:
+    from rtamt.parser import parse  # noqa: PLC0415 - the pickle is text; nothing else here parses
+
+    # The types were there when the text was first parsed; their names are all that is kept.
+    modules = {m: SimpleNamespace(**dict.fromkeys(imports)) for m in imports.values()}
+    return parse(text, unit=unit, constants=given, modules=modules)

@@ -1,0 +1,227 @@
+"""Text to tokens and statements: all that runs ANTLR.
+
+The scanner takes the lexer's tokens one by one, so that ten thousand open brackets cost no more
+than the first two hundred, and decides which newlines end a statement. The parser is then run for
+its verdict and for the parts of the statements; expressions are built from their tokens.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import Any, NoReturn, Protocol, cast
+
+from antlr4 import InputStream
+from antlr4.atn.PredictionMode import PredictionMode
+from antlr4.error.ErrorStrategy import BailErrorStrategy
+from antlr4.Token import Token as AntlrToken
+
+from rtamt.diagnosis import Token, diagnose, fail
+from rtamt.errors import ParseError
+from rtamt.formula import MAX_DEPTH
+from rtamt.grammar.generated.StlLexer import StlLexer
+from rtamt.grammar.generated.StlParser import StlParser
+
+__all__ = ["Part", "Statement", "Statements", "read"]
+
+
+class Part(Protocol):
+    """What a rule of the grammar has read."""
+
+    start: Token
+    stop: Token
+
+
+class Statement(Protocol):
+    """The labelled parts of a statement (see Stl.g4): None if left out, absent in other kinds."""
+
+    kind: Token
+    variable: Token
+    location: Part
+    module: Token
+    io: Token | None
+    name: Token | None
+    default: Part | None
+    formula: Part
+
+
+class Statements(Protocol):
+    """The statements of a text by kind, in the order of the text."""
+
+    name: Token | None
+    imports: Sequence[Statement]
+    annotations: Sequence[Statement]
+    constants: Sequence[Statement]
+    declarations: Sequence[Statement]
+    definitions: Sequence[Statement]
+
+
+_PREFIX = frozenset({StlLexer.TEMPORAL, StlLexer.STEP, StlLexer.NOT, StlLexer.MINUS})
+_INFIX = frozenset({StlLexer.BINDING, StlLexer.INFIX, StlLexer.MINUS, StlLexer.SLASH})
+# After these a newline ends nothing; what follows the end of an interval is an operand.
+_UNFINISHED = _PREFIX | _INFIX | {StlLexer.FUNCTION, StlLexer.EQUALS}
+_OPEN_ENDS = frozenset({StlLexer.COLON, StlLexer.COMMA, StlLexer.INF})
+
+# ANTLR's decision tables are shared by all parsers and grow while they run.
+_lock = threading.Lock()
+
+
+def read(text: str) -> tuple[Statements, Sequence[Token]]:
+    """The statements of a text and its tokens.
+
+    Raises:
+        ParseError: If the text is not of the language.
+    """
+    with _lock:
+        tokens = _Scanner(text).scan()
+        parser = StlParser(_Stream(tokens))
+        parser.buildParseTrees = False
+        parser._interp.predictionMode = PredictionMode.SLL  # noqa: SLF001 - the documented way
+        parser._errHandler = _Refusal(text, tokens)  # noqa: SLF001
+        return cast("Statements", parser.specification()), tokens
+
+
+class _Scanner:
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.tokens: list[Token] = []
+        self.brackets: list[Token] = []
+        self.unfinished = True
+
+    def scan(self) -> list[Token]:
+        lexer = StlLexer(InputStream(self.text))
+        newline: Token | None = None
+        prefixes = 0
+        while (token := cast("Token", lexer.nextToken())).type != AntlrToken.EOF:
+            kind = token.type
+            if kind == StlLexer.END and token.text == "\n":
+                if not (self.unfinished or self.brackets):
+                    newline = newline or token
+                continue
+            if newline is not None:
+                if kind not in _INFIX:
+                    self.tokens.append(newline)
+                newline = None
+            self.unfinished = kind in _UNFINISHED
+            if kind not in _UNFINISHED:
+                self._check(token)
+            if not self.brackets or self.brackets[-1].type != StlLexer.OPEN_INTERVAL:
+                prefixes = prefixes + 1 if kind in _PREFIX else prefixes * self.unfinished
+            if len(self.brackets) > MAX_DEPTH:
+                raise self._too_deep(token, "brackets are")
+            if prefixes > MAX_DEPTH:
+                raise self._too_deep(token, "the formula is")
+            self.tokens.append(token)
+        if self.brackets:
+            raise self._unclosed()
+        return self._finish(lexer, token)
+
+    def _check(self, token: Token) -> None:
+        match token.type:
+            case StlLexer.OPEN | StlLexer.OPEN_INTERVAL:
+                self.brackets.append(token)
+            case StlLexer.CLOSE | StlLexer.CLOSE_INTERVAL:
+                self._close(token)
+            case StlLexer.END:
+                if self.brackets:
+                    raise self._unclosed()
+                self.unfinished = True
+            case StlLexer.OPEN_COMMENT:
+                raise fail(
+                    self.text, token, "the comment is not closed", "write '*/' where it ends"
+                )
+            case StlLexer.ILLEGAL:
+                character = token.text
+                shown = f"'{character}'" if character.isprintable() else f"U+{ord(character):04X}"
+                hint = "" if character.isascii() else "operators and names are ASCII, such as >="
+                raise fail(self.text, token, f"unexpected character {shown}", hint)
+
+    def _close(self, token: Token) -> None:
+        if not self.brackets:
+            hint = "remove it, or open a bracket before it"
+            raise fail(self.text, token, f"'{token.text}' closes nothing", hint)
+        opened = self.brackets.pop()
+        if opened.type == StlLexer.OPEN_INTERVAL:
+            open_end = self.tokens[-1].type in _OPEN_ENDS
+            if token.type == StlLexer.CLOSE and not open_end:
+                reason = f"expected ']' to close {_place(opened)}, got ')'"
+                raise fail(self.text, token, reason, "both bounds belong to an interval: [0:5]")
+            self.unfinished = True
+        elif token.type == StlLexer.CLOSE_INTERVAL:
+            raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
+
+    def _finish(self, lexer: Any, eof: Token) -> list[Token]:
+        """End the last statement, at its last token rather than some empty lines below it."""
+        if self.tokens:
+            last = self.tokens[-1]
+            eof.line, eof.column = last.line, last.column + len(last.text)
+        if self.tokens and self.tokens[-1].type != StlLexer.END:
+            end = lexer.emitEOF()
+            end.type, end.text = StlLexer.END, ""
+            end.line, end.column = eof.line, eof.column
+            self.tokens.append(end)
+        self.tokens.append(eof)
+        for index, token in enumerate(self.tokens):
+            token.tokenIndex = index
+        return self.tokens
+
+    def _unclosed(self) -> ParseError:
+        opened = self.brackets[-1]
+        closer = "]" if opened.type == StlLexer.OPEN_INTERVAL else ")"
+        hint = f"write '{closer}' where it ends"
+        return fail(self.text, opened, f"'{opened.text}' is not closed", hint)
+
+    def _too_deep(self, token: Token, what: str) -> ParseError:
+        reason = f"{what} nested {MAX_DEPTH + 1} deep; the limit is {MAX_DEPTH}"
+        return fail(self.text, token, reason, "write the formula as several specifications")
+
+
+def _place(token: Token) -> str:
+    return f"'{token.text}' of {token.line}:{token.column + 1}"
+
+
+class _Stream:
+    """The tokens as a stream for ANTLR; its own fetches and filters, at five times the cost."""
+
+    def __init__(self, tokens: Sequence[Token]) -> None:
+        self.tokens = tokens
+        self.index = 0
+
+    def LT(self, k: int) -> Token | None:  # noqa: N802 - the names are ANTLR's
+        at = self.index + (k - 1 if k > 0 else k)
+        return self.tokens[min(at, len(self.tokens) - 1)] if at >= 0 else None
+
+    def LA(self, k: int) -> int:  # noqa: N802
+        return self.tokens[min(self.index + k - 1, len(self.tokens) - 1)].type
+
+    def consume(self) -> None:
+        self.index += 1
+
+    def seek(self, index: int) -> None:
+        self.index = index
+
+    def mark(self) -> int:
+        return 0
+
+    def release(self, marker: int) -> None:
+        pass
+
+
+class _Refusal(BailErrorStrategy):  # type: ignore[misc] # ANTLR is not typed
+    """No recovery: the first syntax error ends the parse, in the project's own words."""
+
+    def __init__(self, text: str, tokens: Sequence[Token]) -> None:
+        super().__init__()
+        self.text = text
+        self.tokens = tokens
+
+    def reportError(self, recognizer: Any, e: Any) -> NoReturn:  # noqa: N802
+        self._refuse(recognizer, e.offendingToken)
+
+    def recoverInline(self, recognizer: Any) -> NoReturn:  # noqa: N802
+        self._refuse(recognizer, recognizer.getCurrentToken())
+
+    def _refuse(self, parser: Any, token: Token) -> NoReturn:
+        rule = parser.ruleNames[parser._ctx.getRuleIndex()]  # noqa: SLF001
+        expected = frozenset(parser.getExpectedTokens())
+        raise diagnose(self.text, self.tokens, token, rule, expected)
