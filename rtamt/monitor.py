@@ -24,9 +24,10 @@ from rtamt.backend import (
 from rtamt.errors import InputError
 from rtamt.formula import Formula
 from rtamt.inputs import Columns, NanPolicy, SampleReader
+from rtamt.lowering import compile_program
 from rtamt.offline import run_offline
 from rtamt.parser import as_specification
-from rtamt.program import Program, compile_program
+from rtamt.program import Program
 from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
 

@@ -15,16 +15,12 @@ is the paper's pastification, done once and on numbers instead of on syntax tree
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
-from rtamt.errors import SpecificationError
-from rtamt.formula import Formula, Node, Term, number_text
-from rtamt.operators import FUNCTIONS, MONOIDS, Bounds
-from rtamt.timing import samples
+from rtamt.formula import Node, number_text
+from rtamt.operators import FUNCTIONS, MONOIDS
 
 if TYPE_CHECKING:
     from rtamt.specification import Specification
@@ -36,7 +32,6 @@ __all__ = [
     "Map",
     "Program",
     "Window",
-    "compile_program",
 ]
 
 
@@ -178,7 +173,7 @@ class Program:
                 self._require(lo is None or hi is None or lo <= hi, register, "is empty")
             case _ as never:
                 assert_never(never)
-        late = _latency(instruction, self.latencies, self.instructions)
+        late = latency_of(instruction, self.latencies, self.instructions)
         self._require(self.latencies[register] == late, register, f"has not latency {late}")
 
     @staticmethod
@@ -206,7 +201,7 @@ class Program:
                 instructions=(*self.instructions, running),
                 latencies=(
                     *self.latencies,
-                    _latency(running, self.latencies, self.instructions),
+                    latency_of(running, self.latencies, self.instructions),
                 ),
                 sources=(*self.sources, source),
                 result=len(self.instructions),
@@ -240,16 +235,19 @@ class Program:
             if register not in needed:
                 needed.add(register)
                 stack.extend(operands(self.instructions[register]))
-        return self._kept(sorted(needed), result, outputs)
+        kept = sorted(needed)
+        part = replace(self, result=result, outputs=outputs)
+        return part.reordered(kept, sum(r < self.terms for r in kept))
 
-    def _kept(self, kept: list[int], result: int, outputs: Mapping[str, int]) -> Program:
+    def reordered(self, kept: list[int], terms: int) -> Program:
+        """The program of these registers, in this order; the first ``terms`` are terms."""
         new = {old: i for i, old in enumerate(kept)}
         instructions = tuple(_renumbered(self.instructions[r], new) for r in kept)
         loads = {i.variable for i in instructions if isinstance(i, Load)}
         return replace(
             self,
             instructions=instructions,
-            terms=sum(r < self.terms for r in kept),
+            terms=terms,
             latencies=tuple(self.latencies[r] for r in kept),
             result=new[self.result],
             outputs={name: new[register] for name, register in self.outputs.items()},
@@ -268,8 +266,9 @@ class Program:
                 )
                 instruction = replace(instruction, lo=lo, hi=hi)  # noqa: PLW2901
             instructions.append(instruction)
-            latencies.append(_latency(instruction, latencies, instructions))
-        return replace(self, instructions=tuple(instructions), latencies=tuple(latencies))
+        return replace(
+            self, instructions=tuple(instructions), latencies=latencies_of(instructions)
+        )
 
     def __str__(self) -> str:
         """A listing: register, instruction, latency, and what it was compiled from."""
@@ -279,7 +278,7 @@ class Program:
             rows.append(
                 (
                     f"{register}",
-                    _listed(instruction),
+                    listed(instruction),
                     "-" if late is None else f"{late}",
                     str(self.sources[register]),
                 )
@@ -294,7 +293,7 @@ class Program:
         return "\n".join(lines)
 
 
-def _listed(instruction: Instruction) -> str:
+def listed(instruction: Instruction) -> str:
     match instruction:
         case Load(variable):
             return f"LOAD {variable}"
@@ -323,11 +322,11 @@ def latencies_of(instructions: Sequence[Instruction]) -> tuple[int | None, ...]:
     """The latency of every register; None where it needs the whole future."""
     latencies: list[int | None] = []
     for instruction in instructions:
-        latencies.append(_latency(instruction, latencies, instructions))
+        latencies.append(latency_of(instruction, latencies, instructions))
     return tuple(latencies)
 
 
-def _latency(
+def latency_of(
     instruction: Instruction,
     latencies: Sequence[int | None],
     instructions: Sequence[Instruction],
@@ -342,124 +341,3 @@ def _latency(
     if isinstance(instruction, Window):
         return None if instruction.hi is None else max(0, late + instruction.hi)
     return late
-
-
-class _Builder:
-    """Writes instructions; equal ones share a register."""
-
-    def __init__(self, specification: Specification, period: Fraction | None) -> None:
-        self.specification = specification
-        self.period = period
-        self.instructions: list[Instruction] = []
-        self.latencies: list[int | None] = []
-        self.sources: list[Node] = []
-        self.is_term: list[bool] = []
-        self.registers: dict[tuple[Instruction, bool, str], int] = {}
-        self.node: Node
-        self.term = False
-
-    def lower(self, node: Node, known: Mapping[Node, int]) -> int:
-        """Write one node whose operands are written."""
-        self.node = node
-        self.term = isinstance(node, Term) or (node.op is not None and node.op.operands == "term")
-        if node.op is None:
-            if isinstance(node.leaf, str):
-                return self._emit(Load(node.leaf), term=True)
-            return self.constant(node.leaf or 0.0)
-        args = [known[a] for a in node.args]
-        if node.op.timed:
-            error = functools.partial(self.specification.error, node)
-            bounds = samples(node.interval, self.period, self.specification.unit, error)
-            return node.op.meaning(self, bounds, *args)
-        return node.op.meaning(self, *args)
-
-    def _emit(self, instruction: Instruction, *, term: bool) -> int:
-        # A term and a formula of the same shape stay apart: at an unseen sample the one is
-        # unknown as a whole, the other by its parts. The text tells 0.0 from -0.0.
-        key = (instruction, term, _listed(instruction))
-        register = self.registers.get(key)
-        if register is None:
-            register = self.registers[key] = len(self.instructions)
-            self.latencies.append(_latency(instruction, self.latencies, self.instructions))
-            self.instructions.append(instruction)
-            self.sources.append(self.node)
-            self.is_term.append(term)
-        return register
-
-    def constant(self, value: float) -> int:
-        return self._emit(Const(value), term=True)
-
-    def map(self, function: str, *args: int) -> int:
-        values = [i.value for i in map(self.instructions.__getitem__, args) if isinstance(i, Const)]
-        if len(values) == len(args):
-            value = FUNCTIONS[function].apply(*values)
-            if value != value:  # noqa: PLR0124 - nan
-                raise self.specification.error(self.node, f"{self.node} is not a number")
-            return self.constant(value)
-        return self._emit(Map(function, args), term=self.term)
-
-    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
-        if lo == hi == 0:
-            return args[-1]
-        return self._emit(Window(monoid, lo, hi, args), term=False)
-
-    def since(self, bounds: Bounds, p: int, q: int) -> int:
-        begin, end = bounds
-        fold = self.window("since", None if end is None else -end, -begin, p, q)
-        if begin == 0:
-            return fold
-        return self.map("min", self.window("min", 1 - begin, 0, p), fold)
-
-    def until(self, bounds: Bounds, p: int, q: int) -> int:
-        begin, end = bounds
-        late_p, late_q = self.latencies[p], self.latencies[q]
-        if begin == end:
-            fold = self.window("max", begin, begin, q)
-        elif end is None or late_p is None or late_q is None or late_p <= late_q:
-            fold = self.window("until", begin, end, p, q)
-        else:
-            # p is needed only up to the sample before the witness, so it may come one sample
-            # later than q: pair q with the sample of p before it.
-            held = self.window("min", -1, -1, p)
-            later = self.window("until", begin + 1, end, held, self.map("min", held, q))
-            fold = self.map("max", self.window("max", begin, begin, q), later)
-        if begin == 0:
-            return fold
-        return self.map("min", self.window("min", 0, begin - 1, p), fold)
-
-
-@functools.lru_cache(maxsize=256)
-def compile_program(specification: Specification, period: Fraction | None = None) -> Program:
-    """The program of a specification.
-
-    Args:
-        specification: What to compile.
-        period: Seconds between samples; None: bounds are in samples.
-
-    Raises:
-        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`).
-    """
-    builder = _Builder(specification, period)
-    known: dict[Node, int] = {}
-    formulas: Iterable[Formula] = (
-        *specification.formulas.values(),
-        specification.formula,
-    )
-    for formula in formulas:
-        for node in formula.nodes():
-            if node not in known:
-                known[node] = builder.lower(node, known)
-    raw = Program(
-        instructions=tuple(builder.instructions),
-        terms=sum(builder.is_term),
-        latencies=tuple(builder.latencies),
-        result=known[specification.formula],
-        outputs={name: known[f] for name, f in specification.formulas.items()},
-        variables=specification.variables,
-        sources=tuple(builder.sources),
-        specification=specification,
-    )
-    terms_first = sorted(range(len(raw.instructions)), key=lambda r: not builder.is_term[r])
-    program = raw.reordered(terms_first, raw.terms).pruned()
-    program.verify()
-    return program

@@ -1,0 +1,145 @@
+"""From a specification to its program: every node once, by the meaning in its operator's row."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Mapping
+from fractions import Fraction
+
+from rtamt.formula import Formula, Node, Term
+from rtamt.operators import FUNCTIONS, Bounds
+from rtamt.program import (
+    Const,
+    Instruction,
+    Load,
+    Map,
+    Program,
+    Window,
+    latency_of,
+    listed,
+)
+from rtamt.specification import Specification
+from rtamt.timing import samples
+
+__all__ = ["compile_program"]
+
+
+class _Builder:
+    """Writes instructions; equal ones share a register."""
+
+    def __init__(self, specification: Specification, period: Fraction | None) -> None:
+        self.specification = specification
+        self.period = period
+        self.instructions: list[Instruction] = []
+        self.latencies: list[int | None] = []
+        self.sources: list[Node] = []
+        self.is_term: list[bool] = []
+        self.registers: dict[tuple[Instruction, bool, str], int] = {}
+        self.node: Node
+        self.term = False
+
+    def lower(self, node: Node, known: Mapping[Node, int]) -> int:
+        """Write one node whose operands are written."""
+        self.node = node
+        self.term = isinstance(node, Term) or (node.op is not None and node.op.operands == "term")
+        if node.op is None:
+            if isinstance(node.leaf, str):
+                return self._emit(Load(node.leaf), term=True)
+            return self.constant(node.leaf or 0.0)
+        args = [known[a] for a in node.args]
+        if node.op.timed:
+            error = functools.partial(self.specification.error, node)
+            bounds = samples(node.interval, self.period, self.specification.unit, error)
+            return node.op.meaning(self, bounds, *args)
+        return node.op.meaning(self, *args)
+
+    def _emit(self, instruction: Instruction, *, term: bool) -> int:
+        # A term and a formula of the same shape stay apart: at an unseen sample the one is
+        # unknown as a whole, the other by its parts. The text tells 0.0 from -0.0.
+        key = (instruction, term, listed(instruction))
+        register = self.registers.get(key)
+        if register is None:
+            register = self.registers[key] = len(self.instructions)
+            self.latencies.append(latency_of(instruction, self.latencies, self.instructions))
+            self.instructions.append(instruction)
+            self.sources.append(self.node)
+            self.is_term.append(term)
+        return register
+
+    def constant(self, value: float) -> int:
+        return self._emit(Const(value), term=True)
+
+    def map(self, function: str, *args: int) -> int:
+        values = [i.value for i in map(self.instructions.__getitem__, args) if isinstance(i, Const)]
+        if len(values) == len(args):
+            value = FUNCTIONS[function].apply(*values)
+            if value != value:  # noqa: PLR0124 - nan
+                raise self.specification.error(self.node, f"{self.node} is not a number")
+            return self.constant(value)
+        return self._emit(Map(function, args), term=self.term)
+
+    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+        if lo == hi == 0:
+            return args[-1]
+        return self._emit(Window(monoid, lo, hi, args), term=False)
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        fold = self.window("since", None if end is None else -end, -begin, p, q)
+        if begin == 0:
+            return fold
+        return self.map("min", self.window("min", 1 - begin, 0, p), fold)
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        late_p, late_q = self.latencies[p], self.latencies[q]
+        if begin == end:
+            fold = self.window("max", begin, begin, q)
+        elif end is None or late_p is None or late_q is None or late_p <= late_q:
+            fold = self.window("until", begin, end, p, q)
+        else:
+            # p is needed only up to the sample before the witness, so it may come one sample
+            # later than q: pair q with the sample of p before it.
+            held = self.window("min", -1, -1, p)
+            later = self.window("until", begin + 1, end, held, self.map("min", held, q))
+            fold = self.map("max", self.window("max", begin, begin, q), later)
+        if begin == 0:
+            return fold
+        return self.map("min", self.window("min", 0, begin - 1, p), fold)
+
+
+@functools.lru_cache(maxsize=256)
+def compile_program(specification: Specification, period: Fraction | None = None) -> Program:
+    """The program of a specification.
+
+    Args:
+        specification: What to compile.
+        period: Seconds between samples; None: bounds are in samples.
+
+    Raises:
+        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`).
+    """
+    builder = _Builder(specification, period)
+    known: dict[Node, int] = {}
+    formulas: Iterable[Formula] = (
+        *specification.formulas.values(),
+        specification.formula,
+    )
+    for formula in formulas:
+        for node in formula.nodes():
+            if node not in known:
+                known[node] = builder.lower(node, known)
+    raw = Program(
+        instructions=tuple(builder.instructions),
+        terms=sum(builder.is_term),
+        latencies=tuple(builder.latencies),
+        result=known[specification.formula],
+        outputs={name: known[f] for name, f in specification.formulas.items()},
+        variables=specification.variables,
+        sources=tuple(builder.sources),
+        specification=specification,
+    )
+    terms_first = sorted(range(len(raw.instructions)), key=lambda r: not builder.is_term[r])
+    program = raw.reordered(terms_first, raw.terms).pruned()
+    program.verify()
+    return program
