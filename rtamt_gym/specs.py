@@ -1,0 +1,176 @@
+"""The specifications of an environment wrapper: loaded, named, and turned into monitors."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium as gym
+
+import rtamt
+from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError
+from rtamt_gym.signals import read_period
+
+__all__ = [
+    "InstantMonitor",
+    "SpecLike",
+    "SpecsLike",
+    "View",
+    "load_specs",
+    "make_monitor",
+    "recordable",
+    "resolve_period",
+]
+
+SpecLike = str | os.PathLike[str] | rtamt.Specification
+"""The text of a specification, the path of a ``.stl`` file, or a parsed specification."""
+
+SpecsLike = SpecLike | Mapping[str, SpecLike]
+"""One specification, or several with their names."""
+
+View = Literal["episode", "step"]
+"""Whether a formula speaks of the episode from sample 0 on, or of every instant."""
+
+
+class InstantMonitor:
+    """``view="step"``: robustness instant by instant, and a judge of ``always(formula)``.
+
+    Attributes:
+        robustness: That of the newest instant whose horizon has passed; before the first, that of
+            the samples so far.
+        judge: Bounds and verdict of ``always(formula)``, fed with the same samples.
+    """
+
+    def __init__(self, spec: rtamt.Specification, period: float | str | None) -> None:
+        self._instant = rtamt.Monitor(spec, period=period)
+        self._sofar = rtamt.EpisodeMonitor(spec, period=period)
+        self.judge = rtamt.EpisodeMonitor(_always(spec), period=period)
+        self.robustness = math.nan
+
+    def update(self, *values: float) -> float:
+        """Feeds one sample; returns the robustness."""
+        robustness = self._instant.update(*values)
+        self.judge.update(*values)
+        if math.isnan(robustness):
+            robustness = self._sofar.update(*values)
+        self.robustness = robustness
+        return robustness
+
+    def reset(self) -> None:
+        """Forgets every sample."""
+        self._instant.reset()
+        self._sofar.reset()
+        self.judge.reset()
+
+
+def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:
+    """The specifications by name; one alone has the name that its text gives it, else ``"spec"``.
+
+    Raises:
+        SpecificationError: If one has no meaning; a note names it where there are several.
+        InputError: If there is none.
+        InputTypeError: If one is neither text, nor a path, nor a ``Specification``.
+    """
+    if not isinstance(specs, Mapping):
+        alone = _load(specs)
+        return {_name(alone): alone}
+    if not specs:
+        raise InputError("expected at least one specification, got an empty mapping")
+    loaded = {}
+    for name, spec in specs.items():
+        try:
+            loaded[name] = _load(spec)
+        except RtamtError as error:
+            error.add_note(f"in specification {name!r}")
+            raise
+    return loaded
+
+
+def recordable(specs: SpecsLike) -> str | dict[str, str]:
+    """The specifications as ``EnvSpec.to_json`` can write them."""
+    if isinstance(specs, Mapping):
+        return {name: _text(spec) for name, spec in specs.items()}
+    return _text(specs)
+
+
+def resolve_period(
+    specs: Mapping[str, rtamt.Specification],
+    period: float | str | None,
+    env: gym.Env[Any, Any],
+) -> float | str | None:
+    """The period given, else the period of the environment.
+
+    Raises:
+        SpecificationError: If neither is there and a specification has a bound.
+    """
+    if period is None:
+        period = read_period(env)
+    if period is None:
+        for name, spec in specs.items():
+            if spec.timed:
+                raise SpecificationError(
+                    f"specification {name!r} has bounds in time, but {env.unwrapped} does not "
+                    "say how long a step lasts; give period= in seconds, or period=1 to count steps"
+                )
+    return period
+
+
+def make_monitor(
+    name: str, spec: rtamt.Specification, period: float | str | None, view: View
+) -> tuple[rtamt.EpisodeMonitor | InstantMonitor, rtamt.EpisodeMonitor]:
+    """What to feed for one specification, and who judges the episode: the same, or its part.
+
+    Raises:
+        SpecificationError: If a bound is not a multiple of the period, if the formula speaks of
+            the first sample only and ``view`` is ``"episode"``, or if its future has no bound and
+            ``view`` is ``"step"``.
+    """
+    if view == "step":
+        monitor = InstantMonitor(spec, period)
+        return monitor, monitor.judge
+    if not spec.looks_ahead:
+        raise SpecificationError(
+            f"specification {name!r} speaks of the first sample only: {spec.formula}; "
+            f"write always({spec.formula}) or view='step'"
+        )
+    judge = rtamt.EpisodeMonitor(spec, period=period)
+    return judge, judge
+
+
+def _load(spec: SpecLike) -> rtamt.Specification:
+    match spec:
+        case rtamt.Specification():
+            return spec
+        case os.PathLike():
+            return rtamt.load(Path(spec))
+        case str() if spec.endswith(".stl") and len(spec.split()) == 1:
+            return rtamt.load(Path(spec))
+        case str():
+            return rtamt.parse(spec)
+    raise InputTypeError(
+        "expected the text of a specification, the path of a .stl file or an "
+        f"rtamt.Specification, got {spec!r}"
+    )
+
+
+def _name(spec: rtamt.Specification) -> str:
+    return spec.name or _result_name(spec) or "spec"
+
+
+def _result_name(spec: rtamt.Specification) -> str | None:
+    return next((name for name, formula in spec.formulas.items() if formula is spec.formula), None)
+
+
+def _always(spec: rtamt.Specification) -> rtamt.Specification:
+    """``always(formula)``, with the declarations and the named formulas of the specification."""
+    lines = str(spec).splitlines()
+    if _result_name(spec) is None:
+        lines.pop()
+    return rtamt.parse("\n".join([*lines, f"always({spec.formula})"]), unit=spec.unit)
+
+
+def _text(spec: SpecLike) -> str:
+    return os.fspath(spec) if isinstance(spec, os.PathLike) else str(spec)

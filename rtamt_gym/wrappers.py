@@ -1,0 +1,356 @@
+"""`StlMonitor`: specifications of signal temporal logic watch an environment, step by step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from operator import itemgetter
+from typing import Any, Literal, SupportsFloat, get_args
+
+import gymnasium as gym
+from gymnasium.core import ActType, ObsType
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils import RecordConstructorArgs
+
+from rtamt.errors import InputError, StateError
+from rtamt_gym.signals import SignalLike, join, parse_signals, read_period
+from rtamt_gym.specs import (
+    SpecsLike,
+    View,
+    load_specs,
+    make_monitor,
+    recordable,
+    resolve_period,
+)
+
+__all__ = ["Cost", "OnViolation", "StlMonitor"]
+
+OnViolation = Literal["terminate", "truncate", "report"]
+"""What happens to an episode at a certain violation."""
+
+Cost = Literal["indicator", "depth", "first"]
+"""What ``info["cost"]`` measures."""
+
+
+class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
+    """Monitors an environment against specifications and ends an episode that violates one.
+
+    Sample 0 of an episode is the observation that :meth:`reset` returns; every later sample is the
+    observation after a step with the action and the reward of that step, the terminal observation
+    included. Observations, actions and rewards pass through unchanged.
+
+    Every ``info``, that of :meth:`reset` included, gets
+
+    * ``robustness`` (float): the least robustness over the specifications, if the episode ended now
+    * ``stl_lower``, ``stl_upper`` (float): bounds of what it can still become
+    * ``stl_violated`` (bool): no continuation can satisfy all specifications
+    * ``stl`` (dict): with ``details=True``, ``{spec: {"robustness", "lower", "upper", "verdict"}}``
+    * ``cost`` (float): with ``cost=``, in the info of every step
+
+    and the last info of an episode also
+
+    * ``stl_episode`` (dict): ``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}``;
+      ``verdict`` is ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``, ``decided_at`` the sample
+      that decided it, absent from an open verdict
+    * ``stl_violated_by`` (str), ``stl_violated_at`` (int): the specification that was violated
+      first and the sample that showed it; absent if none was
+    * ``is_success`` (bool): all specifications are satisfied; absent while a verdict is open, and
+      where the environment reports its own
+
+    An episode that the environment itself terminates is a complete trace, and its verdicts are
+    final. An episode cut short, by a time limit or by this wrapper, could have gone on: a verdict
+    that is open then stays ``"UNDECIDED"``, neither success nor failure. Place time limits inside
+    of this wrapper; it does not see the truncation of a wrapper around it.
+
+    With ``view="step"`` a formula is read as a requirement on every instant, as an online monitor
+    reads it: ``robustness`` is that of the newest instant whose horizon has passed (before the
+    first, that of the samples so far), bounds and verdict are those of ``always(formula)``.
+
+    No vector version of the wrapper exists.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> from rtamt_gym import StlMonitor
+        >>> env = gym.make("CartPole-v1")
+        >>> env = StlMonitor(env, "always(abs(theta) < 0.1)", {"theta": "obs[2]"})
+        >>> _, info = env.reset(seed=123)
+        >>> round(info["robustness"], 3), info["stl_violated"]
+        (0.072, False)
+        >>> terminated = False
+        >>> while not terminated:
+        ...     _, _, terminated, _, info = env.step(1)
+        >>> info["stl_violated_by"], info["stl_violated_at"], env.samples
+        ('spec', 6, 7)
+        >>> info["stl_episode"]["spec"]["verdict"]
+        'VIOLATED'
+
+    Change logs:
+     * v0.5.0 - Initially added
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[ObsType, ActType],
+        specs: SpecsLike,
+        signals: Mapping[str, SignalLike],
+        *,
+        period: float | str | None = None,
+        on_violation: OnViolation = "terminate",
+        view: View = "episode",
+        details: bool = False,
+        cost: Cost | None = None,
+    ) -> None:
+        """Parses the specifications, binds the signals, and refuses what cannot be monitored.
+
+        Args:
+            env: The environment to apply the wrapper
+            specs: A specification (text, path of a ``.stl`` file, or ``rtamt.Specification``), or
+                several with their names
+            signals: For every variable of the specifications a selector such as ``"obs[2]"``,
+                ``"obs['goal'][0]"``, ``"action[0]"``, ``"reward"``, ``"info['speed']"`` or
+                ``"qpos[1]"``, or a callable of a :class:`rtamt_gym.Step`, or a pair of one of them
+                and its value at reset, which action, reward and info need
+            period: Time between two samples, in seconds or as text with a unit; ``None`` reads
+                it from the environment; ``1`` with bounds in the default unit counts steps
+            on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
+                episode, or only ``"report"`` it
+            view: ``"episode"``: a formula speaks of the episode from sample 0 on; ``"step"``: of
+                every instant
+            details: If to add ``info["stl"]``, the state of every specification
+            cost: If to add ``info["cost"]``: ``"indicator"`` is 1 while the episode is violated,
+                ``"depth"`` is how far, ``"first"`` is 1 only at the step that shows the violation
+
+        Raises:
+            SpecificationError: If a specification is wrong, speaks of the first sample only, has
+                a bound that is not a multiple of the period, or needs a period and has none
+            InputError: If a variable has no signal, a signal no variable, or a selector does not
+                fit the environment
+        """
+        RecordConstructorArgs.__init__(
+            self,
+            specs=recordable(specs),
+            signals=signals,
+            period=period,
+            on_violation=on_violation,
+            view=view,
+            details=details,
+            cost=cost,
+        )
+        gym.Wrapper.__init__(self, env)
+        _check_choice("on_violation", on_violation, get_args(OnViolation))
+        _check_choice("view", view, get_args(View))
+        _check_choice("cost", cost, (None, *get_args(Cost)))
+        self._on_violation = on_violation
+        self._details = details
+        self._cost = cost
+
+        loaded = load_specs(specs)
+        self._variables = {name: spec.variables for name, spec in loaded.items()}
+        self._signals = parse_signals(
+            signals, [variable for names in self._variables.values() for variable in names]
+        )
+        self._period = resolve_period(loaded, period, env)
+        self._guards_period = period is None and any(spec.timed for spec in loaded.values())
+        self._monitors = [
+            (name, *make_monitor(name, spec, self._period, view)) for name, spec in loaded.items()
+        ]
+        self._bind_signals()
+        self._decided: dict[str, int] = {}
+        self._violated_by: str | None = None
+        self._charged = False
+        self._running = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[ObsType, dict[str, Any]]:
+        """Resets the environment and the monitors; the observation is sample 0.
+
+        Raises:
+            InputError: If a signal is nan or cannot be read.
+            StateError: If the environment has changed its period since construction.
+        """
+        self._running = False
+        obs, info = self.env.reset(seed=seed, options=options)
+        if self._guards_period and read_period(self.env) != self._period:
+            raise StateError(
+                f"expected the period of {self._period} s that {self.env.unwrapped} had at "
+                f"construction, got {read_period(self.env)} s; wrap it again, or give period="
+            )
+        for _, monitor, _ in self._monitors:
+            monitor.reset()
+        self._decided = {}
+        self._violated_by = None
+        self._charged = False
+        info = self._judge(info, self._feed(self._read_reset((obs, None, None, info))))
+        self._running = True
+        return obs, info
+
+    def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Steps through the environment, feeds one sample, and ends a violated episode.
+
+        Raises:
+            StateError: Before :meth:`reset` and after the end of an episode.
+            InputError: If a signal is nan or cannot be read; the episode is over then.
+        """
+        if not self._running:
+            raise StateError(
+                "expected a running episode, got step() before reset() or after the end of the "
+                "episode; call reset()"
+            )
+        obs, reward, terminated, truncated, info = self.env.step(action)
+        # Until the sample is in: a monitor that misses one would count wrong ever after.
+        self._running = False
+        robustness = self._feed(self._read((obs, action, reward, info)))
+        if terminated:
+            for _, _, judge in self._monitors:
+                judge.finish()
+        info = self._judge(info, robustness)
+        if self._cost is not None:
+            info["cost"] = self._charge(info["stl_upper"])
+        if self._violated_by is not None and not terminated:
+            terminated = self._on_violation == "terminate"
+            truncated = truncated or self._on_violation == "truncate"
+        if terminated or truncated:
+            self._conclude(info)
+        else:
+            self._running = True
+        return obs, reward, terminated, truncated, info
+
+    @property
+    def samples(self) -> int:
+        """Samples fed since :meth:`reset`, its own included."""
+        return self._monitors[0][2].samples
+
+    @property
+    def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
+        """The environment's specification with this wrapper; JSON cannot hold a callable signal."""
+        spec = super().spec
+        if spec is not None and any(callable(signal.source) for signal in self._signals):
+            spec = _CallableSpec(**{f.name: getattr(spec, f.name) for f in fields(spec) if f.init})
+            self._cached_spec = spec
+        return spec
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: self.__dict__[name] for name in self.__dict__ if name not in _UNPICKLED}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind_signals()
+
+    def _bind_signals(self) -> None:
+        """Makes what pickle cannot carry: functions that read this environment."""
+        self._read = join([signal.bind(self.env) for signal in self._signals])
+        self._read_reset = join([signal.bind_reset(self.env) for signal in self._signals])
+        names = [signal.name for signal in self._signals]
+        self._updates = [
+            (monitor.update, _pick([names.index(v) for v in self._variables[name]], len(names)))
+            for name, monitor, _ in self._monitors
+        ]
+
+    def _feed(self, values: Sequence[float]) -> float:
+        """Feeds one sample to every monitor; returns the least robustness."""
+        least = math.inf
+        for update, pick in self._updates:
+            robustness = update(*(values if pick is None else pick(values)))
+            if robustness < least:  # noqa: PLR1730  # calls of min() cost as much as the rest
+                least = robustness
+        return least
+
+    def _judge(self, info: dict[str, Any], robustness: float) -> dict[str, Any]:
+        """The info with the state of the monitors; notes what has just been decided."""
+        lower = upper = math.inf
+        for name, _, judge in self._monitors:
+            low, high = judge.lower, judge.upper
+            if low < lower:  # noqa: PLR1730
+                lower = low
+            if high < upper:  # noqa: PLR1730
+                upper = high
+            if (high < 0.0 or low > 0.0) and name not in self._decided:
+                self._decided[name] = judge.samples - 1
+                if high < 0.0 and self._violated_by is None:
+                    self._violated_by = name
+        info = {
+            **info,
+            "robustness": robustness,
+            "stl_lower": lower,
+            "stl_upper": upper,
+            "stl_violated": upper < 0.0,
+        }
+        if self._details:
+            info["stl"] = {
+                name: {
+                    "robustness": monitor.robustness,
+                    "lower": judge.lower,
+                    "upper": judge.upper,
+                    "verdict": judge.verdict.name,
+                }
+                for name, monitor, judge in self._monitors
+            }
+        return info
+
+    def _charge(self, upper: float) -> float:
+        first = upper < 0.0 and not self._charged
+        self._charged = upper < 0.0
+        match self._cost:
+            case "depth":
+                return max(0.0, -upper)
+            case "first":
+                return float(first)
+            case _:
+                return float(upper < 0.0)
+
+    def _conclude(self, info: dict[str, Any]) -> None:
+        """Adds to the last info of an episode what became of every specification."""
+        episode: dict[str, dict[str, Any]] = {}
+        for name, _, judge in self._monitors:
+            verdict = judge.verdict.name
+            episode[name] = {
+                "robustness": judge.robustness,
+                "verdict": verdict,
+                "satisfied": verdict == "SATISFIED",
+            }
+            if name in self._decided:
+                episode[name]["decided_at"] = self._decided[name]
+        info["stl_episode"] = episode
+        if self._violated_by is not None:
+            info["stl_violated_by"] = self._violated_by
+            info["stl_violated_at"] = self._decided[self._violated_by]
+            info.setdefault("is_success", False)
+        elif len(self._decided) == len(episode):
+            info.setdefault("is_success", True)
+
+
+_UNPICKLED = frozenset({"_read", "_read_reset", "_updates"})
+
+
+class _CallableSpec(EnvSpec):
+    """An environment's specification with a callable signal: for `gym.make`, not for JSON."""
+
+    def to_json(self) -> str:
+        for wrapper in self.additional_wrappers:
+            signals = (wrapper.kwargs or {}).get("signals")
+            for name, signal in signals.items() if isinstance(signals, dict) else ():
+                function = signal[0] if isinstance(signal, list | tuple) else signal
+                if callable(function):
+                    raise InputError(
+                        f"signal {name!r} is a callable, which JSON cannot hold; use a selector "
+                        'such as "obs[0]", or pass env.spec itself to gym.make'
+                    )
+        return super().to_json()
+
+
+def _pick(indices: list[int], count: int) -> Callable[[Sequence[float]], Sequence[float]] | None:
+    """Which of all values go to a monitor; None: all of them, as they are."""
+    if indices == list(range(count)):
+        return None
+    if len(indices) == 1:
+        (index,) = indices
+        return lambda values: (values[index],)
+    return itemgetter(*indices) if indices else lambda _: ()
+
+
+def _check_choice(name: str, value: object, choices: Sequence[object]) -> None:
+    if value not in choices:
+        options = " or ".join(repr(choice) for choice in choices)
+        raise InputError(f"expected {name}={options}, got {value!r}")

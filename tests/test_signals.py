@@ -1,0 +1,497 @@
+"""Signals: every selector reads what it says, and says at once what it cannot read."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from rtamt.errors import InputError, InputTypeError
+from rtamt_gym.signals import Signal, SignalLike, Step, join, parse_signals, read_period
+
+
+class Simulation(gym.Env[Any, Any]):
+    """An environment of which only the spaces matter."""
+
+    def __init__(
+        self, observation: spaces.Space[Any], action: spaces.Space[Any] | None = None
+    ) -> None:
+        self.observation_space = observation
+        self.action_space = action or spaces.Box(-1.0, 1.0, (2,))
+
+
+VECTOR = spaces.Box(-1.0, 1.0, (4,))
+GRID = spaces.Box(-1.0, 1.0, (2, 3))
+NESTED = spaces.Dict(
+    {
+        "goal": VECTOR,
+        "grid": GRID,
+        "pair": spaces.Tuple((spaces.Discrete(5), GRID)),
+        "word": spaces.Text(8),
+    }
+)
+
+VECTOR_OBS = np.array([0.5, 1.5, 2.5, 3.5], np.float32)
+GRID_OBS = np.array([[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]], np.float32)
+NESTED_OBS = {"goal": VECTOR_OBS, "grid": GRID_OBS, "pair": (4, GRID_OBS), "word": "go"}
+ACTION = np.array([-0.25, 0.75], np.float32)
+INFO = {"speed": 25, "crashed": np.bool_(1), "rewards": {"lane": np.float32(0.5)}, "x": [1, 2]}
+
+
+def read(
+    value: SignalLike, env: gym.Env[Any, Any], obs: object, *, action: object = ACTION
+) -> float:
+    return Signal.parse("x", value).bind(env)((obs, action, -1.5, INFO))
+
+
+@pytest.mark.parametrize(
+    ("selector", "space", "obs", "expected"),
+    [
+        ("obs[2]", VECTOR, VECTOR_OBS, 2.5),
+        ("obs[-1]", VECTOR, VECTOR_OBS, 3.5),
+        (" obs [ 2 ] ", VECTOR, VECTOR_OBS, 2.5),
+        ("obs[1][2]", GRID, GRID_OBS, 12.0),
+        ("obs['goal'][1]", NESTED, NESTED_OBS, 1.5),
+        ('obs["grid"][1][0]', NESTED, NESTED_OBS, 10.0),
+        ("obs['pair'][0]", NESTED, NESTED_OBS, 4.0),
+        ("obs['pair'][1][0][2]", NESTED, NESTED_OBS, 2.0),
+        ("obs", spaces.Discrete(7), np.int64(6), 6.0),
+        ("obs[1]", spaces.MultiDiscrete([3, 3]), np.array([0, 2]), 2.0),
+        ("obs[0]", spaces.MultiBinary(2), np.array([1, 0], np.int8), 1.0),
+        ("obs", spaces.Box(0.0, 1.0, ()), np.float32(0.5), 0.5),
+    ],
+)
+def test_an_observation_selector_reads_one_number(
+    selector: str, space: spaces.Space[Any], obs: object, expected: float
+) -> None:
+    value = read(selector, Simulation(space), obs)
+    assert value == expected
+    assert type(value) is float
+
+
+@pytest.mark.parametrize(
+    ("selector", "expected"),
+    [
+        ("action[1]", 0.75),
+        ("reward", -1.5),
+        ("info['speed']", 25.0),
+        ("info['crashed']", 1.0),
+        ("info['rewards']['lane']", 0.5),
+        ("info['x'][1]", 2.0),
+    ],
+)
+def test_what_reset_does_not_give_is_its_default_there(selector: str, expected: float) -> None:
+    env = Simulation(VECTOR)
+    signal = Signal.parse("x", (selector, 7))
+    assert signal.bind_reset(env)((VECTOR_OBS, None, None, {})) == 7.0
+    value = signal.bind(env)((VECTOR_OBS, ACTION, -1.5, INFO))
+    assert value == expected
+    assert type(value) is float
+
+
+def test_a_discrete_action_needs_no_index() -> None:
+    env = Simulation(VECTOR, spaces.Discrete(3))
+    assert read(("action", 0), env, VECTOR_OBS, action=2) == 2.0
+
+
+def test_a_pair_may_be_a_list_as_json_gives_it() -> None:
+    assert Signal.parse("x", ["action[0]", 0.5]) == Signal.parse("x", ("action[0]", 0.5))
+
+
+def test_a_callable_sees_the_whole_step() -> None:
+    env = Simulation(VECTOR)
+    seen: list[Step] = []
+
+    def look(step: Step) -> float:
+        seen.append(step)
+        return 3.0
+
+    assert read(look, env, VECTOR_OBS) == 3.0
+    (step,) = seen
+    assert step.obs is VECTOR_OBS
+    assert step.action is ACTION
+    assert step.reward == -1.5
+    assert step.info is INFO
+    assert step.env is env
+
+
+def test_a_callable_with_a_default_is_not_called_at_reset() -> None:
+    def fail(_: Step) -> float:
+        raise AssertionError
+
+    assert Signal.parse("x", (fail, 2)).bind_reset(Simulation(VECTOR))((0, None, None, {})) == 2.0
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_joined_reads_keep_their_order(count: int) -> None:
+    env = Simulation(VECTOR)
+    reads = [Signal.parse("x", f"obs[{i}]").bind(env) for i in range(count)]
+    assert list(join(reads)((VECTOR_OBS, None, None, {}))) == [0.5, 1.5, 2.5, 3.5][:count]
+
+
+def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
+    env = gym.make("HalfCheetah-v5")
+    env.reset(seed=1)
+    env.step(env.action_space.sample())
+    simulation: Any = env.unwrapped
+    assert read("qpos[1]", env, None) == simulation.data.qpos[1]
+    assert read("qvel[-1]", env, None) == simulation.data.qvel[-1]
+    env.close()
+
+
+def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
+    env = gym.make("InvertedPendulum-v5")
+    simulation: Any = env.unwrapped
+    position = Signal.parse("x", "qpos[0]").bind(env)
+    simulation.model, simulation.data = simulation._initialize_simulation()
+    simulation.data.qpos[0] = 0.125
+    assert position((None, None, None, {})) == 0.125
+    env.close()
+
+
+UNFIT: list[tuple[SignalLike, spaces.Space[Any], str]] = [
+    (
+        "obs[4]",
+        VECTOR,
+        (
+            "signal 'x': obs[4] does not fit: the observation space has 4 elements there, 0 to 3; "
+            "it is Box(shape=(4,), dtype=float32)"
+        ),
+    ),
+    (
+        "obs[-5]",
+        VECTOR,
+        (
+            "signal 'x': obs[-5] does not fit: the observation space has 4 elements there, 0 to 3; "
+            "it is Box(shape=(4,), dtype=float32)"
+        ),
+    ),
+    (
+        "obs",
+        VECTOR,
+        (
+            "signal 'x': obs does not fit: the observation space needs 1 index there; "
+            "it is Box(shape=(4,), dtype=float32)"
+        ),
+    ),
+    (
+        "obs[0]",
+        GRID,
+        (
+            "signal 'x': obs[0] does not fit: the observation space needs 2 indices there; "
+            "it is Box(shape=(2, 3), dtype=float32)"
+        ),
+    ),
+    (
+        "obs[0]",
+        spaces.Discrete(3),
+        (
+            "signal 'x': obs[0] does not fit: the observation space needs no indices there; "
+            "it is Discrete(3)"
+        ),
+    ),
+    (
+        "obs['goal']['x']",
+        spaces.Dict(goal=VECTOR),
+        (
+            "signal 'x': obs['goal']['x'] does not fit: the observation space has no key 'x'; "
+            "it is Dict('goal': Box(shape=(4,), dtype=float32))"
+        ),
+    ),
+    (
+        "obs['gaol'][0]",
+        spaces.Dict(goal=VECTOR),
+        (
+            "signal 'x': obs['gaol'][0] does not fit: the observation space has no key 'gaol'; "
+            "it is Dict('goal': Box(shape=(4,), dtype=float32))"
+        ),
+    ),
+    (
+        "obs[2]",
+        spaces.Tuple((spaces.Discrete(2), VECTOR)),
+        (
+            "signal 'x': obs[2] does not fit: the observation space has 2 elements there, 0 to 1; "
+            "it is Tuple(Discrete(2), Box(shape=(4,), dtype=float32))"
+        ),
+    ),
+    (
+        "obs['word']",
+        spaces.Dict(goal=spaces.Discrete(2), word=spaces.Sequence(VECTOR)),
+        (
+            "signal 'x': obs['word'] does not fit: the observation space has no number there; "
+            "it is Dict('goal': Discrete(2), 'word': Sequence(Box(-1.0, 1.0, (4,), float32), "
+            "stack=False))"
+        ),
+    ),
+    (
+        ("action[2]", 0.0),
+        VECTOR,
+        (
+            "signal 'x': action[2] does not fit: the action space has 2 elements there, 0 to 1; "
+            "it is Box(shape=(2,), dtype=float32)"
+        ),
+    ),
+    (
+        "qpos[0]",
+        VECTOR,
+        (
+            "signal 'x': qpos[0] needs a MuJoCo environment, and Simulation has no data.qpos; "
+            "read obs[...] instead"
+        ),
+    ),
+]
+
+
+@pytest.mark.parametrize(("value", "space", "message"), UNFIT)
+def test_a_selector_that_does_not_fit_says_what_the_space_is(
+    value: SignalLike, space: spaces.Space[Any], message: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        Signal.parse("x", value).bind(Simulation(space))
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("selector", "message"),
+    [
+        ("qpos[9]", "signal 'x': qpos[9] does not fit: qpos has 9 elements, 0 to 8"),
+        ("qvel", "signal 'x': expected one index, qvel[0], got qvel"),
+        ("qpos['a']", "signal 'x': expected one index, qpos[0], got qpos['a']"),
+    ],
+)
+def test_a_mujoco_selector_that_does_not_fit_says_what_there_is(
+    selector: str, message: str
+) -> None:
+    env = gym.make("HalfCheetah-v5")
+    with pytest.raises(InputError) as caught:
+        Signal.parse("x", selector).bind(env)
+    assert str(caught.value) == message
+    env.close()
+
+
+HINT = "  hint: write obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0] or qvel[0]"
+SOURCES = "expected one of obs, action, reward, info, qpos, qvel"
+
+
+@pytest.mark.parametrize(
+    ("selector", "column", "wrong"),
+    [
+        ("", 1, f"{SOURCES}, got the end of the selector"),
+        ("ob[2]", 1, f"{SOURCES}, got 'ob'"),
+        ("[2]", 1, f"{SOURCES}, got '['"),
+        ("__import__('os')", 1, f"{SOURCES}, got '__import__'"),
+        ("obs.x", 4, "expected '[' or the end of the selector, got '.'"),
+        ("obs[x]", 5, "expected an index or a key in quotes, got 'x'"),
+        ("obs[", 5, "expected an index or a key in quotes, got the end of the selector"),
+        ("obs[1:2]", 6, "expected ']', got ':'"),
+        ("obs[0, 1]", 6, "expected ']', got ','"),
+        ("obs[2", 6, "expected ']', got the end of the selector"),
+        ("obs[2] + 1", 8, "expected '[' or the end of the selector, got '+'"),
+        ("reward[0]", 7, "expected the end of the selector, got '['"),
+        ("info", 5, "expected a key in quotes, info['key'], got the end of the selector"),
+        ("info[0]", 6, "expected a key in quotes, info['key'], got '0'"),
+        ("info['a", 6, 'expected an index or a key in quotes, got "\'"'),
+    ],
+)
+def test_a_selector_that_cannot_be_read_gets_a_caret(
+    selector: str, column: int, wrong: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        Signal.parse("x", selector)
+    caret = " " * (column - 1) + "^"
+    expected = f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
+    assert str(caught.value) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "message"),
+    [
+        (
+            "action[0]",
+            InputError,
+            (
+                "signal 'x': action[0] has no value at reset; say what it is there: "
+                '"x": ("action[0]", 0.0)'
+            ),
+        ),
+        (
+            "reward",
+            InputError,
+            (
+                "signal 'x': reward has no value at reset; say what it is there: "
+                '"x": ("reward", 0.0)'
+            ),
+        ),
+        (
+            ("obs[0]", 0.0),
+            InputError,
+            (
+                "signal 'x': obs[0] has a value at reset, which the default 0.0 would hide; "
+                'write "x": "obs[0]"'
+            ),
+        ),
+        (
+            ("reward", math.nan),
+            InputError,
+            "signal 'x': expected a number as the value at reset, got nan",
+        ),
+        (
+            ("reward", "0"),
+            InputTypeError,
+            "signal 'x': expected a number as the value at reset, got '0'",
+        ),
+        (
+            3,
+            InputTypeError,
+            (
+                "signal 'x': expected a selector, a callable, or a pair of one of them and its "
+                "value at reset, got 3; a selector is obs[2], obs['key'][0], action[0], reward, "
+                "info['key'], qpos[0] or qvel[0]"
+            ),
+        ),
+    ],
+)
+def test_a_signal_that_is_none_says_what_is_one(
+    value: SignalLike, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error) as caught:
+        Signal.parse("x", value)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("selector", "info", "error", "message"),
+    [
+        (
+            "info['sped']",
+            {"speed": 1.0, "crashed": False},
+            InputError,
+            "signal 'x': the info has no info['sped']; its keys are 'speed', 'crashed'",
+        ),
+        (
+            "info['speed'][0]",
+            {"speed": 1.0},
+            InputError,
+            "signal 'x': the info has no info['speed'][0]; it has 1.0 before 0",
+        ),
+        (
+            "info['speed']",
+            {"speed": None},
+            InputTypeError,
+            "signal 'x': expected a number from info['speed'], got None",
+        ),
+        (
+            "info['speed']",
+            {"speed": "0.5"},
+            InputTypeError,
+            "signal 'x': expected a number from info['speed'], got '0.5'",
+        ),
+    ],
+)
+def test_an_info_without_the_number_says_what_it_has(
+    selector: str, info: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    bound = Signal.parse("x", (selector, 0.0)).bind(Simulation(VECTOR))
+    with pytest.raises(error) as caught:
+        bound((VECTOR_OBS, ACTION, 0.0, info))
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("signals", "variables", "message"),
+    [
+        (
+            {"thta": "obs[0]"},
+            ["theta"],
+            "variable 'theta' has no signal; the signals are 'thta'; did you mean 'thta'?",
+        ),
+        (
+            {},
+            ["theta"],
+            'variable \'theta\' has no signal; the signals are none; give one: "theta": "obs[0]"',
+        ),
+        (
+            {"x": "obs[0]", "theta": "obs[1]"},
+            ["theta", "u"],
+            "variable 'u' has no signal; the signals are 'x', 'theta'; give one: \"u\": \"obs[0]\"",
+        ),
+        (
+            {"theta": "obs[0]", "thteta": "obs[1]"},
+            ["theta"],
+            (
+                "signal 'thteta' is read by no specification; the variables are 'theta'; "
+                "did you mean 'theta'?"
+            ),
+        ),
+        (
+            {"theta": "obs[0]", "q": "obs[1]"},
+            ["theta"],
+            "signal 'q' is read by no specification; the variables are 'theta'; leave it out",
+        ),
+    ],
+)
+def test_signals_and_variables_must_match(
+    signals: dict[str, SignalLike], variables: list[str], message: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_signals(signals, variables)
+    assert str(caught.value) == message
+
+
+def test_signals_must_be_a_mapping() -> None:
+    with pytest.raises(InputTypeError) as caught:
+        parse_signals("obs[0]", ["x"])  # type: ignore[arg-type]
+    assert str(caught.value) == 'expected a mapping such as signals={"x": "obs[0]"}, got \'obs[0]\''
+
+
+def test_signals_come_in_the_order_of_the_variables() -> None:
+    signals = parse_signals({"b": "obs[1]", "a": "obs[0]"}, ["a", "b", "a"])
+    assert [signal.name for signal in signals] == ["a", "b"]
+
+
+@given(st.text(alphabet="obsinfreward[]0123456789'\"kx -+.,:", max_size=20))
+@example("obs[0][1]")
+@example("info['a'][0]")
+def test_any_text_is_a_selector_that_prints_itself_or_an_input_error(text: str) -> None:
+    default = () if text.lstrip().startswith(("obs", "qpos", "qvel")) else (0.0,)
+    try:
+        signal = Signal.parse("x", (text, *default) if default else text)
+    except InputError:
+        return
+    assert Signal.parse("x", (str(signal), *default) if default else str(signal)) == signal
+
+
+@pytest.mark.parametrize(
+    ("env_id", "period"),
+    [
+        ("CartPole-v1", 0.02),
+        ("Pendulum-v1", 0.05),
+        ("Acrobot-v1", 0.2),
+        ("HalfCheetah-v5", 0.05),
+        ("InvertedPendulum-v5", 0.04),
+        ("highway_env:highway-fast-v0", 1.0),
+        ("highway_env:parking-v0", 0.2),
+        ("MountainCar-v0", None),
+    ],
+)
+def test_the_period_is_what_the_simulation_says_not_the_frame_rate(
+    env_id: str, period: float | None
+) -> None:
+    env = gym.make(env_id)
+    assert read_period(env) == pytest.approx(period)
+    env.close()
+
+
+@pytest.mark.parametrize("value", [0.0, -0.1, math.nan, math.inf, True, "0.1", None])
+def test_a_dt_that_is_no_time_is_no_period(value: object) -> None:
+    env: Any = Simulation(VECTOR)
+    env.dt = value
+    assert read_period(env) is None
+    env.tau = 0.5
+    assert read_period(env) == 0.5
