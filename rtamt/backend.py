@@ -15,7 +15,7 @@ from rtamt.program import Program
 from rtamt.schedule import encoded
 
 try:
-    import rtamt._native as _native
+    from rtamt import _native
 except ModuleNotFoundError as absent:  # a module that is there but does not load is a broken build
     if absent.name != "rtamt._native":
         raise
@@ -40,6 +40,10 @@ BACKEND: Final = _built
 Backend = Literal["auto", "native", "python"]
 
 
+Snapshot = Any
+"""State of a machine; only the machine of the same back-end knows what is in it."""
+
+
 class Machine(Protocol):
     """What the machines of both back-ends offer to a monitor."""
 
@@ -61,7 +65,7 @@ class Machine(Protocol):
     def state(self) -> object:
         """What ``restore`` needs to continue from here."""
 
-    def restore(self, state: Any) -> None:
+    def restore(self, state: Snapshot) -> None:
         """Continue from where ``state`` was taken."""
 
 
@@ -141,6 +145,10 @@ def discrete_machine(
     )
 
 
-def episode_machine(backend: Backend, program: Program, reader: SampleReader) -> EpisodeMachine:
+def episode_machine(
+    backend: Backend,  # noqa: ARG001
+    program: Program,
+    reader: SampleReader,
+) -> EpisodeMachine:
     """The machine of a back-end for the bounds of an episode."""
     return episode.EpisodeMachine(program, reader)

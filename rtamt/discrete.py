@@ -9,8 +9,8 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.algebra import MONOIDS, Element
 from rtamt.inputs import SampleReader
-from rtamt.operators import MONOIDS, Element
 from rtamt.program import Const, Load, Map, Program, Window
 from rtamt.schedule import Delay, Scheduled, schedule
 from rtamt.terms import Registers, Step, Terms, map_step
@@ -155,9 +155,9 @@ class Machine:
 
     def restore(self, state: State) -> None:
         """Continue from where ``state`` was taken."""
-        self.samples, inputs, registers, parts = state  # type: ignore[assignment]
-        self.inputs, self.registers = list(inputs), list(registers)  # type: ignore[call-overload]
-        for part, saved in zip(self._parts, parts, strict=True):  # type: ignore[call-overload]
+        self.samples, inputs, registers, parts = state
+        self.inputs, self.registers = list(inputs), list(registers)
+        for part, saved in zip(self._parts, parts, strict=True):
             part.restore(saved)
 
 

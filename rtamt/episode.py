@@ -27,9 +27,9 @@ from typing import assert_never
 
 import numpy as np
 
+from rtamt.algebra import MONOIDS
 from rtamt.errors import SpecificationError, StateError
 from rtamt.inputs import SampleReader
-from rtamt.operators import MONOIDS
 from rtamt.polarity import positive
 from rtamt.program import Const, Load, Map, Program, Window
 from rtamt.streams import (
@@ -59,11 +59,17 @@ class EpisodeMachine:
     def __init__(self, program: Program, reader: SampleReader) -> None:
         self.program = positive(program)
         self.reader = reader
+        self.samples = 0
+        self.inputs: list[float] = []
+        self.finished = False
         self._terms = Terms(self.program, reader)
+        self._first: Registers = []
         self._streams: dict[int, Stream] = {}
         self._unknowns: list[Endless] = []
         self._top: dict[int, TopFold | None] = {}
         self._place(self.program.result)
+        self._folds = [fold for fold in self._top.values() if fold is not None]
+        self._keepers: list[Keeper] = [*self._streams.values(), *self._folds]
         dimensions = len(self._unknowns)
         if dimensions > MAX_UNKNOWNS:
             msg = (
@@ -71,6 +77,8 @@ class EpisodeMachine:
                 f"the limit is {MAX_UNKNOWNS}; write an end, as in eventually[0:100]"
             )
             raise SpecificationError(msg)
+        # The value of every unknown, a row for each world.
+        self._values_of_unknowns = np.zeros((3, dimensions))
         self.reset()
 
     # The upper part of the program is read at time 0 alone; what stands below a window is read at
@@ -146,18 +154,19 @@ class EpisodeMachine:
 
     def _advance(self, terms: Registers) -> None:
         t = self.samples - 1
-        stored: list[Keeper] = [*self._streams.values(), *filter(None, self._top.values())]
         for stream in self._streams.values():
-            value = stream.settle(t, terms)
+            if isinstance(stream, Predicate):
+                stream.take(terms)
+            value = stream.settle(t)
             if isinstance(stream, Endless) and value is not None:
-                for keeper in stored:
+                for keeper in self._keepers:
                     keeper.substitute(stream.axis, value)
             if value is not None:
                 stream.append(value, t)
             stream.look(t, self._values_of_unknowns)
         if t == 0:
             self._first = terms
-        for fold in filter(None, self._top.values()):
+        for fold in self._folds:
             fold.settle(t)
         self._conclude(t)
 
@@ -180,7 +189,7 @@ class EpisodeMachine:
             return [fold.value(world, t, self._values_of_unknowns) for world in WORLDS]
         if not isinstance(instruction, Map):
             msg = f"register {register} is not read at time 0"
-            raise AssertionError(msg)
+            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
         choose = min if instruction.function == "min" else max
         return [choose(found[a][world] for a in instruction.args) for world in WORLDS]
 
@@ -197,12 +206,11 @@ class EpisodeMachine:
     def reset(self) -> None:
         """Forget every sample."""
         self.samples = 0
-        self.inputs: list[float] = []
+        self.inputs = []
         self.finished = False
-        self._first: Registers = []
-        # The value of every unknown, a row for each world.
+        self._first = []
         self._values_of_unknowns = np.zeros((3, len(self._unknowns)))
-        for keeper in (*self._streams.values(), *filter(None, self._top.values())):
+        for keeper in self._keepers:
             keeper.reset(len(self._unknowns))
         for stream in self._streams.values():
             stream.look(-1, self._values_of_unknowns)
@@ -210,16 +218,14 @@ class EpisodeMachine:
 
     def state(self) -> State:
         """What `restore` needs to continue from here."""
-        keepers = (*self._streams.values(), *filter(None, self._top.values()))
         bounds = (self.robustness, self.lower, self.upper)
-        kept = [keeper.state() for keeper in keepers]
+        kept = [keeper.state() for keeper in self._keepers]
         return [self.samples, self.inputs[:], self.finished, self._first[:], *bounds, kept]
 
     def restore(self, state: State) -> None:
         """Continue from where ``state`` was taken."""
-        samples, inputs, finished, first, *bounds, kept = state
-        self.samples, self.inputs, self.finished, self._first = samples, inputs[:], finished, first  # type: ignore[assignment, index]
-        self.robustness, self.lower, self.upper = bounds  # type: ignore[assignment]
-        keepers = (*self._streams.values(), *filter(None, self._top.values()))
-        for keeper, saved in zip(keepers, kept, strict=True):  # type: ignore[call-overload]
+        self.samples, inputs, self.finished, first, *bounds, kept = state
+        self.inputs, self._first = list(inputs), list(first)
+        self.robustness, self.lower, self.upper = bounds
+        for keeper, saved in zip(self._keepers, kept, strict=True):
             keeper.restore(saved)

@@ -17,13 +17,13 @@ class RtamtError(Exception):
 
 
 class SpecificationError(RtamtError, ValueError):
-    """A specification that cannot be given a meaning: bounds, units, depth, types, unbounded future."""
+    """A specification without a meaning: bounds, units, depth, types, unbounded future."""
 
 
 class ParseError(SpecificationError):
     """Text that is not a specification.
 
-    The message reads ``STL:LINE:COLUMN: what is wrong``, then the line of text, a caret, and a hint.
+    The message reads ``STL:LINE:COLUMN: what is wrong``, then the line, a caret, and a hint.
 
     Attributes:
         reason: The message without its place.
@@ -32,9 +32,7 @@ class ParseError(SpecificationError):
         hint: The way out, or an empty string.
     """
 
-    def __init__(
-        self, reason: str, text: str, line: int, column: int, hint: str = ""
-    ) -> None:
+    def __init__(self, reason: str, text: str, line: int, column: int, hint: str = "") -> None:
         lines = text.splitlines() or [""]
         source = lines[min(line, len(lines)) - 1]
         # A caret under a tab-indented line stands right only if the tabs are kept; a line of

@@ -56,9 +56,7 @@ Exact = int | float | str | Decimal | Fraction
 
 def exact(value: Exact, what: str) -> Fraction:
     """The exact value of a finite number; a float means its shortest decimal text."""
-    if isinstance(value, bool) or not isinstance(
-        value, int | float | str | Decimal | Fraction
-    ):
+    if isinstance(value, bool) or not isinstance(value, int | float | str | Decimal | Fraction):
         msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
         raise InputTypeError(msg)
     try:
@@ -137,9 +135,7 @@ class Interval:
     def __str__(self) -> str:
         end = "inf" if self.end is None else decimal_text(self.end)
         # "inf" is a word: its unit needs a space before it.
-        unit = (
-            "" if self.unit is None else (" " if self.end is None else "") + self.unit
-        )
+        unit = "" if self.unit is None else (" " if self.end is None else "") + self.unit
         return f"[{decimal_text(self.begin)}:{end}{unit}]"
 
 
@@ -165,9 +161,7 @@ class Node:
     size: int
 
     def __setattr__(self, name: str, value: object) -> None:
-        msg = (
-            f"{type(self).__name__} is frozen: make a new one instead of setting {name}"
-        )
+        msg = f"{type(self).__name__} is frozen: make a new one instead of setting {name}"
         raise AttributeError(msg)
 
     def __copy__(self) -> Self:
@@ -182,9 +176,7 @@ class Node:
     def __str__(self) -> str:
         if self.op is None:
             return (
-                self.leaf
-                if isinstance(self.leaf, str)
-                else number_text(cast("float", self.leaf))
+                self.leaf if isinstance(self.leaf, str) else number_text(cast("float", self.leaf))
             )
         return _text(self, self.op)
 
@@ -204,9 +196,7 @@ class Node:
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables, in order of first appearance."""
-        return tuple(
-            n.leaf for n in self.nodes() if n.op is None and isinstance(n.leaf, str)
-        )
+        return tuple(n.leaf for n in self.nodes() if n.op is None and isinstance(n.leaf, str))
 
 
 class Term(Node):
@@ -361,21 +351,15 @@ class Formula(Node):
         """``once[begin:end] self``."""
         return self._with("once", interval=Interval.of(begin, end))
 
-    def until(
-        self, other: Formula, begin: Exact = 0, end: Exact | None = None
-    ) -> Formula:
+    def until(self, other: Formula, begin: Exact = 0, end: Exact | None = None) -> Formula:
         """``self until[begin:end] other``."""
         return self._with("until", other, interval=Interval.of(begin, end))
 
-    def since(
-        self, other: Formula, begin: Exact = 0, end: Exact | None = None
-    ) -> Formula:
+    def since(self, other: Formula, begin: Exact = 0, end: Exact | None = None) -> Formula:
         """``self since[begin:end] other``."""
         return self._with("since", other, interval=Interval.of(begin, end))
 
-    def unless(
-        self, other: Formula, begin: Exact = 0, end: Exact | None = None
-    ) -> Formula:
+    def unless(self, other: Formula, begin: Exact = 0, end: Exact | None = None) -> Formula:
         """``self unless[begin:end] other``."""
         return self._with("unless", other, interval=Interval.of(begin, end))
 
@@ -395,9 +379,7 @@ class Formula(Node):
         """``fall(self)``."""
         return self._with("fall")
 
-    def _with(
-        self, name: str, *others: Formula, interval: Interval | None = None
-    ) -> Formula:
+    def _with(self, name: str, *others: Formula, interval: Interval | None = None) -> Formula:
         return cast("Formula", make(name, (self, *others), interval))
 
 
@@ -438,9 +420,7 @@ def disjunction(formulas: Iterable[Formula]) -> Formula:
     return _junction("or", tuple(formulas))
 
 
-def make(
-    name: str, args: tuple[Node, ...], interval: Interval | None = None
-) -> Term | Formula:
+def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) -> Term | Formula:
     """The node of an operator over its operands.
 
     Operands of another kind, a wrong number of them, or an interval where none belongs are errors.
@@ -452,9 +432,7 @@ def make(
     kind: type[Node] = Term if op.operands == "term" else Formula
     args = tuple(_as_kind(op, kind, arg) for arg in args)
     if op.grouping == "flat":
-        args = tuple(
-            part for arg in args for part in (arg.args if arg.op is op else (arg,))
-        )
+        args = tuple(part for arg in args for part in (arg.args if arg.op is op else (arg,)))
     elif op.grouping == "left-flat" and args[0].op is op:
         args = args[0].args + args[1:]
     elif name == "neg" and args[0].op is None and isinstance(args[0].leaf, float):
@@ -502,14 +480,8 @@ def _as_kind(op: Operator, kind: type[Node], arg: Node) -> Node:
     if kind is Term and isinstance(arg, Formula) and arg.op is OPERATORS["value"]:
         return arg.args[0]
     if not isinstance(arg, kind):
-        got = (
-            f"the formula {arg}"
-            if isinstance(arg, Node)
-            else f"{type(arg).__name__} {arg!r}"
-        )
-        msg = (
-            f"expected a {kind.__name__.lower()} as operand of '{op.symbol}', got {got}"
-        )
+        got = f"the formula {arg}" if isinstance(arg, Formula) else f"{type(arg).__name__} {arg!r}"
+        msg = f"expected a {kind.__name__.lower()} as operand of '{op.symbol}', got {got}"
         raise SpecificationError(msg)
     return arg
 
@@ -584,17 +556,11 @@ def _prefix_text(node: Node, op: Operator) -> str:
         tight = inner.op is None or inner.op.notation == "call"
         return f"-{text}" if tight and not text.startswith("-") else f"-({text})"
     bare = (
-        inner.op is not None
-        and inner.op.notation in ("prefix", "atom", "call")
-        and text[0] != "-"
+        inner.op is not None and inner.op.notation in ("prefix", "atom", "call") and text[0] != "-"
     )
     if bare and op.symbol == "not":
         return f"not {text}"
-    return (
-        f"{op.symbol}{interval} {text}"
-        if bare
-        else f"{op.symbol}{interval}{_space(op)}({text})"
-    )
+    return f"{op.symbol}{interval} {text}" if bare else f"{op.symbol}{interval}{_space(op)}({text})"
 
 
 def _space(op: Operator) -> str:
@@ -608,13 +574,13 @@ def _operand(node: Node, least: int) -> str:
 
 
 def _term_from_text(text: str) -> Term:
-    from rtamt.parser import parse  # noqa: PLC0415 - text is the pickle; formulas do not need a parser
+    from rtamt.parser import parse
 
     formula = parse(text).formula
     return cast("Term", formula.args[0])
 
 
 def _formula_from_text(text: str) -> Formula:
-    from rtamt.parser import parse  # noqa: PLC0415
+    from rtamt.parser import parse
 
     return parse(text).formula

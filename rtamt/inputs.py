@@ -14,8 +14,8 @@ from typing import Literal, NoReturn, SupportsFloat, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.algebra import FUNCTIONS
 from rtamt.errors import InputError, InputTypeError
-from rtamt.operators import FUNCTIONS
 from rtamt.program import Const, Load, Map, Program
 
 __all__ = ["Columns", "NanPolicy", "SampleReader", "nearest"]
@@ -167,7 +167,7 @@ class SampleReader:
             columns = [self._column(named[name], name) for name in self.variables]
         else:
             table = self._array(data, "the block")
-            if table.ndim != 2 or table.shape[1] != len(self.variables):  # noqa: PLR2004
+            if table.ndim != 2 or table.shape[1] != len(self.variables):
                 msg = (
                     f"expected an array of shape (n, {len(self.variables)}), "
                     f"a column for each of {', '.join(self.variables)}, got shape {table.shape}"
@@ -251,5 +251,5 @@ class SampleReader:
 
 def _kind(value: object) -> str:
     text = repr(value)
-    shown = text if len(text) <= 40 else text[:37] + "..."  # noqa: PLR2004
+    shown = text if len(text) <= 40 else text[:37] + "..."
     return f"{type(value).__name__} {shown}"

@@ -6,8 +6,9 @@ import functools
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 
+from rtamt.algebra import FUNCTIONS
 from rtamt.formula import Formula, Node, Term
-from rtamt.operators import FUNCTIONS, Bounds
+from rtamt.operators import Bounds
 from rtamt.program import (
     Const,
     Instruction,

@@ -7,7 +7,7 @@ import functools
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Literal, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,6 @@ __all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict", "evaluate"]
 Spec = str | Formula | Specification
 """A specification: text, a formula made of combinators, or a parsed specification."""
 
-Compile = Callable[[Specification, Fraction | None], Program]
-
 
 @functools.lru_cache(maxsize=256)
 def _online(specification: Specification, period: Fraction | None) -> Program:
@@ -57,24 +55,39 @@ Raises:
 """
 
 
-class _Online:
+_M = TypeVar("_M", bound=Machine)
+
+
+class _Online(Generic[_M]):
     """What monitors of samples share: a specification, a machine, snapshots."""
 
     __slots__ = ("_machine", "_period", "_reader", "backend", "program", "specification")
 
-    _machine: Machine
-    backend: Literal["native", "python"]
-    program: Program
-    specification: Specification
+    update: Callable[..., float]
 
-    def _prepare(
-        self, spec: Spec, period: Period | None, backend: Backend, nan: NanPolicy, online: Compile
+    def __init__(
+        self,
+        spec: Spec,
+        period: Period | None = None,
+        *,
+        backend: Backend = "auto",
+        nan: NanPolicy = "raise",
     ) -> None:
         self.specification = as_specification(spec)
         self._period = as_period(period)
         self.backend = choose(backend)
-        self.program = online(self.specification, self._period)
+        self.program = self._compiled()
         self._reader = SampleReader(self.program, nan)
+        self._machine: _M = self._made()
+        self.update = self._machine.update
+
+    def _compiled(self) -> Program:
+        """The program of the specification."""
+        raise NotImplementedError
+
+    def _made(self) -> _M:
+        """The machine of the back-end."""
+        raise NotImplementedError
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -107,7 +120,7 @@ class _Online:
         self._machine.restore(state)
 
 
-class Monitor(_Online):
+class Monitor(_Online[DiscreteMachine]):
     """Robustness at every sample, late by a known latency.
 
     At sample t, ``update`` gives the robustness at time ``t - latency``: positive, satisfied by
@@ -141,22 +154,11 @@ class Monitor(_Online):
 
     __slots__ = {"update": _UPDATE.format(result=" and give the robustness at time t - latency.")}
 
-    _machine: DiscreteMachine
-    update: Callable[..., float]
+    def _compiled(self) -> Program:
+        return _online(self.specification, self._period)
 
-    def __init__(
-        self,
-        spec: Spec,
-        period: Period | None = None,
-        *,
-        backend: Backend = "auto",
-        nan: NanPolicy = "raise",
-    ) -> None:
-        self._prepare(spec, period, backend, nan, _online)
-        self._machine = discrete_machine(
-            self.backend, self.program, self._reader, (self.program.result,)
-        )
-        self.update = self._machine.update
+    def _made(self) -> DiscreteMachine:
+        return discrete_machine(self.backend, self.program, self._reader, (self.program.result,))
 
     @property
     def latency(self) -> int:
@@ -210,13 +212,13 @@ class Verdict(enum.IntEnum):
     """No continuation can violate the specification: the lower bound is above 0."""
 
 
-class EpisodeMonitor(_Online):
+class EpisodeMonitor(_Online[EpisodeMachine]):
     """The robustness of a whole episode, and its bounds over all continuations, at every sample.
 
     Everything is about time 0 of the episode, as STL defines satisfaction; invariants are written
     ``always(...)``. Future operators need no end. After every sample
 
-    * ``robustness`` is the one that the episode has if it ends now, as `evaluate` gives for sample 0;
+    * ``robustness`` is the one that the episode has if it ends now: `evaluate`'s for sample 0;
     * ``lower`` and ``upper`` bound the robustness over all ways to go on for ever (the robust
       satisfaction interval): a predicate at an unseen sample lies in [-inf, +inf], and bounds go
       through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never rises;
@@ -254,20 +256,11 @@ class EpisodeMonitor(_Online):
         + "    StateError: After `finish`.\n"
     }
 
-    _machine: EpisodeMachine
-    update: Callable[..., float]
+    def _compiled(self) -> Program:
+        return compile_program(self.specification, self._period)
 
-    def __init__(
-        self,
-        spec: Spec,
-        period: Period | None = None,
-        *,
-        backend: Backend = "auto",
-        nan: NanPolicy = "raise",
-    ) -> None:
-        self._prepare(spec, period, backend, nan, compile_program)
-        self._machine = episode_machine(self.backend, self.program, self._reader)
-        self.update = self._machine.update
+    def _made(self) -> EpisodeMachine:
+        return episode_machine(self.backend, self.program, self._reader)
 
     @property
     def robustness(self) -> float:

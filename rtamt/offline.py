@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.algebra import MONOIDS
 from rtamt.inputs import SampleReader
-from rtamt.operators import MONOIDS
 from rtamt.program import Instruction, Load, Program, Window, latencies_of
 
 __all__ = ["RunMachine", "run_offline"]

@@ -9,192 +9,19 @@ from STL", ATVA 2020.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Literal, Protocol
 
 __all__ = [
-    "FUNCTIONS",
-    "MONOIDS",
     "OPERATORS",
     "RESERVED",
     "SPELLINGS",
     "Bounds",
     "Builder",
-    "Function",
-    "Monoid",
     "Operator",
 ]
-
-INF = math.inf
-
-
-# Functions: MAP f. IEEE doubles, nothing raises; a nan is found by the machine. -----------------
-
-
-@dataclass(frozen=True, slots=True)
-class Function:
-    """A total function on doubles, known by the same name to the C++ machine."""
-
-    name: str
-    arity: int
-    apply: Callable[..., float]
-
-
-def _div(x: float, y: float) -> float:
-    if y:
-        return x / y
-    if x == 0.0 or x != x:  # noqa: PLR0124 - nan is the one value that differs from itself
-        return math.nan
-    return math.copysign(INF, x) * math.copysign(1.0, y)
-
-
-def _sqrt(x: float) -> float:
-    return math.sqrt(x) if x >= 0.0 else math.nan
-
-
-def _exp(x: float) -> float:
-    try:
-        return math.exp(x)
-    except OverflowError:
-        return INF
-
-
-def _ln(x: float) -> float:
-    if x > 0.0:
-        return math.log(x)
-    return -INF if x == 0.0 else math.nan
-
-
-def _pow(x: float, y: float) -> float:
-    try:
-        return math.pow(x, y)
-    except (
-        OverflowError,
-        ValueError,
-    ):  # where math raises, IEEE has a value: let numpy say it
-        with np.errstate(all="ignore"):
-            return float(np.power(x, y))
-
-
-def _log(x: float, base: float) -> float:
-    return _div(_ln(x), _ln(base))
-
-
-# min and max keep a nan of either side: `a if a <= b else b` alone would lose one of them.
-def _min(x: float, y: float) -> float:
-    return x if x <= y or x != x else y  # noqa: PLR0124
-
-
-def _max(x: float, y: float) -> float:
-    return x if x >= y or x != x else y  # noqa: PLR0124
-
-
-FUNCTIONS: Mapping[str, Function] = {
-    f.name: f
-    for f in (
-        Function("neg", 1, lambda x: -x),
-        Function("abs", 1, abs),
-        Function("sqrt", 1, _sqrt),
-        Function("exp", 1, _exp),
-        Function("ln", 1, _ln),
-        Function("add", 2, lambda x, y: x + y),
-        Function("sub", 2, lambda x, y: x - y),
-        Function("mul", 2, lambda x, y: x * y),
-        Function("div", 2, _div),
-        Function("pow", 2, _pow),
-        Function("log", 2, _log),
-        Function("min", 2, _min),
-        Function("max", 2, _max),
-    )
-}
-
-
-# Monoids: WINDOW m. ------------------------------------------------------------------------------
-
-Element = tuple[float, ...]
-Arrays = tuple[NDArray[np.float64], ...]
-_X = TypeVar("_X")
-_Lattice = Callable[[_X, _X], _X]
-_Combine = Callable[[tuple[_X, ...], tuple[_X, ...]], tuple[_X, ...]]
-
-
-@dataclass(frozen=True, slots=True)
-class Monoid:
-    """An associative fold with identity. The older element stands left.
-
-    Attributes:
-        width: Numbers in an element; the last one is the result.
-        mirror: The same fold with time flipped.
-        dual: The same fold with the order of the reals flipped: the fold under a negation.
-        combine: The fold of two elements.
-        combine_arrays: The same, number by number of arrays.
-    """
-
-    name: str
-    width: int
-    identity: Element
-    mirror: str
-    dual: str
-    combine: _Combine[float]
-    combine_arrays: _Combine[NDArray[np.float64]]
-
-    def __post_init__(self) -> None:
-        """Check identity and associativity where the row is made."""
-        elements = list(itertools.product((-INF, 0.0, 1.0), repeat=self.width))
-        fold = self.combine
-        for x in elements:
-            if not fold(self.identity, x) == x == fold(x, self.identity):
-                msg = f"{self.identity} is no identity of {self.name}"
-                raise AssertionError(msg)
-        for x, y, z in itertools.product(elements[::2], repeat=3):
-            if fold(fold(x, y), z) != fold(x, fold(y, z)):
-                msg = f"{self.name} is not associative"
-                raise AssertionError(msg)
-
-
-def _least(lo: _Lattice[_X], _hi: _Lattice[_X]) -> _Combine[_X]:
-    return lambda x, y: (lo(x[0], y[0]),)
-
-
-def _until(lo: _Lattice[_X], hi: _Lattice[_X]) -> _Combine[_X]:
-    # (p, q) of a stretch of time: p holds throughout it; q is reached while p has held before.
-    return lambda x, y: (lo(x[0], y[0]), hi(x[1], lo(x[0], y[1])))
-
-
-def _since(lo: _Lattice[_X], hi: _Lattice[_X]) -> _Combine[_X]:
-    # Mirrored: q was reached, and p has held ever since.
-    return lambda x, y: (lo(x[0], y[0]), hi(y[1], lo(y[0], x[1])))
-
-
-def _pair_of_duals(
-    fold: Callable[..., Any], identity: Element, names: tuple[str, str], mirrors: tuple[str, str]
-) -> tuple[Monoid, Monoid]:
-    opposite = tuple(-x for x in identity)
-    lo, hi = np.minimum, np.maximum
-    (name, dual), width = names, len(identity)
-    return (
-        Monoid(name, width, identity, mirrors[0], dual, fold(min, max), fold(lo, hi)),
-        Monoid(dual, width, opposite, mirrors[1], name, fold(max, min), fold(hi, lo)),
-    )
-
-
-MONOIDS: Mapping[str, Monoid] = {
-    m.name: m
-    for m in (
-        *_pair_of_duals(_least, (INF,), ("min", "max"), ("min", "max")),
-        *_pair_of_duals(_until, (INF, -INF), ("until", "release"), ("since", "trigger")),
-        *_pair_of_duals(_since, (INF, -INF), ("since", "trigger"), ("until", "release")),
-    )
-}
-
-
-# Operators. --------------------------------------------------------------------------------------
 
 Bounds = tuple[int, int | None]
 """Bounds of an interval in samples; None is no upper bound."""
@@ -265,7 +92,7 @@ class Operator:
         well_formed = (
             len(self.spellings) > 0
             and (infix or self.grouping == "none")
-            and (not infix or self.arity[0] == 2)  # noqa: PLR2004
+            and (not infix or self.arity[0] == 2)
             and (self.notation != "prefix" or self.arity == (1, 1))
             and (not self.timed or self.operands == "formula")
         )
@@ -440,8 +267,8 @@ OPERATORS: Mapping[str, Operator] = {
     row.name: row
     for row in (
         # atoms
-        _atom("true", (0, 0), lambda b: b.constant(INF), "+inf"),
-        _atom("false", (0, 0), lambda b: b.constant(-INF), "-inf"),
+        _atom("true", (0, 0), lambda b: b.constant(math.inf), "+inf"),
+        _atom("false", (0, 0), lambda b: b.constant(-math.inf), "-inf"),
         # A term by itself is a formula; it has no symbol of its own.
         _atom("value", (1, 1), lambda _, x: x, "the value of the term"),
         # terms

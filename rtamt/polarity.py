@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import assert_never
 
-from rtamt.operators import MONOIDS
+from rtamt.algebra import MONOIDS
 from rtamt.program import Const, Instruction, Load, Map, Program, Window, latencies_of
 
 __all__ = ["positive"]

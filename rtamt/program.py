@@ -19,8 +19,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
+from rtamt.algebra import FUNCTIONS, MONOIDS
 from rtamt.formula import Node, number_text
-from rtamt.operators import FUNCTIONS, MONOIDS
 
 if TYPE_CHECKING:
     from rtamt.specification import Specification
@@ -266,9 +266,7 @@ class Program:
                 )
                 instruction = replace(instruction, lo=lo, hi=hi)  # noqa: PLW2901
             instructions.append(instruction)
-        return replace(
-            self, instructions=tuple(instructions), latencies=latencies_of(instructions)
-        )
+        return replace(self, instructions=tuple(instructions), latencies=latencies_of(instructions))
 
     def __str__(self) -> str:
         """A listing: register, instruction, latency, and what it was compiled from."""

@@ -23,7 +23,7 @@ Scheduled = Instruction | Delay
 
 
 def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
-    """The instructions with the slots that they write, operands that come late in slots of their own.
+    """The instructions with the slots that they write; late operands have slots of their own.
 
     Slots from 0 are the program's registers; those of delay lines follow.
     """

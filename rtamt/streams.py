@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.operators import Monoid
+from rtamt.algebra import Monoid
 from rtamt.terms import Registers
 
 __all__ = [
@@ -97,8 +97,7 @@ class Keeper(Protocol):
 class _Polynomials:
     """Arrays of settled values, an axis of length 2 an unknown in front."""
 
-    def __init__(self) -> None:
-        self.kept: Arrays = ()
+    kept: Arrays = ()
 
     def substitute(self, axis: int, value: Array) -> None:
         """Replace an unknown by its value one sample later."""
@@ -119,7 +118,6 @@ class Stream(_Polynomials):
     """
 
     def __init__(self, late: int, past: int) -> None:
-        super().__init__()
         self.late = late
         self.past = past
         self.keep = 1
@@ -127,8 +125,12 @@ class Stream(_Polynomials):
         self.open: list[Array] = []
         self.tail: list[float] = []
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
+    def settle(self, t: int) -> Array | None:
         """The value of time t - late, where it exists."""
+        return None if t < self.late else self._settled(t - self.late)
+
+    def _settled(self, time: int) -> Array:
+        """The value of a time that sample ``time + late`` settles."""
         raise NotImplementedError
 
     def look(self, t: int, unknowns: Array) -> None:
@@ -187,10 +189,14 @@ class Predicate(Stream):
     def __init__(self, register: int) -> None:
         super().__init__(0, 0)
         self._register = register
+        self._now = math.nan
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
-        """The value of the term."""
-        return np.full(self._corners(), terms[self._register])
+    def take(self, terms: Registers) -> None:
+        """Take in the present sample."""
+        self._now = terms[self._register]
+
+    def _settled(self, time: int) -> Array:  # noqa: ARG002 - it is always the present
+        return np.full(self._corners(), self._now)
 
 
 class Constant(Stream):
@@ -200,8 +206,7 @@ class Constant(Stream):
         super().__init__(0, 0)
         self._value = value
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
-        """The constant."""
+    def _settled(self, time: int) -> Array:  # noqa: ARG002 - the same at every time
         return np.full(self._corners(), self._value)
 
     def reset(self, unknowns: int) -> None:
@@ -278,11 +283,7 @@ class Sliding(_Windowed):
         reader.hold(self.late, lo)
         self._lo, self._hi = lo, hi
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
-        """The fold of settled values."""
-        time = t - self.late
-        if time < 0:
-            return None
+    def _settled(self, time: int) -> Array:
         elements = self.reader.settled(time + self._lo, time + self._hi)
         return _fold_all(self.monoid, elements)[-1][..., 0]
 
@@ -302,14 +303,17 @@ class Pointwise(Sliding):
     def __init__(self, monoid: Monoid, streams: Sequence[Stream]) -> None:
         super().__init__(monoid, 0, 0, streams)
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
-        """The fold over the operands."""
-        time = t - self.late
-        if time < 0:
-            return None
+    def _settled(self, time: int) -> Array:
         return self._across([s.settled(time, time)[..., 0] for s in self.reader.streams])
 
-    def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
+    def _open(
+        self,
+        world: int,
+        begin: int,
+        count: int,
+        t: int,  # noqa: ARG002 - the operands know where the trace ends
+        unknowns: Array,
+    ) -> Array:
         streams = self.reader.streams
         self.tail[world] = self._across([np.array(s.tail[world]) for s in streams]).item()
         if count == 0:
@@ -333,11 +337,7 @@ class Running(_Windowed):
         self._hi = hi
         self._total = _Polynomials()
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
-        """The fold of everything settled up to now."""
-        time = t - self.late
-        if time < 0:
-            return None
+    def _settled(self, time: int) -> Array:
         newest = self.reader.settled(time + self._hi, time + self._hi)
         self._total.kept = self.monoid.combine_arrays(self._total.kept, newest)
         return self._total.kept[-1][..., 0]
@@ -388,11 +388,7 @@ class Endless(_Windowed):
         reader.hold(self.late, 0)
         self.axis = axis
 
-    def settle(self, t: int, terms: Registers) -> Array | None:
-        """The fold of what has just settled and the unknown."""
-        time = t - self.late
-        if time < 0:
-            return None
+    def _settled(self, time: int) -> Array:
         newest = tuple(a[..., 0] for a in self.reader.settled(time, time))
         shape = [1] * newest[0].ndim
         shape[self.axis] = 2
@@ -416,7 +412,6 @@ class TopFold(_Polynomials):
     def __init__(
         self, monoid: Monoid, lo: int | None, hi: int | None, streams: Sequence[Stream]
     ) -> None:
-        super().__init__()
         self._reader = _Reader(monoid, streams)
         self._reader.hold(self._reader.late, 0)
         self.monoid = monoid

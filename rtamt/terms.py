@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import assert_never
 
+from rtamt.algebra import FUNCTIONS
 from rtamt.inputs import SampleReader
-from rtamt.operators import FUNCTIONS
 from rtamt.program import Const, Load, Map, Program, Window
 
 __all__ = ["Registers", "Step", "Terms", "map_step"]

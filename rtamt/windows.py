@@ -7,13 +7,14 @@ of fixed length): four combinations a push in the worst case, whatever the lengt
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
-from rtamt.operators import Element, Monoid
+from rtamt.algebra import Element, Monoid
 
 __all__ = ["DelayLine", "Fold", "LatestFold", "RunningFold", "SlidingFold", "State", "make_fold"]
 
-State = list[object]
+State = list[Any]
+"""What a snapshot holds."""
 
 
 class Fold(Protocol):
@@ -66,7 +67,7 @@ class RunningFold:
 
     def __init__(self, monoid: Monoid) -> None:
         self._monoid = monoid
-        self.reset()
+        self._total = monoid.identity
 
     def push(self, x: Element) -> Element:
         """The fold of everything up to x."""
@@ -83,7 +84,7 @@ class RunningFold:
 
     def restore(self, state: State) -> None:
         """Take over the fold."""
-        (self._total,) = state  # type: ignore[assignment]
+        (self._total,) = state
 
 
 class SlidingFold:
@@ -151,8 +152,8 @@ class SlidingFold:
 
     def restore(self, state: State) -> None:
         """Take over blocks and folds."""
-        self._offset, front, back, self._middle, self._prefix, self._suffix = state  # type: ignore[assignment]
-        self._front, self._back = list(front), list(back)  # type: ignore[call-overload]
+        self._offset, front, back, self._middle, self._prefix, self._suffix = state
+        self._front, self._back = list(front), list(back)
 
 
 class DelayLine:
@@ -183,5 +184,5 @@ class DelayLine:
 
     def restore(self, state: State) -> None:
         """Take over the values on their way."""
-        self._place, ring = state  # type: ignore[assignment]
-        self._ring = list(ring)  # type: ignore[call-overload]
+        self._place, ring = state
+        self._ring = list(ring)
