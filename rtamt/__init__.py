@@ -14,7 +14,8 @@ from rtamt.errors import (
     SpecificationError,
     StateError,
 )
-from rtamt.formula import Formula, Interval, Term, conjunction, disjunction, number, variable
+from rtamt.formula import Formula, Term, conjunction, disjunction, number, variable
+from rtamt.interval import Interval
 from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
 from rtamt.parser import load, parse
 from rtamt.specification import Specification

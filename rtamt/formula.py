@@ -11,26 +11,21 @@ import math
 import threading
 import weakref
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from decimal import Decimal
-from fractions import Fraction
 from typing import Self, cast
 
 from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.interval import Exact, Interval
 from rtamt.operators import OPERATORS, RESERVED, Operator
+from rtamt.printing import node_text, number_text
 
 __all__ = [
     "MAX_DEPTH",
     "MAX_SIZE",
-    "UNITS",
     "Formula",
-    "Interval",
     "Node",
     "Term",
     "conjunction",
-    "decimal_text",
     "disjunction",
-    "exact",
     "make",
     "number",
     "variable",
@@ -41,102 +36,6 @@ MAX_DEPTH = 200
 
 MAX_SIZE = 1_000_000
 """Nodes of a formula written out; a name used twice counts twice."""
-
-UNITS: dict[str, Fraction] = {
-    "s": Fraction(1),
-    "ms": Fraction(1, 10**3),
-    "us": Fraction(1, 10**6),
-    "ns": Fraction(1, 10**9),
-    "ps": Fraction(1, 10**12),
-}
-"""Time units in seconds."""
-
-Exact = int | float | str | Decimal | Fraction
-
-
-def exact(value: Exact, what: str) -> Fraction:
-    """The exact value of a finite number; a float means its shortest decimal text."""
-    if isinstance(value, bool) or not isinstance(value, int | float | str | Decimal | Fraction):
-        msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
-        raise InputTypeError(msg)
-    try:
-        return Fraction(repr(float(value)) if isinstance(value, float) else value)
-    except (ValueError, OverflowError):
-        msg = f"expected a finite number for {what}, got {value!r}"
-        raise SpecificationError(msg) from None
-
-
-def decimal_text(value: Fraction) -> str:
-    """The shortest decimal text that is exactly the fraction; one third has none."""
-    scale = 0
-    while (value * 10**scale).denominator != 1:
-        scale += 1
-        if 2**scale > value.denominator**4 + 2**64:
-            msg = f"expected a decimal number, got {value}, which no decimal text writes exactly"
-            raise SpecificationError(msg)
-    digits = str(abs(int(value * 10**scale))).rjust(scale + 1, "0")
-    sign = "-" if value < 0 else ""
-    return sign + (f"{digits[:-scale]}.{digits[-scale:]}" if scale else digits)
-
-
-@dataclass(frozen=True, slots=True)
-class Interval:
-    """Offsets ``[begin, end]`` from now, both included.
-
-    Attributes:
-        begin: Least offset, not negative.
-        end: Greatest offset, or None for no end.
-        unit: Unit of both bounds, or None: samples without a period, else the specification's unit.
-    """
-
-    begin: Fraction
-    end: Fraction | None
-    unit: str | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse bounds that are no interval.
-
-        Raises:
-            SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.
-        """
-        if self.begin < 0 or (self.end is not None and self.end < self.begin):
-            least = "0" if self.begin < 0 else decimal_text(self.begin)
-            wrong = self.begin if self.begin < 0 else cast("Fraction", self.end)
-            msg = f"expected a bound of at least {least}, got {decimal_text(wrong)}"
-            raise SpecificationError(msg)
-        if self.unit is not None and self.unit not in UNITS:
-            msg = f"expected a unit out of {', '.join(UNITS)}, got '{self.unit}'"
-            raise SpecificationError(msg)
-        decimal_text(self.begin)
-        if self.end is not None:
-            decimal_text(self.end)
-
-    @classmethod
-    def of(cls, begin: Exact, end: Exact | None) -> Interval | None:
-        """The interval of two bounds; the end may carry a unit: ``of(0, "500ms")``.
-
-        None, which is ``[0, inf)``, if there is nothing to bound.
-        """
-        unit = None
-        if isinstance(end, str):
-            text = end.strip()
-            digits = text.rstrip("abcdefghijklmnopqrstuvwxyz")
-            if text.startswith("inf"):
-                digits, end = "inf", None
-            else:
-                end = digits.strip()
-            unit = text[len(digits) :].strip() or None
-        elif isinstance(end, float) and end == math.inf:
-            end = None
-        first = exact(begin, "the begin of an interval")
-        last = None if end is None else exact(end, "the end of an interval")
-        return None if last is None and first == 0 else cls(first, last, unit)
-
-    def __str__(self) -> str:
-        end = "inf" if self.end is None else decimal_text(self.end)
-        # "inf" is a word: its unit needs a space before it.
-        unit = "" if self.unit is None else (" " if self.end is None else "") + self.unit
-        return f"[{decimal_text(self.begin)}:{end}{unit}]"
 
 
 class Node:
@@ -178,7 +77,7 @@ class Node:
             return (
                 self.leaf if isinstance(self.leaf, str) else number_text(cast("float", self.leaf))
             )
-        return _text(self, self.op)
+        return node_text(self, self.op)
 
     def nodes(self) -> Iterator[Node]:
         """Every different node below and with this one, operands before what uses them."""
@@ -449,12 +348,6 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
     return cast("Term | Formula", _intern(result, op, args, interval, None))
 
 
-def number_text(value: float) -> str:
-    """The shortest text that reads back as the number."""
-    text = repr(value)
-    return text.removesuffix(".0")
-
-
 def _junction(name: str, formulas: tuple[Formula, ...]) -> Formula:
     if len(formulas) == 1:
         return formulas[0]
@@ -528,49 +421,6 @@ def _intern(
 
 
 _FIELDS = ("op", "args", "interval", "leaf", "depth", "size")
-
-
-def _text(node: Node, op: Operator) -> str:
-    match op.notation:
-        case "atom":
-            return str(node.args[0]) if node.args else op.symbol
-        case "call":
-            return f"{op.symbol}({', '.join(str(a) for a in node.args)})"
-        case "prefix":
-            return _prefix_text(node, op)
-        case "infix":
-            symbol = op.symbol + ("" if node.interval is None else str(node.interval))
-            first, *rest = node.args
-            loose = op.grouping == "none"
-            words = [_operand(first, op.precedence + loose)]
-            words += [_operand(a, op.precedence + 1) for a in rest]
-            return f" {symbol} ".join(words)
-
-
-def _prefix_text(node: Node, op: Operator) -> str:
-    operand = node.args[0]
-    inner = operand.args[0] if operand.op is OPERATORS["value"] else operand
-    interval = "" if node.interval is None else str(node.interval)
-    text = str(operand)
-    if op.symbol == "-":
-        tight = inner.op is None or inner.op.notation == "call"
-        return f"-{text}" if tight and not text.startswith("-") else f"-({text})"
-    bare = (
-        inner.op is not None and inner.op.notation in ("prefix", "atom", "call") and text[0] != "-"
-    )
-    if bare and op.symbol == "not":
-        return f"not {text}"
-    return f"{op.symbol}{interval} {text}" if bare else f"{op.symbol}{interval}{_space(op)}({text})"
-
-
-def _space(op: Operator) -> str:
-    return " " if op.symbol == "not" else ""
-
-
-def _operand(node: Node, least: int) -> str:
-    inner = node.args[0] if node.op is OPERATORS["value"] else node
-    text = str(node)
-    return f"({text})" if inner.op is not None and inner.op.precedence < least else text
 
 
 def _term_from_text(text: str) -> Term:

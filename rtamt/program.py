@@ -20,7 +20,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
 from rtamt.algebra import FUNCTIONS, MONOIDS
-from rtamt.formula import Node, number_text
+from rtamt.formula import Node
+from rtamt.printing import number_text
 
 if TYPE_CHECKING:
     from rtamt.specification import Specification

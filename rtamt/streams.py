@@ -13,8 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.algebra import Monoid
+from rtamt.algebra import Arrays, Monoid
 from rtamt.terms import Registers
+from rtamt.windows import fold_all, padded, slide
 
 __all__ = [
     "LOWER",
@@ -33,42 +34,10 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Arrays = tuple[Array, ...]
 
 INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)
 _NOTHING: Array = np.zeros(0)
-
-
-def _slide(monoid: Monoid, elements: Arrays, width: int) -> Arrays:
-    """The folds of all windows of ``width`` elements, from windows of powers of two."""
-    count = elements[0].shape[-1] - width + 1
-    power, size, taken = elements, 1, 0
-    result: Arrays | None = None
-    while True:
-        if width & size:
-            part = tuple(a[..., taken : taken + count] for a in power)
-            result = part if result is None else monoid.combine_arrays(result, part)
-            taken += size
-        if taken == width:
-            return result or elements
-        power = monoid.combine_arrays(
-            tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
-        )
-        size *= 2
-
-
-def _fold_all(monoid: Monoid, elements: Arrays) -> Arrays:
-    return _slide(monoid, elements, elements[0].shape[-1])
-
-
-def _padded(monoid: Monoid, elements: Arrays, before: int, after: int) -> Arrays:
-    """The elements with identities before and after them."""
-    padding = [(0, 0)] * (elements[0].ndim - 1) + [(before, after)]
-    return tuple(
-        np.pad(a, padding, constant_values=e)
-        for a, e in zip(elements, monoid.identity, strict=True)
-    )
 
 
 def _in_world(settled: Array, unknowns: Array) -> Array:
@@ -236,7 +205,7 @@ class _Reader:
             corners = self.streams[0].kept[0].shape[:-1]
             return tuple(np.full((*corners, end - begin + 1), e) for e in self.monoid.identity)
         elements = tuple(s.settled(first, end) for s in self.streams)
-        return _padded(self.monoid, elements, first - begin, 0)
+        return padded(self.monoid, elements, first - begin, 0)
 
     def seen(self, world: int, begin: int, end: int, t: int, unknowns: Array) -> Arrays:
         """The elements of times begin to end in a world; identities outside the trace."""
@@ -245,7 +214,7 @@ class _Reader:
         if first > last:
             return tuple(np.full(end - begin + 1, e) for e in self.monoid.identity)
         elements = tuple(s.seen(world, first, last, unknowns) for s in self.streams)
-        return _padded(self.monoid, elements, first - begin, end - last)
+        return padded(self.monoid, elements, first - begin, end - last)
 
     def tail(self, world: int) -> Arrays:
         """The element of every time beyond what is open."""
@@ -285,7 +254,7 @@ class Sliding(_Windowed):
 
     def _settled(self, time: int) -> Array:
         elements = self.reader.settled(time + self._lo, time + self._hi)
-        return _fold_all(self.monoid, elements)[-1][..., 0]
+        return fold_all(self.monoid, elements)[-1][..., 0]
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         tail = self.reader.tail(world)
@@ -294,7 +263,7 @@ class Sliding(_Windowed):
             return _NOTHING
         end = begin + count - 1 + self._hi
         elements = self.reader.seen(world, begin + self._lo, end, t, unknowns)
-        return _slide(self.monoid, elements, self._hi - self._lo + 1)[-1]
+        return slide(self.monoid, elements, self._hi - self._lo + 1)[-1]
 
 
 class Pointwise(Sliding):
@@ -349,7 +318,7 @@ class Running(_Windowed):
             world, begin + self._hi, begin + count - 1 + self._hi, t, unknowns
         )
         elements = tuple(np.concatenate(pair) for pair in zip(total, elements, strict=True))
-        prefixes = _slide(self.monoid, _padded(self.monoid, elements, count, 0), count + 1)
+        prefixes = slide(self.monoid, padded(self.monoid, elements, count, 0), count + 1)
         last = tuple(a[-1:] for a in prefixes)
         self.tail[world] = combine(last, self.reader.tail(world))[-1].item()
         return prefixes[-1][1:]
@@ -401,7 +370,7 @@ class Endless(_Windowed):
         self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
         elements = self.reader.seen(world, begin, begin + count - 1, t, unknowns)
         elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
-        suffixes = _slide(self.monoid, _padded(self.monoid, elements, 0, count), count + 1)[-1]
+        suffixes = slide(self.monoid, padded(self.monoid, elements, 0, count), count + 1)[-1]
         unknowns[world, self.axis] = suffixes[0]
         return suffixes[:count]
 
@@ -437,7 +406,7 @@ class TopFold(_Polynomials):
         end = last if self._end is None else min(last, self._end)
         if begin <= end:
             elements = reader.seen(world, begin, end, t, unknowns)
-            total = self.monoid.combine_arrays(total, _fold_all(self.monoid, elements))
+            total = self.monoid.combine_arrays(total, fold_all(self.monoid, elements))
         if self._end is None or self._end > max(last, self._begin - 1):
             total = self.monoid.combine_arrays(total, reader.tail(world))
         return total[-1].item()

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from fractions import Fraction
 
 from rtamt.errors import InputTypeError, RtamtError, SpecificationError
-from rtamt.formula import UNITS, Interval, decimal_text
+from rtamt.interval import UNITS, Interval, decimal_text
 from rtamt.operators import Bounds
 
 __all__ = ["MAX_WINDOW", "Period", "as_period", "samples", "seconds_text"]

@@ -1,4 +1,4 @@
-"""Folds over a stream, one push a sample: the state of a WINDOW and of a delay line.
+"""Folds over a stream, one push a sample, and over arrays.
 
 `SlidingFold` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
 and Schneider, "In-order sliding-window aggregation in worst-case constant time", 2021, for windows
@@ -9,9 +9,22 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from rtamt.algebra import Element, Monoid
+import numpy as np
 
-__all__ = ["DelayLine", "Fold", "LatestFold", "RunningFold", "SlidingFold", "State", "make_fold"]
+from rtamt.algebra import Arrays, Element, Monoid
+
+__all__ = [
+    "DelayLine",
+    "Fold",
+    "LatestFold",
+    "RunningFold",
+    "SlidingFold",
+    "State",
+    "fold_all",
+    "make_fold",
+    "padded",
+    "slide",
+]
 
 State = list[Any]
 """What a snapshot holds."""
@@ -186,3 +199,34 @@ class DelayLine:
         """Take over the values on their way."""
         self._place, ring = state
         self._ring = list(ring)
+
+
+def slide(monoid: Monoid, elements: Arrays, width: int) -> Arrays:
+    """The folds of all windows of ``width`` elements, from windows of powers of two."""
+    count = elements[0].shape[-1] - width + 1
+    power, size, taken = elements, 1, 0
+    result: Arrays | None = None
+    while True:
+        if width & size:
+            part = tuple(a[..., taken : taken + count] for a in power)
+            result = part if result is None else monoid.combine_arrays(result, part)
+            taken += size
+        if taken == width:
+            return result or elements
+        power = monoid.combine_arrays(
+            tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
+        )
+        size *= 2
+
+
+def fold_all(monoid: Monoid, elements: Arrays) -> Arrays:
+    return slide(monoid, elements, elements[0].shape[-1])
+
+
+def padded(monoid: Monoid, elements: Arrays, before: int, after: int) -> Arrays:
+    """The elements with identities before and after them."""
+    padding = [(0, 0)] * (elements[0].ndim - 1) + [(before, after)]
+    return tuple(
+        np.pad(a, padding, constant_values=e)
+        for a, e in zip(elements, monoid.identity, strict=True)
+    )

@@ -1,0 +1,109 @@
+"""Intervals of time offsets, with bounds that are exact decimal numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from decimal import Decimal
+from fractions import Fraction
+from typing import cast
+
+from rtamt.errors import InputTypeError, SpecificationError
+
+__all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact"]
+
+UNITS: dict[str, Fraction] = {
+    "s": Fraction(1),
+    "ms": Fraction(1, 10**3),
+    "us": Fraction(1, 10**6),
+    "ns": Fraction(1, 10**9),
+    "ps": Fraction(1, 10**12),
+}
+"""Time units in seconds."""
+
+Exact = int | float | str | Decimal | Fraction
+
+
+def exact(value: Exact, what: str) -> Fraction:
+    """The exact value of a finite number; a float means its shortest decimal text."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str | Decimal | Fraction):
+        msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
+        raise InputTypeError(msg)
+    try:
+        return Fraction(repr(float(value)) if isinstance(value, float) else value)
+    except (ValueError, OverflowError):
+        msg = f"expected a finite number for {what}, got {value!r}"
+        raise SpecificationError(msg) from None
+
+
+def decimal_text(value: Fraction) -> str:
+    """The shortest decimal text that is exactly the fraction; one third has none."""
+    scale = 0
+    while (value * 10**scale).denominator != 1:
+        scale += 1
+        if 2**scale > value.denominator**4 + 2**64:
+            msg = f"expected a decimal number, got {value}, which no decimal text writes exactly"
+            raise SpecificationError(msg)
+    digits = str(abs(int(value * 10**scale))).rjust(scale + 1, "0")
+    sign = "-" if value < 0 else ""
+    return sign + (f"{digits[:-scale]}.{digits[-scale:]}" if scale else digits)
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """Offsets ``[begin, end]`` from now, both included.
+
+    Attributes:
+        begin: Least offset, not negative.
+        end: Greatest offset, or None for no end.
+        unit: Unit of both bounds, or None: samples without a period, else the specification's unit.
+    """
+
+    begin: Fraction
+    end: Fraction | None
+    unit: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse bounds that are no interval.
+
+        Raises:
+            SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.
+        """
+        if self.begin < 0 or (self.end is not None and self.end < self.begin):
+            least = "0" if self.begin < 0 else decimal_text(self.begin)
+            wrong = self.begin if self.begin < 0 else cast("Fraction", self.end)
+            msg = f"expected a bound of at least {least}, got {decimal_text(wrong)}"
+            raise SpecificationError(msg)
+        if self.unit is not None and self.unit not in UNITS:
+            msg = f"expected a unit out of {', '.join(UNITS)}, got '{self.unit}'"
+            raise SpecificationError(msg)
+        decimal_text(self.begin)
+        if self.end is not None:
+            decimal_text(self.end)
+
+    @classmethod
+    def of(cls, begin: Exact, end: Exact | None) -> Interval | None:
+        """The interval of two bounds; the end may carry a unit: ``of(0, "500ms")``.
+
+        None, which is ``[0, inf)``, if there is nothing to bound.
+        """
+        unit = None
+        if isinstance(end, str):
+            text = end.strip()
+            digits = text.rstrip("abcdefghijklmnopqrstuvwxyz")
+            if text.startswith("inf"):
+                digits, end = "inf", None
+            else:
+                end = digits.strip()
+            unit = text[len(digits) :].strip() or None
+        elif isinstance(end, float) and end == math.inf:
+            end = None
+        first = exact(begin, "the begin of an interval")
+        last = None if end is None else exact(end, "the end of an interval")
+        return None if last is None and first == 0 else cls(first, last, unit)
+
+    def __str__(self) -> str:
+        end = "inf" if self.end is None else decimal_text(self.end)
+        # "inf" is a word: its unit needs a space before it.
+        unit = "" if self.unit is None else (" " if self.end is None else "") + self.unit
+        return f"[{decimal_text(self.begin)}:{end}{unit}]"
