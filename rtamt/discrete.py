@@ -40,6 +40,7 @@ class Machine:
         self._end = math.inf  # the trace has the times 0 <= time < end
         self.inputs: list[float] = []
         self._late = program.latency or 0
+        self._result = program.result
         self._terms = Terms(program, reader)
         self._initial = self._terms.initial
         self._steps: list[Step] = []
@@ -101,7 +102,7 @@ class Machine:
             step(registers)
         self.inputs = values
         self.samples += 1
-        return registers[self.program.result] if self.samples > self._late else math.nan
+        return registers[self._result] if self.samples > self._late else math.nan
 
     def run(
         self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
