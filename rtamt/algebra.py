@@ -139,7 +139,7 @@ class Monoid:
                 raise AssertionError(msg)
 
 
-def _least(lo: Any, _hi: Any) -> _Combine[Any]:
+def _least(lo: Callable[..., Any], _hi: object) -> _Combine[Any]:
     if lo is min:  # a comparison is faster than a call of min
         return lambda x, y: x if x[0] <= y[0] else y
     if lo is max:
