@@ -31,7 +31,7 @@ from gymnasium import spaces
 
 from rtamt.errors import InputError, InputTypeError
 
-__all__ = ["Read", "Signal", "SignalLike", "Step", "join", "parse_signals", "read_period"]
+__all__ = ["Read", "Signal", "SignalLike", "Step", "join", "parse_signals"]
 
 SOURCES: Final = ("obs", "action", "reward", "info", "qpos", "qvel")
 """The words that a selector may begin with; the first four are the places of a raw step."""
@@ -290,26 +290,6 @@ def join(reads: Sequence[Read]) -> Callable[[RawStep], Sequence[float]]:
             return lambda raw: [read(raw) for read in reads]
 
 
-def read_period(env: gym.Env[Any, Any]) -> float | None:
-    """Seconds between two steps of an environment, or None if it does not say.
-
-    ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
-    ``unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
-    ``metadata["render_fps"]``, is not the rate of the samples: Pendulum says 30 and makes 20.
-    """
-    simulation = env.unwrapped
-    for name in ("dt", "tau"):
-        period = _positive(getattr(simulation, name, None))
-        if period is not None:
-            return period
-    config = getattr(simulation, "config", None)
-    if isinstance(config, Mapping):
-        frequency = _positive(config.get("policy_frequency"))
-        if frequency is not None:
-            return 1.0 / frequency
-    return None
-
-
 _TOKEN = re.compile(r"\s*(?:([A-Za-z_]\w*)|([+-]?\d+)|('[^']*'|\"[^\"]*\")|(.))")
 
 
@@ -378,13 +358,6 @@ def _default(name: str, value: object) -> float:
     if math.isnan(value):
         raise InputError(message)
     return float(value)
-
-
-def _positive(value: object) -> float | None:
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return None
-    number = float(value)
-    return number if 0.0 < number < math.inf else None
 
 
 def _nearest(name: str, names: Iterable[str]) -> str | None:

@@ -1,10 +1,11 @@
-"""The specifications of an environment wrapper: loaded, named, and turned into monitors."""
+"""The specifications of an environment wrapper: loaded, named, timed, and turned into monitors."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Mapping
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,6 @@ import gymnasium as gym
 
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError
-from rtamt_gym.signals import read_period
 
 __all__ = [
     "InstantMonitor",
@@ -21,6 +21,7 @@ __all__ = [
     "View",
     "load_specs",
     "make_monitor",
+    "read_period",
     "recordable",
     "resolve_period",
 ]
@@ -96,6 +97,26 @@ def recordable(specs: SpecsLike) -> str | dict[str, str]:
     return _text(specs)
 
 
+def read_period(env: gym.Env[Any, Any]) -> float | None:
+    """Seconds between two steps of an environment, or None if it does not say.
+
+    ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
+    ``unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
+    ``metadata["render_fps"]``, is not the rate of the samples: Pendulum says 30 and makes 20.
+    """
+    simulation = env.unwrapped
+    for name in ("dt", "tau"):
+        period = _positive(getattr(simulation, name, None))
+        if period is not None:
+            return period
+    config = getattr(simulation, "config", None)
+    if isinstance(config, Mapping):
+        frequency = _positive(config.get("policy_frequency"))
+        if frequency is not None:
+            return 1.0 / frequency
+    return None
+
+
 def resolve_period(
     specs: Mapping[str, rtamt.Specification],
     period: float | str | None,
@@ -154,6 +175,13 @@ def _load(spec: SpecLike) -> rtamt.Specification:
         "expected the text of a specification, the path of a .stl file or an "
         f"rtamt.Specification, got {spec!r}"
     )
+
+
+def _positive(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    number = float(value)
+    return number if 0.0 < number < math.inf else None
 
 
 def _name(spec: rtamt.Specification) -> str:

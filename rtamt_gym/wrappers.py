@@ -14,12 +14,13 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
 from rtamt.errors import InputError, StateError
-from rtamt_gym.signals import SignalLike, join, parse_signals, read_period
+from rtamt_gym.signals import SignalLike, join, parse_signals
 from rtamt_gym.specs import (
     SpecsLike,
     View,
     load_specs,
     make_monitor,
+    read_period,
     recordable,
     resolve_period,
 )

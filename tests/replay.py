@@ -1,0 +1,60 @@
+"""An environment that replays numbers, for tests that must know every sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+INF = math.inf
+
+
+class Replay(gym.Env[Any, Any]):
+    """Shows the given numbers one after the other, then ends as it is told."""
+
+    observation_space = spaces.Box(-INF, INF, (1,), np.float64)
+    action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
+
+    def __init__(self, values: Sequence[float], end: str = "terminated") -> None:
+        self.values = values
+        self.end = end
+        self.at = 0
+        self.info: dict[str, Any] = {"own": 1}
+
+    def reset(
+        self,
+        *,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,  # noqa: ARG002
+    ) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.at = 0
+        return self._observation(), self.info
+
+    def step(self, action: object) -> tuple[Any, float, bool, bool, dict[str, Any]]:  # noqa: ARG002
+        self.at += 1
+        last = self.at == len(self.values) - 1
+        terminated, truncated = last and self.end == "terminated", last and self.end == "truncated"
+        return self._observation(), float(self.at), terminated, truncated, self.info
+
+    def _observation(self) -> Any:  # noqa: ANN401
+        return np.array([self.values[self.at]], np.float64)
+
+
+X = {"x": "obs[0]"}
+
+
+def run(env: gym.Env[Any, Any], action: float = 0.5) -> list[dict[str, Any]]:
+    """The infos of one episode; the last has what it ended with."""
+    _, info = env.reset(seed=1)
+    infos = [info]
+    terminated = truncated = False
+    while not (terminated or truncated):
+        _, _, terminated, truncated, info = env.step(np.array([action]))
+        infos.append(info)
+    infos[-1] = {**info, "terminated": terminated, "truncated": truncated}
+    return infos

@@ -1,0 +1,298 @@
+"""`StlMonitor`: what it says about an episode, when it ends one, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from replay import INF, Replay, X, run
+
+import rtamt
+from rtamt_gym import StlMonitor
+from rtamt_gym.specs import SpecLike, View
+from rtamt_gym.wrappers import Cost, OnViolation
+
+
+def verdict(info: dict[str, Any], name: str = "spec") -> str:
+    return str(info["stl_episode"][name]["verdict"])
+
+
+def test_a_fallen_pole_is_violated_though_only_the_terminal_observation_shows_it() -> None:
+    upright = StlMonitor(
+        gym.make("CartPole-v1"), "always(abs(theta) < 0.2095)", {"theta": "obs[2]"}
+    )
+    obs, info = upright.reset(seed=3)
+    terminated = False
+    while not terminated:
+        assert abs(obs[2]) < 0.2095
+        assert info["robustness"] > 0.0
+        obs, _, terminated, _, info = upright.step(1)
+    assert abs(obs[2]) > 0.2095
+    assert verdict(info) == "VIOLATED"
+    assert info["stl_violated_at"] == upright.samples - 1
+    assert info["is_success"] is False
+
+
+def test_an_invariant_is_never_satisfied_before_the_environment_ends_the_episode() -> None:
+    *running, last = run(StlMonitor(Replay([3, 2, 4, 5]), "always(x > 1)", X, details=True))
+    assert [info["stl"]["spec"]["verdict"] for info in running] == ["UNDECIDED"] * 3
+    assert not any("is_success" in info for info in running)
+    assert last["stl_episode"] == {
+        "spec": {"robustness": 1.0, "verdict": "SATISFIED", "satisfied": True, "decided_at": 3}
+    }
+    assert last["is_success"] is True
+
+
+def test_a_truncated_episode_that_is_open_is_neither_success_nor_failure() -> None:
+    last = run(StlMonitor(Replay([3, 2, 4], "truncated"), "always(x > 1)", X))[-1]
+    assert last["stl_episode"] == {
+        "spec": {"robustness": 1.0, "verdict": "UNDECIDED", "satisfied": False}
+    }
+    assert "is_success" not in last
+    assert "stl_violated_by" not in last
+    assert last["stl_lower"] == -INF
+
+
+def test_a_time_limit_leaves_the_verdict_open() -> None:
+    env = gym.make("CartPole-v1", max_episode_steps=5)
+    monitor = StlMonitor(env, "always(abs(theta) < 0.2)", {"theta": "obs[2]"})
+    monitor.reset(seed=1)
+    for action in (0, 1, 0, 1, 0):
+        _, _, terminated, truncated, info = monitor.step(action)
+    assert (terminated, truncated) == (False, True)
+    assert verdict(info) == "UNDECIDED"
+
+
+def test_a_goal_never_reached_is_violated_by_the_end_of_the_trace() -> None:
+    *running, last = run(StlMonitor(Replay([0, 0, 0]), "eventually(x > 1)", X))
+    assert [info["stl_violated"] for info in running] == [False, False]
+    assert last["stl_violated_by"] == "spec"
+    assert last["stl_violated_at"] == 2
+    assert (last["stl_lower"], last["stl_upper"]) == (-1.0, -1.0)
+    assert (last["terminated"], last["truncated"]) == (True, False)
+
+
+def test_a_decided_verdict_outlives_the_end() -> None:
+    last = run(StlMonitor(Replay([0, 3, 0]), "eventually(x > 1)", X))[-1]
+    assert last["stl_episode"]["spec"]["decided_at"] == 1
+    assert last["stl_episode"]["spec"]["satisfied"] is True
+
+
+def test_a_deadline_that_passed_is_violated_at_the_deadline() -> None:
+    last = run(StlMonitor(Replay([0] * 9), "eventually[0:3](x > 1)", X, period=1))[-1]
+    assert last["stl_violated_at"] == 3
+
+
+def test_robustness_is_that_of_the_samples_so_far() -> None:
+    text = "always(abs(theta) > 0.05 implies eventually[0:0.1](abs(omega) < 0.3))"
+    signals = {"theta": "obs[2]", "omega": "obs[3]"}
+    env = StlMonitor(gym.make("CartPole-v1"), text, signals, on_violation="report")
+    obs, info = env.reset(seed=5)
+    env.action_space.seed(5)
+    seen = [obs]
+    ended = False
+    while not ended:
+        columns = {"theta": np.array(seen)[:, 2], "omega": np.array(seen)[:, 3]}
+        assert info["robustness"] == rtamt.evaluate(text, columns, period=0.02)[0]
+        obs, _, terminated, truncated, info = env.step(env.action_space.sample())
+        seen.append(obs)
+        ended = terminated or truncated
+    assert env.samples == len(seen)
+
+
+# ---- ends ----
+
+
+@pytest.mark.parametrize(
+    ("mode", "terminated", "truncated", "samples"),
+    [("terminate", True, False, 3), ("truncate", False, True, 3), ("report", True, False, 5)],
+)
+def test_a_certain_violation_ends_the_episode_as_asked(
+    mode: OnViolation,
+    terminated: bool,  # noqa: FBT001
+    truncated: bool,  # noqa: FBT001
+    samples: int,
+) -> None:
+    env = StlMonitor(Replay([3, 3, 0, 3, 0.5]), "always(x > 1)", X, on_violation=mode)
+    infos = run(env)
+    last = infos[-1]
+    assert env.samples == len(infos) == samples
+    assert (last["terminated"], last["truncated"]) == (terminated, truncated)
+    assert (last["stl_violated_by"], last["stl_violated_at"]) == ("spec", 2)
+    assert [info["stl_violated"] for info in infos] == [False, False, True, True, True][:samples]
+
+
+def test_a_violation_at_the_end_of_the_environment_is_no_truncation() -> None:
+    last = run(StlMonitor(Replay([3, 0]), "always(x > 1)", X, on_violation="truncate"))[-1]
+    assert (last["terminated"], last["truncated"]) == (True, False)
+
+
+def test_a_violation_at_reset_ends_the_first_step() -> None:
+    env = StlMonitor(Replay([0, 3, 3]), "always(x > 1)", X)
+    first, last = run(env)
+    assert first["stl_violated"] is True
+    assert last["terminated"] is True
+    assert last["stl_violated_at"] == 0
+
+
+def test_an_early_end_leaves_the_other_specifications_open() -> None:
+    specs = {"low": "always(x < 5)", "goal": "eventually(x > 10)", "start": "eventually(x < 2)"}
+    last = run(StlMonitor(Replay([1, 9, 11]), specs, X))[-1]
+    assert [verdict(last, name) for name in specs] == ["VIOLATED", "UNDECIDED", "SATISFIED"]
+    assert last["stl_violated_by"] == "low"
+    assert last["robustness"] == -4.0
+    assert "decided_at" not in last["stl_episode"]["goal"]
+
+
+def test_the_first_violation_in_time_is_the_one_that_is_named() -> None:
+    specs = {"slow": "always(x < 5)", "fast": "always(x < 3)"}
+    last = run(StlMonitor(Replay([1, 4, 9, 1]), specs, X, on_violation="report"))[-1]
+    assert (last["stl_violated_by"], last["stl_violated_at"]) == ("fast", 1)
+    assert [spec["decided_at"] for spec in last["stl_episode"].values()] == [2, 1]
+
+
+def test_every_specification_gets_its_own_variables() -> None:
+    specs = {"a": "always(u + x > 0)", "b": "always(r < 9)", "c": "always(x - u > 0)"}
+    signals = {"x": "obs[0]", "u": ("action[0]", 0.25), "r": ("reward", 0)}
+    infos = run(StlMonitor(Replay([1, 2, 3]), specs, signals, details=True))
+    found = [[spec["robustness"] for spec in info["stl"].values()] for info in infos]
+    assert found == [[1.25, 9.0, 0.75], [1.25, 8.0, 0.75], [1.25, 7.0, 0.75]]
+
+
+# ---- info ----
+
+
+def test_info_is_flat_typed_and_fresh() -> None:
+    env = Replay([3, 2, 4])
+    infos = run(StlMonitor(env, "always(x > 1)", X))
+    for info in infos:
+        types = [type(info[key]) for key in STATE]
+        assert types == [float, float, float, bool]
+        assert info["own"] == 1
+    assert env.info == {"own": 1}
+    assert [sorted(info.keys() - {"own"}) for info in infos[:2]] == [sorted(STATE)] * 2
+    last = infos[-1]["stl_episode"]["spec"]
+    assert [type(value) for value in last.values()] == [float, str, bool, int]
+
+
+STATE = ("robustness", "stl_lower", "stl_upper", "stl_violated")
+
+
+def test_details_show_every_specification() -> None:
+    specs = {"low": "always(x < 5)", "goal": "eventually(x > 2)"}
+    first = run(StlMonitor(Replay([1, 3]), specs, X, details=True))[0]
+    assert first["stl"] == {
+        "low": {"robustness": 4.0, "lower": -INF, "upper": 4.0, "verdict": "UNDECIDED"},
+        "goal": {"robustness": -1.0, "lower": -1.0, "upper": INF, "verdict": "UNDECIDED"},
+    }
+    assert [first[key] for key in STATE] == [-1.0, -INF, 4.0, False]
+
+
+@pytest.mark.parametrize(
+    ("cost", "expected"),
+    [
+        ("indicator", [0.0, 1.0, 1.0, 1.0]),
+        ("depth", [0.0, 1.0, 1.0, 3.0]),
+        ("first", [0.0, 1.0, 0.0, 0.0]),
+    ],
+)
+def test_cost_is_charged_for_certain_violations_alone(
+    cost: Cost,
+    expected: list[float],
+) -> None:
+    env = StlMonitor(Replay([3, 2, 0, 5, -2]), "always(x > 1)", X, cost=cost, on_violation="report")
+    for _ in range(2):
+        first, *steps = run(env)
+        assert "cost" not in first
+        assert [info["cost"] for info in steps] == expected
+        assert all(type(info["cost"]) is float for info in steps)
+
+
+def test_a_violation_at_reset_is_charged_to_the_first_step() -> None:
+    env = StlMonitor(Replay([0, 3, 3]), "always(x > 1)", X, cost="first", on_violation="report")
+    assert [info["cost"] for info in run(env)[1:]] == [1.0, 0.0]
+
+
+def test_the_environments_own_success_is_kept() -> None:
+    env = Replay([3, 0])
+    env.info = {"is_success": True}
+    last = run(StlMonitor(env, "always(x > 1)", X))[-1]
+    assert last["is_success"] is True
+    assert last["stl_episode"]["spec"]["satisfied"] is False
+
+
+# ---- view="step" ----
+
+
+def test_the_step_view_is_the_monitor_instant_by_instant() -> None:
+    text = "x > 2 implies eventually[0:2](x < 1)"
+    values = [3, 0, 4, 2, 0.5, 3, 3, 3, 0]
+    online = rtamt.Monitor(text)
+    monitor = StlMonitor(Replay(values), text, X, view="step", on_violation="report", period=1)
+    infos = run(monitor)
+    expected = [online.update(x) for x in values]
+    assert [info["robustness"] for info in infos[2:]] == expected[2:]
+    # Before the first instant is settled: time 0, of the samples so far.
+    sofar = [rtamt.evaluate(text, {"x": np.array(values[: n + 1])})[0] for n in range(2)]
+    assert [info["robustness"] for info in infos[:2]] == sofar
+
+
+def test_the_step_view_ends_with_the_first_instant_that_is_violated() -> None:
+    text = "x > 2 implies eventually[0:2](x < 1)"
+    values = [3, 0, 4, 2, 1.5, 3, 0]
+    last = run(StlMonitor(Replay(values), text, X, view="step", period=1))[-1]
+    assert last["stl_violated_at"] == 4
+    assert last["robustness"] == -0.5
+    every = run(StlMonitor(Replay(values), f"always({text})", X, period=1))[-1]
+    assert every["stl_episode"] == last["stl_episode"]
+    assert every["stl_upper"] == last["stl_upper"]
+
+
+def test_the_step_view_takes_formulas_about_now() -> None:
+    infos = run(StlMonitor(Replay([3, 2, 0]), "x > 1", X, view="step"))
+    assert [info["robustness"] for info in infos] == [2.0, 1.0, -1.0]
+    assert infos[-1]["stl_episode"]["spec"]["robustness"] == -1.0
+
+
+def test_the_step_view_keeps_names_constants_and_units() -> None:
+    text = "const float c = 1\nfloat x\np = x > c\nq = eventually[0:20](p)"
+    spec = rtamt.parse(text, unit="ms")
+    last = run(StlMonitor(Replay([0, 2] + [0] * 9), spec, X, view="step", period=0.01))[-1]
+    assert (last["stl_violated_by"], last["stl_violated_at"]) == ("q", 4)
+
+
+# ---- specifications ----
+
+
+def test_a_specification_comes_as_text_path_or_object(tmp_path: Path) -> None:
+    path = tmp_path / "low.stl"
+    path.write_text("specification low\nalways(x < 5)\n", encoding="utf-8")
+    for spec in (path, str(path), rtamt.load(path), "specification low\nalways(x < 5)"):
+        last = run(StlMonitor(Replay([1, 9]), spec, X))[-1]
+        assert last["stl_violated_by"] == "low"
+        assert last["stl_violated_at"] == 1
+    several: dict[str, SpecLike] = {"a": path, "b": "always(x < 20)"}
+    assert run(StlMonitor(Replay([1, 9]), several, X))[-1]["stl_violated_by"] == "a"
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("always(x > 5)", "spec"),
+        ("low = always(x > 5)", "low"),
+        ("specification s\nlow = always(x > 5)", "s"),
+        ("p = x > 5; always(p)", "spec"),
+    ],
+)
+def test_one_specification_has_the_name_that_its_text_gives(text: str, name: str) -> None:
+    assert run(StlMonitor(Replay([1, 9]), text, X))[-1]["stl_violated_by"] == name
+
+
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_a_variable_that_only_a_named_formula_reads_is_fed_too(view: View) -> None:
+    signals = {"y": ("reward", 0.0), **X}
+    env = StlMonitor(Replay([3, 2, 4]), "r = y > 9; q = always(x > 1)", signals, view=view)
+    assert [info["robustness"] for info in run(env)] == [2.0, 1.0, 1.0]

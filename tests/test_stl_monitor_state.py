@@ -1,0 +1,135 @@
+"""`StlMonitor` between episodes and processes: reset, copies, pickles, callables, errors midway."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+from replay import Replay, X, run
+
+from rtamt.errors import InputError, StateError
+from rtamt_gym import Step, StlMonitor
+from rtamt_gym.specs import View
+
+
+@pytest.mark.parametrize("view", ["episode", "step"])
+@pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_continues_as_the_original(clone: Callable[[Any], Any], view: View) -> None:
+    response, limit = "x > 2 implies eventually[0:2](x < 1)", "u < 2"
+    if view == "episode":
+        response, limit = f"always({response})", f"always({limit})"
+    text = {"a": response, "b": limit}
+    signals = {"x": "obs[0]", "u": ("action[0]", 0.0)}
+    env = StlMonitor(
+        Replay([3, 0, 4, 2, 1.5, 3, 0]), text, signals, view=view, period=1, cost="first"
+    )
+    env.reset()
+    for steps in range(4):
+        copy = clone(env)
+        assert copy.samples == steps + 1
+        ahead = [copy.step(np.array([0.5])) for _ in range(4 - steps)]
+        assert ahead[-1][4]["stl_violated_at"] == 4
+        env_ahead = deepcopy(env)
+        assert data_equivalence(
+            ahead, [env_ahead.step(np.array([0.5])) for _ in range(4 - steps)], exact=True
+        )
+        env.step(np.array([0.5]))
+
+
+def test_reset_forgets_everything() -> None:
+    env = StlMonitor(Replay([3, 0, 4, 5, 9]), "always(x > 1)", X, details=True, cost="first")
+    first = run(env)
+    assert data_equivalence(run(env), first, exact=True)
+    env.reset()
+    env.step(np.array([0.5]))
+    assert data_equivalence(run(env), first, exact=True)
+
+
+def test_samples_count_the_sample_of_reset() -> None:
+    env = StlMonitor(Replay([3, 3, 3]), "always(x > 1)", X)
+    assert env.samples == 0
+    env.reset()
+    assert env.samples == 1
+    env.step(np.array([0.5]))
+    assert env.samples == 2
+
+
+def test_a_step_outside_an_episode_is_refused() -> None:
+    env = StlMonitor(Replay([3, 3, 3]), "always(x > 1)", X)
+    for _ in range(2):
+        with pytest.raises(StateError) as caught:
+            env.step(np.array([0.5]))
+        assert str(caught.value) == (
+            "expected a running episode, got step() before reset() or after the end of the "
+            "episode; call reset()"
+        )
+        run(env)
+
+
+def test_an_episode_with_a_sample_that_is_nan_is_over() -> None:
+    env = StlMonitor(Replay([3, math.nan, 3]), "always(x > 1)", X)
+    env.reset()
+    with pytest.raises(InputError, match="nan"):
+        env.step(np.array([0.5]))
+    with pytest.raises(StateError):
+        env.step(np.array([0.5]))
+    env.reset()
+    assert env.samples == 1
+
+
+def test_a_period_that_the_environment_changes_is_noticed_at_reset() -> None:
+    env = gym.make("Pendulum-v1")
+    monitor = StlMonitor(env, "always[0:1](c > -2)", {"c": "obs[0]"})
+    monitor.reset()
+    simulation: Any = env.unwrapped
+    simulation.dt = 0.1
+    with pytest.raises(StateError) as caught:
+        monitor.reset()
+    assert str(caught.value) == (
+        "expected the period of 0.05 s that <PendulumEnv<Pendulum-v1>> had at construction, "
+        "got 0.1 s; wrap it again, or give period="
+    )
+
+
+def height(step: Step) -> float:
+    return float(step.obs[0]) + (0.0 if step.action is None else float(step.action[0]))
+
+
+def test_a_callable_signal_is_read_once_a_sample_for_all_specifications() -> None:
+    calls = []
+
+    def count(step: Step) -> float:
+        calls.append(step.reward)
+        return 1.0
+
+    run(StlMonitor(Replay([3, 3, 3]), {"a": "always(x > 0)", "b": "always(x < 2)"}, {"x": count}))
+    assert calls == [None, 1.0, 2.0]
+
+
+def test_an_importable_callable_is_pickled_and_made_again_but_not_written_as_json() -> None:
+    gym.register("Replay-v0", entry_point="replay:Replay", kwargs={"values": [1, 2, 3]})
+    try:
+        env = StlMonitor(
+            gym.make("Replay-v0", disable_env_checker=True), "always(x > 0)", {"x": height}
+        )
+        assert data_equivalence(run(pickle.loads(pickle.dumps(env))), run(env), exact=True)
+        assert env.spec is not None
+        assert data_equivalence(run(gym.make(env.spec)), run(env), exact=True)
+        outer = gym.wrappers.TimeLimit(env, 2)
+        for spec in (env.spec, outer.spec):
+            assert spec is not None
+            with pytest.raises(InputError) as caught:
+                spec.to_json()
+            assert str(caught.value) == (
+                "signal 'x' is a callable, which JSON cannot hold; use a selector such as "
+                '"obs[0]", or pass env.spec itself to gym.make'
+            )
+    finally:
+        del gym.registry["Replay-v0"]
