@@ -15,7 +15,7 @@ from rtamt.program import Program
 from rtamt.schedule import encoded
 
 try:
-    from rtamt import _native
+    import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
 except ModuleNotFoundError as absent:  # a module that is there but does not load is a broken build
     if absent.name != "rtamt._native":
         raise
