@@ -71,6 +71,22 @@ print(json.dumps([rtamt.BACKEND, rtamt.__file__, rtamt.__all__]))
 
 
 @pytest.mark.parametrize("package", PACKAGES)
+def test_without_a_compiler_the_machines_run(site: Path) -> None:
+    code = """
+import json, rtamt
+monitor = rtamt.Monitor("historically[0:1](x > 0)")
+episode = rtamt.EpisodeMonitor("always(x > 0)")
+trace = {"x": [3.0, 1.0, 2.0]}
+print(json.dumps([
+    [monitor.update(x=x) for x in trace["x"]],
+    [episode.update(x=x) for x in trace["x"]],
+    rtamt.evaluate("always(x > 0)", trace).tolist(),
+]))
+"""
+    answers = json.loads(run_without_editable_install(site, code))
+    assert answers == [[3.0, 1.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 2.0]]
+
+
 def test_every_file_of_a_package_is_installed_but_the_native_sources(
     site: Path, package: str
 ) -> None:
