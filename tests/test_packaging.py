@@ -70,7 +70,6 @@ print(json.dumps([rtamt.BACKEND, rtamt.__file__, rtamt.__all__]))
     assert names == list(rtamt.__all__)
 
 
-@pytest.mark.parametrize("package", PACKAGES)
 def test_without_a_compiler_the_machines_run(site: Path) -> None:
     code = """
 import json, rtamt
@@ -87,6 +86,7 @@ print(json.dumps([
     assert answers == [[3.0, 1.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 2.0]]
 
 
+@pytest.mark.parametrize("package", PACKAGES)
 def test_every_file_of_a_package_is_installed_but_the_native_sources(
     site: Path, package: str
 ) -> None:
