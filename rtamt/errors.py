@@ -33,8 +33,7 @@ class ParseError(SpecificationError):
     """
 
     def __init__(self, reason: str, text: str, line: int, column: int, hint: str = "") -> None:
-        lines = text.splitlines() or [""]
-        source = lines[min(line, len(lines)) - 1]
+        source = text.split("\n")[line - 1].rstrip("\r")
         # A caret under a tab-indented line stands right only if the tabs are kept; a line of
         # thousands of characters is shown around the caret.
         start = max(0, column - 1 - _CONTEXT)

@@ -16,7 +16,7 @@ from typing import Self, cast
 from rtamt.errors import InputTypeError, SpecificationError
 from rtamt.interval import Exact, Interval
 from rtamt.operators import OPERATORS, RESERVED, Operator
-from rtamt.printing import node_text, number_text
+from rtamt.printing import node_text
 
 __all__ = [
     "MAX_DEPTH",
@@ -73,11 +73,7 @@ class Node:
         return f"<{type(self).__name__} {self}>"
 
     def __str__(self) -> str:
-        if self.op is None:
-            return (
-                self.leaf if isinstance(self.leaf, str) else number_text(cast("float", self.leaf))
-            )
-        return node_text(self, self.op)
+        return node_text(self)
 
     def nodes(self) -> Iterator[Node]:
         """Every different node below and with this one, operands before what uses them."""

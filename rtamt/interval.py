@@ -30,10 +30,19 @@ def exact(value: Exact, what: str) -> Fraction:
         msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
         raise InputTypeError(msg)
     try:
-        return Fraction(repr(float(value)) if isinstance(value, float) else value)
+        if _is_near(value):
+            return Fraction(repr(float(value)) if isinstance(value, float) else value)
     except (ValueError, OverflowError):
         msg = f"expected a finite number for {what}, got {value!r}"
         raise SpecificationError(msg) from None
+    msg = f"expected a number between 1e-300 and 1e300 for {what}, got {value}"
+    raise SpecificationError(msg)
+
+
+def _is_near(value: Exact) -> bool:
+    """Whether the exponent is one to compute with: 1e999999999 is text of ten characters only."""
+    exponent = str(value).lower().partition("e")[2] if isinstance(value, str | Decimal) else ""
+    return not exponent or abs(int(exponent)) <= 300
 
 
 def decimal_text(value: Fraction) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from fractions import Fraction
-from pathlib import Path
+from functools import lru_cache
+from os import PathLike
 from types import MappingProxyType
 
-
 from rtamt.errors import InputTypeError, SpecificationError
-from rtamt.formula import UNITS, Exact, Formula, exact
+from rtamt.formula import Formula
+from rtamt.interval import UNITS, Exact, exact
 from rtamt.specification import Specification
 
 __all__ = ["as_specification", "load", "parse"]
@@ -59,7 +59,7 @@ def parse(
 
 
 def load(
-    path: str | Path,
+    path: str | PathLike[str],
     *,
     unit: str = "s",
     constants: Mapping[str, Exact] | None = None,
@@ -70,6 +70,8 @@ def load(
     Raises:
         OSError: If the file cannot be read.
     """
+    from pathlib import Path  # 5 ms of every import of the package
+
     text = Path(path).read_text(encoding="utf-8-sig")
     return parse(text, unit=unit, constants=constants, modules=modules)
 
@@ -93,6 +95,6 @@ def _parse(
     given: tuple[tuple[str, Fraction], ...],
     modules: Mapping[str, object] = _NONE,
 ) -> Specification:
-    from rtamt.reader import read_specification  # noqa: PLC0415 - ANTLR is loaded when it is needed
+    from rtamt.grammar.statements import read_specification
 
     return read_specification(text, unit, dict(given), modules)

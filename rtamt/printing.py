@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, cast
 
 from rtamt.operators import OPERATORS, Operator
 
@@ -11,6 +12,9 @@ if TYPE_CHECKING:
 
 __all__ = ["node_text", "number_text"]
 
+_NO_NAMES: Mapping[Node, str] = {}
+_TIGHT = 1 + max(row.precedence for row in OPERATORS.values())
+
 
 def number_text(value: float) -> str:
     """The shortest text that reads back as the number."""
@@ -18,44 +22,55 @@ def number_text(value: float) -> str:
     return text.removesuffix(".0")
 
 
-def node_text(node: Node, op: Operator) -> str:
+def node_text(root: Node, names: Mapping[Node, str] = _NO_NAMES) -> str:
+    """The text of a term or formula, in which the formulas that have a name are that name."""
+    # Operands before what uses them: no recursion, and a shared part is written once.
+    texts = dict(names)
+    for node in root.nodes():
+        if node not in texts:
+            texts[node] = _compose(node, texts, names)
+    return texts[root]
+
+
+def _compose(node: Node, texts: Mapping[Node, str], names: Mapping[Node, str]) -> str:
+    op = node.op
+    if op is None:
+        return node.leaf if isinstance(node.leaf, str) else number_text(cast("float", node.leaf))
+    operands = [texts[a] for a in node.args]
+    rows = [None if a in names else _row(a) for a in node.args]
+    interval = "" if node.interval is None else str(node.interval)
     match op.notation:
         case "atom":
-            return str(node.args[0]) if node.args else op.symbol
+            return operands[0] if operands else op.symbol
         case "call":
-            return f"{op.symbol}({', '.join(str(a) for a in node.args)})"
+            return f"{op.symbol}({', '.join(operands)})"
         case "prefix":
-            return _prefix_text(node, op)
+            return _prefix(op, interval, operands[0], rows[0])
         case "infix":
-            symbol = op.symbol + ("" if node.interval is None else str(node.interval))
-            first, *rest = node.args
-            loose = op.grouping == "none"
-            words = [_operand(first, op.precedence + loose)]
-            words += [_operand(a, op.precedence + 1) for a in rest]
-            return f" {symbol} ".join(words)
+            # Only operators that group to the left take their like on the left without brackets.
+            least = [op.precedence + (op.grouping == "none")]
+            least += [op.precedence + 1] * (len(operands) - 1)
+            parts = [
+                text if _strength(row) >= strength else f"({text})"
+                for text, row, strength in zip(operands, rows, least, strict=True)
+            ]
+            return f" {op.symbol}{interval} ".join(parts)
 
 
-def _prefix_text(node: Node, op: Operator) -> str:
-    operand = node.args[0]
-    inner = operand.args[0] if operand.op is OPERATORS["value"] else operand
-    interval = "" if node.interval is None else str(node.interval)
-    text = str(operand)
+def _prefix(op: Operator, interval: str, operand: str, row: Operator | None) -> str:
     if op.symbol == "-":
-        tight = inner.op is None or inner.op.notation == "call"
-        return f"-{text}" if tight and not text.startswith("-") else f"-({text})"
-    bare = (
-        inner.op is not None and inner.op.notation in ("prefix", "atom", "call") and text[0] != "-"
-    )
-    if bare and op.symbol == "not":
-        return f"not {text}"
-    return f"{op.symbol}{interval} {text}" if bare else f"{op.symbol}{interval}{_space(op)}({text})"
+        tight = (row is None or row.notation == "call") and operand[0] != "-"
+        return f"-{operand}" if tight else f"-({operand})"
+    if row is not None and row.notation != "infix" and operand[0] != "-":
+        return f"{op.symbol}{interval} {operand}"
+    space = " " if op.symbol == "not" else ""
+    return f"{op.symbol}{interval}{space}({operand})"
 
 
-def _space(op: Operator) -> str:
-    return " " if op.symbol == "not" else ""
+def _row(node: Node) -> Operator | None:
+    """The operator that the text of a node begins or joins with."""
+    return node.args[0].op if node.op is OPERATORS["value"] else node.op
 
 
-def _operand(node: Node, least: int) -> str:
-    inner = node.args[0] if node.op is OPERATORS["value"] else node
-    text = str(node)
-    return f"({text})" if inner.op is not None and inner.op.precedence < least else text
+def _strength(row: Operator | None) -> int:
+    return _TIGHT if row is None else row.precedence

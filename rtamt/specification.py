@@ -15,8 +15,10 @@ from types import MappingProxyType, SimpleNamespace
 from typing import Literal
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.formula import UNITS, Formula, Interval, Node, number_text
+from rtamt.formula import Formula, Node
+from rtamt.interval import UNITS, Interval
 from rtamt.operators import Bounds
+from rtamt.printing import node_text, number_text
 
 __all__ = ["Declaration", "Specification"]
 
@@ -141,7 +143,7 @@ class Specification:
         return self.declarations.get(self._declared(variable))
 
     def error(self, node: Node, reason: str, hint: str = "") -> SpecificationError:
-        """The error about a node: with its place in the text if it has one, else with the formula."""
+        """The error about a node: with its place in the text, or with the node if it has none."""
         if node in self.positions:
             return ParseError(reason, self.text, *self.positions[node], hint)
         shown = f"{reason}\n  in {node}"
@@ -164,9 +166,12 @@ class Specification:
             words += [] if d.default is None else ["=", number_text(d.default)]
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
-        lines += [f"{name} = {formula}" for name, formula in self.formulas.items()]
-        if self.formula is not next(reversed(self.formulas.values()), None):
-            lines.append(str(self.formula))
+        names: dict[Node, str] = {}
+        for name, formula in self.formulas.items():
+            lines.append(f"{name} = {node_text(formula, names)}")
+            names.setdefault(formula, name)
+        if [self.formula] != list(self.formulas.values())[-1:]:
+            lines.append(node_text(self.formula, names))
         # A line that begins with "-" would continue the one before it.
         return lines[0] + "".join((";\n" if x[0] == "-" else "\n") + x for x in lines[1:])
 
@@ -226,7 +231,7 @@ class _Horizons:
 def _from_text(
     text: str, unit: str, given: dict[str, Fraction], imports: dict[str, str]
 ) -> Specification:
-    from rtamt.parser import parse  # noqa: PLC0415 - the pickle is text; nothing else here parses
+    from rtamt.parser import parse
 
     # The types were there when the text was first parsed; their names are all that is kept.
     modules = {m: SimpleNamespace(**dict.fromkeys(imports)) for m in imports.values()}

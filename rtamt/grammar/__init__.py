@@ -1,1 +1,1 @@
-"""The grammar of the specification language and the parser that ANTLR makes of it."""
+"""The grammar of the specification language, and text to specifications by it; see parser.py."""

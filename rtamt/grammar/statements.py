@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from itertools import takewhile
 from typing import Literal, cast
 
-from rtamt.builder import Builder
-from rtamt.diagnosis import PRIMITIVES, Token, fail, nearest
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.formula import Formula, Node, exact, number, variable
+from rtamt.formula import Formula, Node, Term, number, variable
+from rtamt.grammar.diagnosis import PRIMITIVES, Token, fail, nearest
+from rtamt.grammar.expressions import TreeBuilder
+from rtamt.grammar.tokens import Part, Statement, Statements, read
+from rtamt.interval import exact
 from rtamt.specification import Declaration, Specification
-from rtamt.tokens import Part, Statement, Statements, read
 
 __all__ = ["read_specification"]
 
@@ -48,7 +48,7 @@ class _Reader:
         self.topics: dict[str, str] = {}
         self.formulas: dict[str, Formula] = {}
         self.used: set[str] = set()
-        self.builder = Builder(text, tokens, self.constants, self._resolve)
+        self.builder = TreeBuilder(text, tokens, self.constants, self._resolve)
 
     def specification(self, statements: Statements, unit: str) -> Specification:
         if not statements.definitions:
@@ -143,7 +143,7 @@ class _Reader:
         if name is not None:
             self._check_free(name)
         node = self.builder.build(part.start.tokenIndex, part.stop.tokenIndex)
-        formula = node if isinstance(node, Formula) else node.formula()
+        formula = node.formula() if isinstance(node, Term) else cast("Formula", node)
         if name is not None:
             if name.text in self.used:
                 reason = f"'{name.text}' is used as a variable and cannot name a formula"

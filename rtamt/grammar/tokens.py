@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import Any, NoReturn, Protocol, cast
+from typing import NoReturn, Protocol, cast
 
 from antlr4 import InputStream
 from antlr4.atn.PredictionMode import PredictionMode
+from antlr4.error.Errors import RecognitionException
 from antlr4.error.ErrorStrategy import BailErrorStrategy
 from antlr4.Token import Token as AntlrToken
 
-from rtamt.diagnosis import Token, diagnose, fail
 from rtamt.errors import ParseError
 from rtamt.formula import MAX_DEPTH
+from rtamt.grammar.diagnosis import Token, diagnose, fail
 from rtamt.grammar.generated.StlLexer import StlLexer
 from rtamt.grammar.generated.StlParser import StlParser
 
@@ -86,31 +87,24 @@ class _Scanner:
         self.text = text
         self.tokens: list[Token] = []
         self.brackets: list[Token] = []
+        self.newline: Token | None = None
         self.unfinished = True
+        self.prefixes = 0
 
     def scan(self) -> list[Token]:
         lexer = StlLexer(InputStream(self.text))
-        newline: Token | None = None
-        prefixes = 0
         while (token := cast("Token", lexer.nextToken())).type != AntlrToken.EOF:
-            kind = token.type
-            if kind == StlLexer.END and token.text == "\n":
-                if not (self.unfinished or self.brackets):
-                    newline = newline or token
+            if token.type == StlLexer.END and token.text == "\n":
+                if not (self.unfinished or self.brackets or self.newline):
+                    self.newline = token
                 continue
-            if newline is not None:
-                if kind not in _INFIX:
-                    self.tokens.append(newline)
-                newline = None
-            self.unfinished = kind in _UNFINISHED
-            if kind not in _UNFINISHED:
+            if self.newline and token.type not in _INFIX:
+                self.tokens.append(self.newline)
+            self.newline = None
+            self.unfinished = token.type in _UNFINISHED
+            if not self.unfinished:
                 self._check(token)
-            if not self.brackets or self.brackets[-1].type != StlLexer.OPEN_INTERVAL:
-                prefixes = prefixes + 1 if kind in _PREFIX else prefixes * self.unfinished
-            if len(self.brackets) > MAX_DEPTH:
-                raise self._too_deep(token, "brackets are")
-            if prefixes > MAX_DEPTH:
-                raise self._too_deep(token, "the formula is")
+            self._count(token)
             self.tokens.append(token)
         if self.brackets:
             raise self._unclosed()
@@ -150,7 +144,19 @@ class _Scanner:
         elif token.type == StlLexer.CLOSE_INTERVAL:
             raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
 
-    def _finish(self, lexer: Any, eof: Token) -> list[Token]:
+    def _count(self, token: Token) -> None:
+        if not self.brackets or self.brackets[-1].type != StlLexer.OPEN_INTERVAL:
+            if token.type in _PREFIX:
+                self.prefixes += 1
+            elif not self.unfinished:
+                self.prefixes = 0
+        depth = max(len(self.brackets), self.prefixes)
+        if depth > MAX_DEPTH:
+            what = "the formula is" if depth == self.prefixes else "brackets are"
+            reason = f"{what} nested {depth} deep; the limit is {MAX_DEPTH}"
+            raise fail(self.text, token, reason, "write the formula as several specifications")
+
+    def _finish(self, lexer: StlLexer, eof: Token) -> list[Token]:
         """End the last statement, at its last token rather than some empty lines below it."""
         if self.tokens:
             last = self.tokens[-1]
@@ -170,10 +176,6 @@ class _Scanner:
         closer = "]" if opened.type == StlLexer.OPEN_INTERVAL else ")"
         hint = f"write '{closer}' where it ends"
         return fail(self.text, opened, f"'{opened.text}' is not closed", hint)
-
-    def _too_deep(self, token: Token, what: str) -> ParseError:
-        reason = f"{what} nested {MAX_DEPTH + 1} deep; the limit is {MAX_DEPTH}"
-        return fail(self.text, token, reason, "write the formula as several specifications")
 
 
 def _place(token: Token) -> str:
@@ -215,13 +217,13 @@ class _Refusal(BailErrorStrategy):  # type: ignore[misc] # ANTLR is not typed
         self.text = text
         self.tokens = tokens
 
-    def reportError(self, recognizer: Any, e: Any) -> NoReturn:  # noqa: N802
+    def reportError(self, recognizer: StlParser, e: RecognitionException) -> NoReturn:  # noqa: N802
         self._refuse(recognizer, e.offendingToken)
 
-    def recoverInline(self, recognizer: Any) -> NoReturn:  # noqa: N802
+    def recoverInline(self, recognizer: StlParser) -> NoReturn:  # noqa: N802
         self._refuse(recognizer, recognizer.getCurrentToken())
 
-    def _refuse(self, parser: Any, token: Token) -> NoReturn:
+    def _refuse(self, parser: StlParser, token: Token) -> NoReturn:
         rule = parser.ruleNames[parser._ctx.getRuleIndex()]  # noqa: SLF001
         expected = frozenset(parser.getExpectedTokens())
         raise diagnose(self.text, self.tokens, token, rule, expected)

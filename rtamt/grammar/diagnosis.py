@@ -10,14 +10,15 @@ from typing import Protocol
 from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
-from rtamt.formula import UNITS
 from rtamt.grammar.generated.StlLexer import StlLexer
+from rtamt.interval import UNITS
 from rtamt.operators import OPERATORS, RESERVED
 
-__all__ = ["PRIMITIVES", "Token", "diagnose", "fail", "got", "nearest"]
+__all__ = ["PRIMITIVES", "Token", "diagnose", "fail", "got", "nearest", "shown"]
 
-PRIMITIVES = ("bool", "int", "long", "float", "double", "float32", "float64") + tuple(
-    f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
+PRIMITIVES = (
+    *("bool", "int", "uint", "long", "float", "double", "float32", "float64"),
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
 )
 """Types of variables and constants that need no import. All values are doubles in the end."""
 
@@ -67,6 +68,7 @@ _HEADS = frozenset(
         StlLexer.OUTPUT,
     }
 )
+_LONG = 60
 _FORMULA = "write a formula, such as always(x > 0)"
 _OPERAND = "write a variable, a number or '(' there"
 
@@ -93,7 +95,7 @@ def diagnose(
         return fail(text, token, f"expected a formula, got {got(token)}", _reserved(token) or hint)
     before = tokens[at - 1]
     head = tokens[first]
-    pair = at - first >= 2 and head.type == tokens[first + 1].type == StlLexer.NAME  # noqa: PLR2004
+    pair = at - first >= 2 and head.type == tokens[first + 1].type == StlLexer.NAME
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlLexer.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or at == first + 1)):
         reason, hint = _in_declaration(token, expected, named=at == first + 1)
@@ -112,7 +114,12 @@ def got(token: Token) -> str:
     """A token, as an error says it."""
     if token.type in (StlLexer.END, AntlrToken.EOF) and token.text != ";":
         return "the end of the line" if token.text == "\n" else "the end of the text"
-    return f"'{token.text}'"
+    return f"'{shown(token.text)}'"
+
+
+def shown(text: str) -> str:
+    """A piece of text, cut to a length that a message can take."""
+    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
 
 
 def _reserved(token: Token) -> str:

@@ -6,24 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import cast
 
-from rtamt.diagnosis import Token, fail, nearest
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.formula import (
-    MAX_DEPTH,
-    UNITS,
-    Formula,
-    Interval,
-    Node,
-    decimal_text,
-    exact,
-    make,
-    number,
-)
+from rtamt.formula import MAX_DEPTH, Formula, Node, make, number
+from rtamt.grammar.diagnosis import Token, fail, nearest, shown
 from rtamt.grammar.generated.StlLexer import StlLexer
+from rtamt.interval import UNITS, Interval, decimal_text, exact
 from rtamt.operators import SPELLINGS, Operator
 
-__all__ = ["Builder"]
+__all__ = ["TreeBuilder"]
 
+_LEAVES = (StlLexer.NAME, StlLexer.NUMBER, StlLexer.TRUTH)
 _CLOSING = (StlLexer.CLOSE, StlLexer.CLOSE_INTERVAL)
 
 _LONG = 60
@@ -43,7 +35,7 @@ class _Frame:
         self.base = base
 
 
-class Builder:
+class TreeBuilder:
     """Builds the trees of a text whose syntax the grammar has found right.
 
     Attributes:
@@ -71,46 +63,45 @@ class Builder:
         Raises:
             ParseError: If operators do not chain, or terms and formulas do not fit.
         """
-        values, frames = self._values, self._frames
         operand_next = True
         at = first
         while at <= last:
             token = self.tokens[at]
             kind = token.type
-            if kind == StlLexer.NAME:
-                values.append(self._place(self.resolve(token), token))
-                operand_next = False
-            elif kind == StlLexer.NUMBER:
-                values.append(self._number(token))
-                operand_next = False
-            elif kind == StlLexer.TRUTH:
-                values.append(make(token.text, ()))
+            if kind in _LEAVES:
+                self._values.append(self._leaf(token))
                 operand_next = False
             elif kind == StlLexer.OPEN:
-                frames.append(_Frame(None, 0, token, len(values)))
+                self._push(None, 0, token)
             elif kind == StlLexer.FUNCTION:
-                at += 1
-                frames.append(_Frame(SPELLINGS[token.text, "call"], 0, token, len(values)))
+                self._push(SPELLINGS[token.text, "call"], 0, token)
+                at += 1  # its bracket
             elif kind == StlLexer.COMMA:
                 self._reduce(1)
                 operand_next = True
             elif kind == StlLexer.CLOSE:
-                self._reduce(1)
-                frame = frames.pop()
-                if frame.row is not None:
-                    self._apply(frame)
+                self._close()
                 operand_next = False
-            elif operand_next:
-                row = SPELLINGS[token.text, "prefix"]
-                frames.append(_Frame(row, row.precedence, token, len(values)))
-                at = self._interval(at)
             else:
-                self._infix(SPELLINGS[token.text, "infix"], token)
+                if operand_next:
+                    row = SPELLINGS[token.text, "prefix"]
+                    self._push(row, row.precedence, token)
+                else:
+                    self._infix(SPELLINGS[token.text, "infix"], token)
                 at = self._interval(at)
                 operand_next = True
             at += 1
         self._reduce(1)
-        return values.pop()
+        return self._values.pop()
+
+    def _push(self, row: Operator | None, strength: int, token: Token) -> None:
+        self._frames.append(_Frame(row, strength, token, len(self._values)))
+
+    def _close(self) -> None:
+        self._reduce(1)
+        frame = self._frames.pop()
+        if frame.row is not None:
+            self._apply(frame)
 
     def _infix(self, row: Operator, token: Token) -> None:
         strength = row.precedence
@@ -119,7 +110,8 @@ class Builder:
         if frame is not None and frame.strength == strength:
             # A run of one operator becomes one node. A chain that has no meaning is collected as
             # well: its error shows the operands.
-            if frame.row is row and row.grouping in ("flat", "left-flat") or row.grouping == "none":
+            run = frame.row is row and row.grouping in ("flat", "left-flat")
+            if run or row.grouping == "none":
                 frame.tokens.append(token)
                 return
             self._reduce(strength)
@@ -149,11 +141,15 @@ class Builder:
         self.positions.setdefault(node, (token.line, token.column + 1))
         return node
 
-    def _number(self, token: Token) -> Node:
+    def _leaf(self, token: Token) -> Node:
+        if token.type == StlLexer.NAME:
+            return self._place(self.resolve(token), token)
+        if token.type == StlLexer.TRUTH:
+            return make(token.text, ())
         try:
             return number(float(token.text))
         except SpecificationError:
-            reason = f"expected a number of at most 1.797e308, got {token.text}"
+            reason = f"expected a number of at most 1.797e308, got {shown(token.text)}"
             raise self._fail(token, reason, "true and false are +inf and -inf") from None
 
     def _chained(self, row: Operator, tokens: Sequence[Token], args: Sequence[Node]) -> ParseError:
@@ -240,8 +236,9 @@ class Builder:
         if token.type == StlLexer.NUMBER:
             try:
                 return exact(token.text, "a bound")
-            except SpecificationError as error:
-                raise self._fail(token, str(error)) from None
+            except SpecificationError:
+                reason = f"expected a bound between 1e-300 and 1e300, got {shown(token.text)}"
+                raise self._fail(token, reason) from None
         name = token.text
         if name in self.constants:
             return self.constants[name]
