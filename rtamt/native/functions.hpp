@@ -1,0 +1,30 @@
+// The functions of MAP, by name: rtamt/algebra.py says what each is, with the same bits.
+#pragma once
+
+#include <cmath>
+
+// name, arity, value of x and y. A function of one operand is handed it twice.
+// Nothing raises; a nan of either operand is kept, so that the machine finds it.
+#define RTAMT_FUNCTIONS(X)                                 \
+    X(neg, 1, -x)                                          \
+    X(abs, 1, std::fabs(x))                                \
+    X(sqrt, 1, std::sqrt(x))                               \
+    X(exp, 1, std::exp(x))                                 \
+    X(ln, 1, std::log(x))                                  \
+    X(add, 2, x + y)                                       \
+    X(sub, 2, x - y)                                       \
+    X(mul, 2, x * y)                                       \
+    X(div, 2, x / y)                                       \
+    X(pow, 2, std::pow(x, y))                              \
+    X(log, 2, std::log(x) / std::log(y))                   \
+    X(min, 2, (y < x) | (y != y) ? y : x)                  \
+    X(max, 2, (y > x) | (y != y) ? y : x)
+
+namespace rtamt::functions {
+
+#define RTAMT_DEFINE(name, arity, value) \
+    inline double name([[maybe_unused]] double x, [[maybe_unused]] double y) { return value; }
+RTAMT_FUNCTIONS(RTAMT_DEFINE)
+#undef RTAMT_DEFINE
+
+}  // namespace rtamt::functions

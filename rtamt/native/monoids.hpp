@@ -1,0 +1,70 @@
+// The monoids of WINDOW, by name: rtamt/algebra.py says what each is, with the same bits.
+#pragma once
+
+#include <limits>
+
+#define RTAMT_MONOIDS(X) \
+    X(min, Min)          \
+    X(max, Max)          \
+    X(until, Until)      \
+    X(release, Release)  \
+    X(since, Since)      \
+    X(trigger, Trigger)
+
+namespace rtamt {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Elements are never nan, and of equals the first is taken (0.0 and -0.0 differ in their bits).
+// In this form, each is one instruction.
+inline double lesser(double x, double y) { return y < x ? y : x; }
+inline double greater(double x, double y) { return y > x ? y : x; }
+
+// A monoid has elements made of one or two registers, of which the last one is the result; the
+// older element stands left in combine.
+template <double (*Lower)(double, double), int Sign>
+struct Single {
+    using Element = double;
+    static constexpr int width = 1;
+    static constexpr Element identity = Sign * kInfinity;
+    static Element element(double x, double) { return x; }
+    static double result(Element x) { return x; }
+    static Element combine(Element x, Element y) { return Lower(x, y); }
+};
+
+struct Pair {
+    double p;
+    double q;
+};
+
+template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
+struct Paired {
+    using Element = Pair;
+    static constexpr int width = 2;
+    static constexpr Element identity{Sign * kInfinity, -Sign* kInfinity};
+    static Element element(double p, double q) { return {p, q}; }
+    static double result(Element x) { return x.q; }
+};
+
+template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
+struct Ahead : Paired<Lower, Upper, Sign> {
+    static Pair combine(Pair x, Pair y) {
+        return {Lower(x.p, y.p), Upper(x.q, Lower(x.p, y.q))};
+    }
+};
+
+template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
+struct Back : Paired<Lower, Upper, Sign> {
+    static Pair combine(Pair x, Pair y) {
+        return {Lower(x.p, y.p), Upper(y.q, Lower(y.p, x.q))};
+    }
+};
+
+using Min = Single<lesser, 1>;
+using Max = Single<greater, -1>;
+using Until = Ahead<lesser, greater, 1>;
+using Release = Ahead<greater, lesser, -1>;
+using Since = Back<lesser, greater, 1>;
+using Trigger = Back<greater, lesser, -1>;
+
+}  // namespace rtamt
