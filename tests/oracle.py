@@ -60,7 +60,7 @@ def horizon(f: Node) -> float:
 
 
 def settled(f: Node) -> int:
-    """How long after the last seen sample a sub-formula may still change, all unseen being equal."""
+    """How long after the last seen sample a sub-formula may still change; the unseen are equal."""
     a, b = bounds(f)
     own = 0 if f.op is None else 1 + int(a if b == INF else b)
     return own + max(map(settled, f.args), default=0)
@@ -89,9 +89,11 @@ def any_(values: Iterable[Value]) -> Value:
     return not_(all_(map(not_, values)))
 
 
-def _meaning(trace: Trace, n: int, last: int, *, open_end: bool) -> Callable[[Node, int], Value]:
+def _meaning(  # noqa: C901
+    trace: Trace, n: int, last: int, *, open_end: bool
+) -> Callable[[Node, int], Value]:
     @functools.cache
-    def at(f: Node, i: int) -> Value:  # noqa: C901, PLR0912
+    def at(f: Node, i: int) -> Value:  # noqa: C901 - a table
         if open_end:
             i = min(i, last)
         assert f.op is not None

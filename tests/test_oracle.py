@@ -1,26 +1,11 @@
 """The oracle against the golden files, which were computed by a separate program."""
 
-import json
 import math
-from pathlib import Path
-from typing import Any
 
-import pytest
+from golden_cases import cases, length
 from oracle import episode, horizon, robustness
 
 import rtamt
-from rtamt.operators import OPERATORS
-
-GOLDEN = Path(__file__).parent / "golden"
-
-
-def cases(name: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((GOLDEN / name).read_text())["cases"]
-    return found
-
-
-def length(case: dict[str, Any]) -> int:
-    return len(case["trace"]["a"])
 
 
 def test_oracle_agrees_with_the_golden_discrete_cases_at_every_sample() -> None:
