@@ -335,7 +335,8 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
     least, most = op.arity
     if len(args) < least or (most is not None and len(args) > most):
         expected = f"{least}" if most == least else f"{least} or more"
-        msg = f"expected {expected} operands for '{op.symbol}', got {len(args)}"
+        operands = "operand" if most == 1 else "operands"
+        msg = f"expected {expected} {operands} for '{op.symbol}', got {len(args)}"
         raise SpecificationError(msg)
     if interval is not None and not op.timed:
         msg = f"'{op.symbol}' takes no interval, got {interval}"

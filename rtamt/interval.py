@@ -30,8 +30,10 @@ def exact(value: Exact, what: str) -> Fraction:
         msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
         raise InputTypeError(msg)
     try:
-        if _is_near(value):
-            return Fraction(repr(float(value)) if isinstance(value, float) else value)
+        if _is_short(value):
+            result = Fraction(repr(float(value)) if isinstance(value, float) else value)
+            if result == 0 or 1e-300 <= abs(result) <= 1e300:
+                return result
     except (ValueError, OverflowError):
         msg = f"expected a finite number for {what}, got {value!r}"
         raise SpecificationError(msg) from None
@@ -39,7 +41,7 @@ def exact(value: Exact, what: str) -> Fraction:
     raise SpecificationError(msg)
 
 
-def _is_near(value: Exact) -> bool:
+def _is_short(value: Exact) -> bool:
     """Whether the exponent is one to compute with: 1e999999999 is text of ten characters only."""
     exponent = str(value).lower().partition("e")[2] if isinstance(value, str | Decimal) else ""
     return not exponent or abs(int(exponent)) <= 300

@@ -9,7 +9,7 @@ from os import PathLike
 from types import MappingProxyType
 
 from rtamt.errors import InputTypeError, SpecificationError
-from rtamt.formula import Formula
+from rtamt.formula import Formula, variable
 from rtamt.interval import UNITS, Exact, exact
 from rtamt.specification import Specification
 
@@ -52,6 +52,8 @@ def parse(
     if unit not in UNITS:
         msg = f"expected a unit out of {', '.join(UNITS)}, got {unit!r}"
         raise SpecificationError(msg)
+    for name in constants or ():
+        variable(name)  # what can be read as a name, and is no word of the language
     given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in (constants or {}).items())
     if modules:
         return _parse.__wrapped__(text, unit, given, modules)

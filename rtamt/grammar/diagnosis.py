@@ -11,10 +11,21 @@ from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
 from rtamt.grammar.generated.StlLexer import StlLexer
+from rtamt.grammar.generated.StlParser import StlParser
 from rtamt.interval import UNITS
 from rtamt.operators import OPERATORS, RESERVED
 
-__all__ = ["PRIMITIVES", "Token", "diagnose", "fail", "got", "nearest", "shown"]
+__all__ = [
+    "PRIMITIVES",
+    "Token",
+    "diagnose",
+    "fail",
+    "got",
+    "misspelt",
+    "nearest",
+    "nearest_name",
+    "shown",
+]
 
 PRIMITIVES = (
     *("bool", "int", "uint", "long", "float", "double", "float32", "float64"),
@@ -41,9 +52,16 @@ def fail(text: str, token: Token, reason: str, hint: str = "") -> ParseError:
 
 
 def nearest(word: str, words: Iterable[str], otherwise: str = "") -> str:
-    """A hint that names the word most like the one that was written."""
+    """A hint that names the word most like the one that was written, if one is like it."""
     close = difflib.get_close_matches(word, tuple(words), 1)
     return f"did you mean '{close[0]}'?" if close else otherwise
+
+
+def nearest_name(name: str, names: Iterable[str], declaration: str) -> str:
+    """A hint for an unknown name: the nearest one, and how to declare it."""
+    close = difflib.get_close_matches(name, tuple(names), 1, cutoff=0.4)
+    declare = f"declare it: {declaration}"
+    return f"did you mean '{close[0]}'? If not, {declare}" if close else declare
 
 
 _WORDS = {
@@ -55,20 +73,45 @@ _WORDS = {
 _SYMBOLS = frozenset(s for row in OPERATORS.values() for s in row.spellings)
 _FUNCTIONS = [row.symbol for row in OPERATORS.values() if row.notation == "call"]
 _TIMED = [row.symbol for row in OPERATORS.values() if row.timed]
+_INTERVAL = f"an interval stands after {', '.join(_TIMED)} only"
 _PREFIXES = [s for s, row in _WORDS.items() if row.notation == "prefix" and len(s) > 1]
 _INFIXES = [s for s, row in _WORDS.items() if row.notation == "infix" and len(s) > 1]
 _OPERANDS = frozenset({StlLexer.NAME, StlLexer.NUMBER, StlLexer.TRUTH, StlLexer.CLOSE})
-_HEADS = frozenset(
-    {
-        StlLexer.SPECIFICATION,
-        StlLexer.FROM,
-        StlLexer.AT,
-        StlLexer.CONST,
-        StlLexer.INPUT,
-        StlLexer.OUTPUT,
-    }
-)
+_HEADS = {
+    StlLexer.SPECIFICATION: "write specification NAME",
+    StlLexer.FROM: "write from MODULE import TYPE",
+    StlLexer.AT: "write @ topic(VARIABLE, path/of/the/topic)",
+    StlLexer.CONST: "write const float NAME = 5",
+    StlLexer.INPUT: "write input float NAME",
+    StlLexer.OUTPUT: "write output float NAME",
+}
 _LONG = 60
+_ASCII = "names are of letters, digits, '_' and dots, operators as in: not (x >= 3) -> y < 2"
+_INSTEAD = {
+    "#": "a comment begins with //",
+    "^": "write pow(x, 2) for a power",
+    **{
+        character: f"write '{spelling}'"
+        for character, spelling in zip(
+            "≥≤≠¬∧∨→⇒↔⇔□◇",  # noqa: RUF001 - as formulas are printed in papers
+            (
+                ">=",
+                "<=",
+                "!=",
+                "not",
+                "and",
+                "or",
+                "->",
+                "->",
+                "<->",
+                "<->",
+                "always",
+                "eventually",
+            ),
+            strict=True,
+        )
+    },
+}
 _FORMULA = "write a formula, such as always(x > 0)"
 _OPERAND = "write a variable, a number or '(' there"
 
@@ -91,23 +134,40 @@ def diagnose(
     at = token.tokenIndex
     first = max((i + 1 for i in range(at) if tokens[i].type == StlLexer.END), default=0)
     if at == first:
-        hint = "it stands before all else" if token.type == StlLexer.SPECIFICATION else _FORMULA
-        return fail(text, token, f"expected a formula, got {got(token)}", _reserved(token) or hint)
+        hint = _unnameable(token) or _FORMULA
+        if token.type == StlLexer.IMPORT:
+            hint = _HEADS[StlLexer.FROM]
+        elif token.type == StlLexer.SPECIFICATION:
+            hint = "the name of the specification stands before all else"
+        return fail(text, token, f"expected a formula, got {got(token)}", hint)
     before = tokens[at - 1]
     head = tokens[first]
     pair = at - first >= 2 and head.type == tokens[first + 1].type == StlLexer.NAME
     typed = head.text in PRIMITIVES or (pair and any(t.type == StlLexer.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or at == first + 1)):
         reason, hint = _in_declaration(token, expected, named=at == first + 1)
-        return fail(text, token, reason, hint)
+        return fail(text, token, reason, hint or _HEADS.get(head.type, ""))
     if pair and rule not in ("expression", "operand"):
         return _no_operator(text, head, tokens[first + 1], bracketed=False)
     if before.type == StlLexer.FUNCTION:
         reason = f"expected '(' after '{before.text}', got {got(token)}"
-        return fail(text, token, reason, _reserved(before))
+        operand = token.type in _OPERANDS
+        return fail(
+            text,
+            token,
+            reason,
+            f"write {before.text}({token.text})" if operand else _reserved(before),
+        )
     if before.type in _OPERANDS and (StlLexer.NUMBER not in expected or at == first + 1):
         return _no_operator(text, before, token, bracketed=rule == "operand")
     return _no_operand(text, before, token)
+
+
+def misspelt(text: str, token: Token) -> ParseError:
+    """The error for a character that the language does not have."""
+    character = token.text
+    named = f"'{character}'" if character.isprintable() else f"U+{ord(character):04X}"
+    return fail(text, token, f"unexpected character {named}", _INSTEAD.get(character, _ASCII))
 
 
 def got(token: Token) -> str:
@@ -138,6 +198,11 @@ def _reserved(token: Token) -> str:
     return f"'{word}' is {what} and cannot name a variable"
 
 
+def _unnameable(token: Token) -> str:
+    """A hint if a variable may have been meant where an operator like `and` is just misplaced."""
+    return "" if token.type == StlLexer.INFIX else _reserved(token)
+
+
 def _in_interval(token: Token, expected: AbstractSet[int]) -> tuple[str, str]:
     if StlLexer.NUMBER in expected:
         reason = f"expected an interval bound, got {got(token)}"
@@ -160,15 +225,17 @@ def _in_declaration(token: Token, expected: AbstractSet[int], *, named: bool) ->
     if StlLexer.END in expected:
         hint = "write ';' or a new line between two statements"
         return f"expected the end of the statement, got {got(token)}", hint
-    words = [StlLexer.literalNames[t] for t in sorted(expected)]
+    words = [StlParser.literalNames[t] for t in sorted(expected)]
     return f"expected {' or '.join(words)}, got {got(token)}", ""
 
 
 def _no_operand(text: str, before: Token, token: Token) -> ParseError:
     place = f"'{before.text}'" if before.text not in ("]", ")") else "the interval"
     what = "a formula" if before.type == StlLexer.EQUALS else "an operand"
-    hint = _reserved(token)
-    if token.type == StlLexer.EQUALS:
+    hint = _unnameable(token)
+    if token.type == StlLexer.OPEN_INTERVAL:
+        hint = _INTERVAL
+    elif token.type == StlLexer.EQUALS:
         joined = before.text + "="
         hint = f"write '{joined}' in one piece" if joined in _SYMBOLS else ""
     elif not hint and before.text in _WORDS and before.text != _WORDS[before.text].symbol:
@@ -189,11 +256,13 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
     if token.type == StlLexer.OPEN_INTERVAL:
         if close := nearest(word, [s for s in (*_PREFIXES, *_INFIXES) if _WORDS[s].timed]):
             return fail(text, before, f"unknown operator '{word}'", close)
-        return fail(text, token, reason, f"an interval stands after {', '.join(_TIMED)}")
+        return fail(text, token, reason, _INTERVAL)
     if before.type == StlLexer.NUMBER and token.start == before.stop + 1:
         hint = f"write {before.text} * {token.text}"
         if token.text in UNITS:
             hint = "units are for the bounds of intervals only"
+    elif token.type == StlLexer.COMMA:
+        hint = "',' stands between the operands of a function only"
     elif token.type == StlLexer.NAME:
         hint = nearest(token.text, _INFIXES) or nearest(word, _PREFIXES, hint)
     return fail(text, token, reason, hint)

@@ -8,7 +8,7 @@ from typing import cast
 
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.formula import MAX_DEPTH, Formula, Node, make, number
-from rtamt.grammar.diagnosis import Token, fail, nearest, shown
+from rtamt.grammar.diagnosis import Token, fail, nearest, nearest_name, shown
 from rtamt.grammar.generated.StlLexer import StlLexer
 from rtamt.interval import UNITS, Interval, decimal_text, exact
 from rtamt.operators import SPELLINGS, Operator
@@ -18,6 +18,7 @@ __all__ = ["TreeBuilder"]
 _LEAVES = (StlLexer.NAME, StlLexer.NUMBER, StlLexer.TRUTH)
 _CLOSING = (StlLexer.CLOSE, StlLexer.CLOSE_INTERVAL)
 
+_BACK = "bounds count away from now; once, historically and since look back"
 _LONG = 60
 """Operands longer than this are p, q and r where an error shows two readings."""
 
@@ -187,7 +188,7 @@ class TreeBuilder:
         begin, unit, at = self._bound(at)
         if begin is None:
             reason = "expected a finite bound as the begin of an interval, got inf"
-            raise self._fail(self.tokens[first], reason)
+            raise self._fail(self.tokens[first], reason, "only the end may be inf: [0:inf]")
         second = at + 1
         end: Fraction | None = None
         end_unit: Token | None = None
@@ -207,8 +208,10 @@ class TreeBuilder:
         try:
             interval = Interval(begin, end, unit.text if unit else None)
         except SpecificationError as error:
-            wrong = self.tokens[first if begin < 0 else second]
-            raise self._fail(wrong, str(error)) from None
+            if begin < 0:
+                raise self._fail(self.tokens[first], str(error), _BACK) from None
+            hint = "the smaller bound stands first" if (end or 0) >= 0 else _BACK
+            raise self._fail(self.tokens[second], str(error), hint) from None
         self._frames[-1].interval = interval
         return at
 
@@ -220,7 +223,7 @@ class TreeBuilder:
         value = self._value(self.tokens[at])
         if negative:
             if value is None:
-                raise self._fail(token, "expected a bound of at least 0, got -inf")
+                raise self._fail(token, "expected a bound of at least 0, got -inf", _BACK)
             value = -value
         unit = self.tokens[at + 1]
         if unit.type != StlLexer.NAME:
@@ -243,11 +246,12 @@ class TreeBuilder:
         if name in self.constants:
             return self.constants[name]
         if name == "nan":
-            raise self._fail(token, "expected a number as the bound of an interval, got nan")
+            reason = "expected a number as the bound of an interval, got nan"
+            raise self._fail(token, reason, "write a number, a constant or inf")
         if name in UNITS:
             hint = f"write a number before the unit: [0:500{name}]"
             raise self._fail(token, f"expected an interval bound, got '{name}'", hint)
-        hint = nearest(name, self.constants, f"declare it: const float {name} = 5")
+        hint = nearest_name(name, self.constants, f"const float {name} = 5")
         raise self._fail(token, f"unknown constant '{name}'", hint)
 
     def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
@@ -255,6 +259,10 @@ class TreeBuilder:
 
 
 def _way_out(row: Operator, args: Sequence[Node]) -> str:
+    least, most = row.arity
+    if not least <= len(args) <= (most or len(args)):
+        operands = "x" if most == 1 else "x, y" if most else "x, y, ..."
+        return f"write {row.symbol}({operands})"
     if row.operands == "term" and any(isinstance(a, Formula) for a in args):
         return "arithmetic and comparisons take variables, numbers and functions of them"
     if max(a.depth for a in args) >= MAX_DEPTH:

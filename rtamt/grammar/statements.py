@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.formula import Formula, Node, Term, number, variable
-from rtamt.grammar.diagnosis import PRIMITIVES, Token, fail, nearest
+from rtamt.grammar.diagnosis import PRIMITIVES, Token, fail, nearest, nearest_name, shown
 from rtamt.grammar.expressions import TreeBuilder
 from rtamt.grammar.tokens import Part, Statement, Statements, read
 from rtamt.interval import exact
@@ -91,7 +91,7 @@ class _Reader:
     def _import(self, statement: Statement) -> None:
         module, name = statement.module.text, cast("Token", statement.name)
         if module not in self.modules:
-            hint = f"pass it: parse(text, modules={{'{module}': {module.split('.')[0]}...}})"
+            hint = f"pass it: parse(text, modules={{'{module}': {module}}})"
             raise self._fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self.modules[module])
         if name.text not in known:
@@ -112,7 +112,10 @@ class _Reader:
     def _new(self, statement: Statement, types: Iterable[str]) -> str:
         token = cast("Token", statement.name)
         if statement.kind.text not in types:
-            hint = nearest(statement.kind.text, types, f"types are {', '.join(types)}")
+            otherwise = (
+                f"take bool, int, float, float64, ... or: from MODULE import {statement.kind.text}"
+            )
+            hint = nearest(statement.kind.text, types, otherwise)
             raise self._fail(statement.kind, f"unknown type '{statement.kind.text}'", hint)
         if token.text in self.declarations or token.text in self.constants:
             by = "given as a constant" if token.text in self.given else "declared"
@@ -122,9 +125,10 @@ class _Reader:
     def _value(self, part: Part) -> Fraction:
         text = self.text[part.start.start : part.stop.stop + 1]
         try:
-            return exact(text.replace(" ", ""), "a value")
-        except SpecificationError as error:
-            raise self._fail(part.start, str(error)) from None
+            return exact("".join(text.split()), "a value")
+        except SpecificationError:
+            reason = f"expected a number between 1e-300 and 1e300, got {shown(text)}"
+            raise self._fail(part.start, reason) from None
 
     def _annotate(self, statement: Statement) -> None:
         if statement.kind.text != "topic":
@@ -133,10 +137,15 @@ class _Reader:
         name = statement.variable.text
         known = self.declarations.keys() | self.used
         if name not in known:
-            hint = nearest(name, known, f"declare it: float {name}")
+            hint = nearest_name(name, known, f"float {name}")
             raise self._fail(statement.variable, f"unknown variable '{name}'", hint)
         first, last = statement.location.start.tokenIndex, statement.location.stop.tokenIndex
-        self.topics[name] = "".join(t.text for t in self.tokens[first : last + 1])
+        steps = self.tokens[first : last + 1]
+        for step in steps:
+            if step.text[0] not in "/." and not step.text[0].isalnum() and step.text[0] != "_":
+                reason = f"expected a name in the path, got '{step.text}'"
+                raise self._fail(step, reason, "a path is of names between '/'")
+        self.topics[name] = "".join(step.text for step in steps)
 
     def _define(self, statement: Statement) -> Formula:
         part, name = statement.formula, statement.name
@@ -147,7 +156,9 @@ class _Reader:
         if name is not None:
             if name.text in self.used:
                 reason = f"'{name.text}' is used as a variable and cannot name a formula"
-                raise self._fail(name, reason, "use the name in later formulas only")
+                raise self._fail(
+                    name, reason, "choose another name, or use it in later formulas only"
+                )
             self.formulas[name.text] = formula
         return formula
 
@@ -179,12 +190,13 @@ class _Reader:
             message = message.rpartition(".")[0]
         if message not in self.declared:
             known = (*self.declared, *self.formulas, *self.constants)
-            hint = nearest(token.text, known, f"declare it: float {token.text}")
+            hint = nearest_name(token.text, known, f"float {token.text}")
             raise self._fail(token, f"'{token.text}' is not declared", hint)
         kind = self.declarations[message].type
         if message != token.text and kind in PRIMITIVES:
             reason = f"'{message}' is a {kind} and has no field '{token.text[len(message) + 1 :]}'"
-            raise self._fail(token, reason)
+            hint = f"only variables of imported types have fields; '{message}' is the whole"
+            raise self._fail(token, reason, hint)
 
     def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
         return fail(self.text, token, reason, hint)

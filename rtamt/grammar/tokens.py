@@ -19,7 +19,7 @@ from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
 from rtamt.formula import MAX_DEPTH
-from rtamt.grammar.diagnosis import Token, diagnose, fail
+from rtamt.grammar.diagnosis import Token, diagnose, fail, misspelt
 from rtamt.grammar.generated.StlLexer import StlLexer
 from rtamt.grammar.generated.StlParser import StlParser
 
@@ -79,7 +79,10 @@ def read(text: str) -> tuple[Statements, Sequence[Token]]:
         parser.buildParseTrees = False
         parser._interp.predictionMode = PredictionMode.SLL  # noqa: SLF001 - the documented way
         parser._errHandler = _Refusal(text, tokens)  # noqa: SLF001
-        return cast("Statements", parser.specification()), tokens
+        try:
+            return cast("Statements", parser.specification()), tokens
+        except ParseError as error:
+            raise error.with_traceback(None) from None  # two calls of ANTLR's for every bracket
 
 
 class _Scanner:
@@ -125,10 +128,7 @@ class _Scanner:
                     self.text, token, "the comment is not closed", "write '*/' where it ends"
                 )
             case StlLexer.ILLEGAL:
-                character = token.text
-                shown = f"'{character}'" if character.isprintable() else f"U+{ord(character):04X}"
-                hint = "" if character.isascii() else "operators and names are ASCII, such as >="
-                raise fail(self.text, token, f"unexpected character {shown}", hint)
+                raise misspelt(self.text, token)
 
     def _close(self, token: Token) -> None:
         if not self.brackets:
@@ -195,6 +195,9 @@ class _Stream:
 
     def LA(self, k: int) -> int:  # noqa: N802
         return self.tokens[min(self.index + k - 1, len(self.tokens) - 1)].type
+
+    def get(self, index: int) -> Token:
+        return self.tokens[index]
 
     def consume(self) -> None:
         self.index += 1
