@@ -31,19 +31,17 @@ from gymnasium import spaces
 
 from rtamt.errors import InputError, InputTypeError
 
-__all__ = ["Read", "Signal", "SignalLike", "Step", "join", "parse_signals"]
+__all__ = ["Read", "Signal", "SignalLike", "Step", "parse_signals"]
 
 SOURCES: Final = ("obs", "action", "reward", "info", "qpos", "qvel")
-"""The words that a selector may begin with; the first four are the places of a raw step."""
+"""The words that a selector may begin with; the first four are what a step gives, in this order."""
 
 HINT: Final = "obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0] or qvel[0]"
 
 _NUMBERS: Final = (float, int, np.floating, np.integer, np.bool_)
 
-RawStep = tuple[Any, Any, Any, Any]
-"""Observation, action, reward and info; action and reward are None at reset."""
-
-Read = Callable[[RawStep], float]
+Read = Callable[[Any, Any, Any, dict[str, Any]], float]
+"""Reads a signal from observation, action, reward and info; action and reward are None at reset."""
 
 
 class Step(NamedTuple):
@@ -124,7 +122,7 @@ class Signal:
         return self.source + "".join(f"[{part!r}]" for part in self.path)
 
     def bind(self, env: gym.Env[Any, Any]) -> Read:
-        """The function that reads the signal from a raw step of an environment.
+        """The function that reads the signal from a step of an environment.
 
         Raises:
             InputError: If the selector does not fit the spaces of the environment.
@@ -148,7 +146,7 @@ class Signal:
         if self.default is None:
             return self.bind(env)
         default = self.default
-        return lambda _: default
+        return lambda *_: default
 
     def _fit(self, space: spaces.Space[Any], what: str) -> tuple[Any, ...]:
         """The path as indices into values of a space: one number, and in range."""
@@ -208,14 +206,14 @@ class Signal:
             )
         # An environment may build its MjData anew in reset: a view held from now on would go stale.
         if source == "qpos":
-            return lambda _: float(simulation.data.qpos[index])
-        return lambda _: float(simulation.data.qvel[index])
+            return lambda *_: float(simulation.data.qpos[index])
+        return lambda *_: float(simulation.data.qvel[index])
 
     def _bind_unchecked(self, place: int) -> Read:
         """A reader of the reward or the info, of which no space says what they hold."""
 
-        def read(raw: RawStep) -> float:
-            value: Any = raw[place]
+        def read(*step: Any) -> float:  # noqa: ANN401
+            value = step[place]
             for part in self.path:
                 try:
                     value = value[part]
@@ -233,7 +231,9 @@ class Signal:
         return read
 
     def _bind_callable(self, function: Callable[[Step], float], env: gym.Env[Any, Any]) -> Read:
-        return lambda raw: self._number(function(Step(*raw, env)))
+        return lambda obs, action, reward, info: self._number(
+            function(Step(obs, action, reward, info, env))
+        )
 
     def _number(self, value: object) -> float:
         if not isinstance(value, _NUMBERS):
@@ -277,17 +277,6 @@ def parse_signals(
             f"{_listing(names)}; {way_out}"
         )
     return tuple(Signal.parse(name, signals[name]) for name in names)
-
-
-def join(reads: Sequence[Read]) -> Callable[[RawStep], Sequence[float]]:
-    """One function that reads several signals from a raw step."""
-    match reads:
-        case (first,):
-            return lambda raw: (first(raw),)
-        case (first, second):
-            return lambda raw: (first(raw), second(raw))
-        case _:
-            return lambda raw: [read(raw) for read in reads]
 
 
 _TOKEN = re.compile(r"\s*(?:([A-Za-z_]\w*)|([+-]?\d+)|('[^']*'|\"[^\"]*\")|(.))")
@@ -334,16 +323,12 @@ def _parse_selector(name: str, text: str) -> tuple[str, tuple[int | str, ...]]:
 
 
 def _reader(place: int, path: tuple[Any, ...]) -> Read:
-    match path:
-        case ():
-            return lambda raw: float(raw[place])
-        case (part,):
-            return lambda raw: float(raw[place][part])
-        case (key, part):
-            return lambda raw: float(raw[place][key][part])
+    if place == 0 and len(path) == 1:  # most signals are obs[i]; one call less a sample
+        (part,) = path
+        return lambda obs, _action, _reward, _info: float(obs[part])
 
-    def read(raw: RawStep) -> float:
-        value = raw[place]
+    def read(*step: Any) -> float:  # noqa: ANN401
+        value = step[place]
         for part in path:
             value = value[part]
         return float(value)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from operator import itemgetter
 from typing import Any, Literal, SupportsFloat, get_args
 
 import gymnasium as gym
@@ -14,7 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
 from rtamt.errors import InputError, StateError
-from rtamt_gym.signals import SignalLike, join, parse_signals
+from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     SpecsLike,
     View,
@@ -23,6 +21,7 @@ from rtamt_gym.specs import (
     read_period,
     recordable,
     resolve_period,
+    sampler,
 )
 
 __all__ = ["Cost", "OnViolation", "StlMonitor"]
@@ -158,6 +157,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         ]
         self._bind_signals()
         self._decided: dict[str, int] = {}
+        self._settled = 0
         self._violated_by: str | None = None
         self._charged = False
         self._running = False
@@ -181,9 +181,21 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         for _, monitor, _ in self._monitors:
             monitor.reset()
         self._decided = {}
+        self._settled = 0
         self._violated_by = None
         self._charged = False
-        info = self._judge(info, self._feed(self._read_reset((obs, None, None, info))))
+        robustness, lower, upper, decided = self._sample_reset(obs, None, None, info)
+        if decided:
+            self._decide()
+        info = {
+            **info,
+            "robustness": robustness,
+            "stl_lower": lower,
+            "stl_upper": upper,
+            "stl_violated": upper < 0.0,
+        }
+        if self._details:
+            info["stl"] = self._describe()
         self._running = True
         return obs, info
 
@@ -200,22 +212,33 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
                 "episode; call reset()"
             )
         obs, reward, terminated, truncated, info = self.env.step(action)
-        # Until the sample is in: a monitor that misses one would count wrong ever after.
-        self._running = False
-        robustness = self._feed(self._read((obs, action, reward, info)))
+        try:
+            robustness, lower, upper, decided = self._sample(obs, action, reward, info)
+        except BaseException:
+            # A monitor that misses a sample would count wrong ever after.
+            self._running = False
+            raise
         if terminated:
-            for _, _, judge in self._monitors:
-                judge.finish()
-        info = self._judge(info, robustness)
+            lower, upper, decided = self._finish()
+        if decided > self._settled:
+            self._decide()
+        info = {
+            **info,
+            "robustness": robustness,
+            "stl_lower": lower,
+            "stl_upper": upper,
+            "stl_violated": upper < 0.0,
+        }
+        if self._details:
+            info["stl"] = self._describe()
         if self._cost is not None:
-            info["cost"] = self._charge(info["stl_upper"])
+            info["cost"] = self._charge(upper)
         if self._violated_by is not None and not terminated:
             terminated = self._on_violation == "terminate"
             truncated = truncated or self._on_violation == "truncate"
         if terminated or truncated:
+            self._running = False
             self._conclude(info)
-        else:
-            self._running = True
         return obs, reward, terminated, truncated, info
 
     @property
@@ -241,54 +264,46 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     def _bind_signals(self) -> None:
         """Makes what pickle cannot carry: functions that read this environment."""
-        self._read = join([signal.bind(self.env) for signal in self._signals])
-        self._read_reset = join([signal.bind_reset(self.env) for signal in self._signals])
-        names = [signal.name for signal in self._signals]
-        self._updates = [
-            (monitor.update, _pick([names.index(v) for v in self._variables[name]], len(names)))
-            for name, monitor, _ in self._monitors
+        feeds = [
+            (monitor.update, self._variables[name], judge)
+            for name, monitor, judge in self._monitors
         ]
+        names = [signal.name for signal in self._signals]
+        reads = [signal.bind(self.env) for signal in self._signals]
+        reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
+        self._sample = sampler(names, reads, feeds)
+        self._sample_reset = sampler(names, reset_reads, feeds)
 
-    def _feed(self, values: Sequence[float]) -> float:
-        """Feeds one sample to every monitor; returns the least robustness."""
-        least = math.inf
-        for update, pick in self._updates:
-            robustness = update(*(values if pick is None else pick(values)))
-            if robustness < least:  # noqa: PLR1730  # calls of min() cost as much as the rest
-                least = robustness
-        return least
+    def _finish(self) -> tuple[float, float, int]:
+        """Ends the trace; the bounds, and how many verdicts are decided."""
+        judges = [judge for _, _, judge in self._monitors]
+        for judge in judges:
+            judge.finish()
+        return (
+            min(judge.lower for judge in judges),
+            min(judge.upper for judge in judges),
+            sum(judge.verdict != 0 for judge in judges),
+        )
 
-    def _judge(self, info: dict[str, Any], robustness: float) -> dict[str, Any]:
-        """The info with the state of the monitors; notes what has just been decided."""
-        lower = upper = math.inf
+    def _decide(self) -> None:
+        """Notes the verdicts that the last sample has decided."""
         for name, _, judge in self._monitors:
-            low, high = judge.lower, judge.upper
-            if low < lower:  # noqa: PLR1730
-                lower = low
-            if high < upper:  # noqa: PLR1730
-                upper = high
-            if (high < 0.0 or low > 0.0) and name not in self._decided:
+            if judge.verdict != 0 and name not in self._decided:
                 self._decided[name] = judge.samples - 1
-                if high < 0.0 and self._violated_by is None:
+                if judge.verdict < 0 and self._violated_by is None:
                     self._violated_by = name
-        info = {
-            **info,
-            "robustness": robustness,
-            "stl_lower": lower,
-            "stl_upper": upper,
-            "stl_violated": upper < 0.0,
-        }
-        if self._details:
-            info["stl"] = {
-                name: {
-                    "robustness": monitor.robustness,
-                    "lower": judge.lower,
-                    "upper": judge.upper,
-                    "verdict": judge.verdict.name,
-                }
-                for name, monitor, judge in self._monitors
+        self._settled = len(self._decided)
+
+    def _describe(self) -> dict[str, dict[str, Any]]:
+        return {
+            name: {
+                "robustness": monitor.robustness,
+                "lower": judge.lower,
+                "upper": judge.upper,
+                "verdict": judge.verdict.name,
             }
-        return info
+            for name, monitor, judge in self._monitors
+        }
 
     def _charge(self, upper: float) -> float:
         first = upper < 0.0 and not self._charged
@@ -322,7 +337,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             info.setdefault("is_success", True)
 
 
-_UNPICKLED = frozenset({"_read", "_read_reset", "_updates"})
+_UNPICKLED = frozenset({"_sample", "_sample_reset"})
 
 
 class _CallableSpec(EnvSpec):
@@ -339,16 +354,6 @@ class _CallableSpec(EnvSpec):
                         'such as "obs[0]", or pass env.spec itself to gym.make'
                     )
         return super().to_json()
-
-
-def _pick(indices: list[int], count: int) -> Callable[[Sequence[float]], Sequence[float]] | None:
-    """Which of all values go to a monitor; None: all of them, as they are."""
-    if indices == list(range(count)):
-        return None
-    if len(indices) == 1:
-        (index,) = indices
-        return lambda values: (values[index],)
-    return itemgetter(*indices) if indices else lambda _: ()
 
 
 def _check_choice(name: str, value: object, choices: Sequence[object]) -> None:

@@ -268,7 +268,7 @@ def test_an_info_without_the_number_says_what_it_has(
 ) -> None:
     bound = Signal.parse("x", (selector, 0.0)).bind(Simulation(VECTOR))
     with pytest.raises(error) as caught:
-        bound((None, None, 0.0, info))
+        bound(None, None, 0.0, info)
     assert str(caught.value) == message
 
 

@@ -13,7 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rtamt.errors import InputError
-from rtamt_gym.signals import Signal, SignalLike, Step, join, parse_signals
+from rtamt_gym.signals import Signal, SignalLike, Step, parse_signals
 from rtamt_gym.specs import read_period
 
 
@@ -48,7 +48,7 @@ INFO = {"speed": 25, "crashed": np.bool_(1), "rewards": {"lane": np.float32(0.5)
 def read(
     value: SignalLike, env: gym.Env[Any, Any], obs: object, *, action: object = ACTION
 ) -> float:
-    return Signal.parse("x", value).bind(env)((obs, action, -1.5, INFO))
+    return Signal.parse("x", value).bind(env)(obs, action, -1.5, INFO)
 
 
 @pytest.mark.parametrize(
@@ -90,8 +90,8 @@ def test_an_observation_selector_reads_one_number(
 def test_what_reset_does_not_give_is_its_default_there(selector: str, expected: float) -> None:
     env = Simulation(VECTOR)
     signal = Signal.parse("x", (selector, 7))
-    assert signal.bind_reset(env)((VECTOR_OBS, None, None, {})) == 7.0
-    value = signal.bind(env)((VECTOR_OBS, ACTION, -1.5, INFO))
+    assert signal.bind_reset(env)(VECTOR_OBS, None, None, {}) == 7.0
+    value = signal.bind(env)(VECTOR_OBS, ACTION, -1.5, INFO)
     assert value == expected
     assert type(value) is float
 
@@ -126,14 +126,7 @@ def test_a_callable_with_a_default_is_not_called_at_reset() -> None:
     def fail(_: Step) -> float:
         raise AssertionError
 
-    assert Signal.parse("x", (fail, 2)).bind_reset(Simulation(VECTOR))((0, None, None, {})) == 2.0
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_joined_reads_keep_their_order(count: int) -> None:
-    env = Simulation(VECTOR)
-    reads = [Signal.parse("x", f"obs[{i}]").bind(env) for i in range(count)]
-    assert list(join(reads)((VECTOR_OBS, None, None, {}))) == [0.5, 1.5, 2.5, 3.5][:count]
+    assert Signal.parse("x", (fail, 2)).bind_reset(Simulation(VECTOR))(0, None, None, {}) == 2.0
 
 
 def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
@@ -152,7 +145,7 @@ def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
     position = Signal.parse("x", "qpos[0]").bind(env)
     simulation.model, simulation.data = simulation._initialize_simulation()
     simulation.data.qpos[0] = 0.125
-    assert position((None, None, None, {})) == 0.125
+    assert position(None, None, None, {}) == 0.125
     env.close()
 
 
