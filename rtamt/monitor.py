@@ -95,6 +95,11 @@ class _Online(Generic[_M]):
         return self.program.variables
 
     @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples, exactly; None: the bounds are numbers of samples."""
+        return self._period
+
+    @property
     def samples(self) -> int:
         """Samples taken in since the monitor was made or reset."""
         return self._machine.samples

@@ -1,6 +1,25 @@
-"""Signal temporal logic for simulations: Gymnasium environments under `rtamt` monitors."""
+"""Signal temporal logic for simulations: Gymnasium environments under `rtamt` monitors.
 
-from rtamt_gym.signals import Step
-from rtamt_gym.wrappers import StlMonitor
+Names are imported when first used: the command line monitors recorded traces without Gymnasium.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rtamt_gym.signals import Step
+    from rtamt_gym.wrappers import StlMonitor
 
 __all__ = ["Step", "StlMonitor"]
+
+_MODULES = {"Step": "rtamt_gym.signals", "StlMonitor": "rtamt_gym.wrappers"}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_MODULES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_MODULES]

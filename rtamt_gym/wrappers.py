@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from fractions import Fraction
 from typing import Any, Literal, SupportsFloat, get_args
 
 import gymnasium as gym
@@ -240,6 +241,11 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             self._running = False
             self._conclude(info)
         return obs, reward, terminated, truncated, info
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples; ``None`` if neither the argument nor the environment says."""
+        return self._monitors[0][2].period
 
     @property
     def samples(self) -> int:
