@@ -109,17 +109,33 @@ class _Builder:
         return self.map("min", self.window("min", 0, begin - 1, p), fold)
 
 
-@functools.lru_cache(maxsize=256)
-def compile_program(specification: Specification, period: Fraction | None = None) -> Program:
+def compile_program(
+    specification: Specification, period: Fraction | None = None, *, online: bool = False
+) -> Program:
     """The program of a specification.
 
     Args:
         specification: What to compile.
         period: Seconds between samples; None: bounds are in samples.
+        online: Whether every register must have a latency; see `Program.online`.
 
     Raises:
-        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`).
+        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`),
+            or if ``online`` on a future without end.
     """
+    # Equal specifications may differ in their text, at which errors point.
+    return _cached(specification, specification.text, period, online)
+
+
+@functools.lru_cache(maxsize=512)
+def _cached(
+    specification: Specification,
+    text: str,
+    period: Fraction | None,
+    online: bool,  # noqa: FBT001 - a key of the cache
+) -> Program:
+    if online:
+        return _cached(specification, text, period, online=False).online()
     builder = _Builder(specification, period)
     known: dict[Node, int] = {}
     formulas: Iterable[Formula] = (

@@ -71,10 +71,9 @@ def _run(
 ) -> list[Array]:
     names = {str(i): r for i, r in enumerate(registers)}
     part = program.restricted(registers[0], names)
-    columns = [known[v] for v in part.variables]
     checked = SampleReader(part, reader.nan)
     observed = [part.outputs[str(i)] for i in range(len(registers))]
-    return machine(part, checked, observed).run(columns, n, final=True)
+    return machine(part, checked, observed).run(list(known.values()), n, final=True)
 
 
 def _reversed_fold(
