@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType, SimpleNamespace
@@ -80,6 +80,11 @@ class Specification:
     def of(cls, formula: Formula) -> Specification:
         """The specification of a formula that was made in Python."""
         return cls(str(formula), formula)
+
+    def always(self) -> Specification:
+        """The same requirement on every instant: ``always`` of the result."""
+        lasting = replace(self, formula=self.formula.always(), positions={})
+        return replace(lasting, text=str(lasting))
 
     @cached_property
     def variables(self) -> tuple[str, ...]:

@@ -58,7 +58,7 @@ class InstantMonitor:
     def __init__(self, spec: rtamt.Specification, period: float | str | None) -> None:
         self._instant = rtamt.Monitor(spec, period=period)
         self._sofar = rtamt.EpisodeMonitor(spec, period=period)
-        self.judge = rtamt.EpisodeMonitor(_always(spec), period=period)
+        self.judge = rtamt.EpisodeMonitor(spec.always(), period=period)
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:
@@ -259,14 +259,6 @@ def _name(spec: rtamt.Specification) -> str:
 
 def _result_name(spec: rtamt.Specification) -> str | None:
     return next((name for name, formula in spec.formulas.items() if formula is spec.formula), None)
-
-
-def _always(spec: rtamt.Specification) -> rtamt.Specification:
-    """``always(formula)``, with the declarations and the named formulas of the specification."""
-    lines = str(spec).splitlines()
-    if _result_name(spec) is None:
-        lines.pop()
-    return rtamt.parse("\n".join([*lines, f"always({spec.formula})"]), unit=spec.unit)
 
 
 def _text(spec: SpecLike) -> str:
