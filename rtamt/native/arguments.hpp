@@ -4,34 +4,17 @@
 
 #include <nanobind/nanobind.h>
 
-#include <cstring>
-#include <string>
 #include <vector>
+
+#include "numpy.hpp"
 
 namespace rtamt {
 
 namespace nb = nanobind;
 
-// What numpy says about itself, asked once. Borrowed for ever: numpy cannot be unloaded.
-struct Numpy {
-    PyTypeObject* ndarray;
-    PyTypeObject* float64;
-    PyTypeObject* float32;
-
-    Numpy() {
-        const auto numpy = nb::module_::import_("numpy");
-        const auto type = [&](const char* name) {
-            return reinterpret_cast<PyTypeObject*>(nb::object(numpy.attr(name)).release().ptr());
-        };
-        ndarray = type("ndarray");
-        float64 = type("float64");
-        float32 = type("float32");
-    }
-};
-
 class Arguments {
 public:
-    explicit Arguments(const nb::tuple& names) : names_(names), order_(nb::len(names)) {}
+    explicit Arguments(const nb::tuple& names) : names_(interned(names)), order_(nb::len(names)) {}
 
     bool positional(PyObject* const* args, double* out) const {
         const std::size_t n = order_.size();
@@ -66,21 +49,11 @@ public:
     }
 
     bool array(PyObject* array, double* out) const {
-        Py_buffer view;
-        if (PyObject_GetBuffer(array, &view, PyBUF_ND | PyBUF_FORMAT) != 0) {
-            PyErr_Clear();
-            return false;
-        }
-        const auto n = static_cast<Py_ssize_t>(order_.size());
-        const bool fits = view.ndim == 1 && view.shape[0] == n && view.itemsize == sizeof(double) &&
-                          view.format != nullptr && std::strcmp(view.format, "d") == 0;
-        if (fits) std::memcpy(out, view.buf, n * sizeof(double));
-        PyBuffer_Release(&view);
-        return fits;
+        return numpy_.row(array, static_cast<Py_ssize_t>(order_.size()), out);
     }
 
     std::size_t size() const { return order_.size(); }
-    const Numpy& numpy() const { return numpy_; }
+    bool is_array(PyObject* object) const { return numpy_.is_array(object); }
 
     int traverse(visitproc visit, void* arg) const {
         Py_VISIT(names_.ptr());
@@ -89,6 +62,18 @@ public:
     }
 
 private:
+    // Names in a program's calls and dict displays are interned: mostly, identity decides.
+    static nb::tuple interned(const nb::tuple& names) {
+        nb::list list;
+        for (nb::handle name : names) {
+            PyObject* text = PyUnicode_FromObject(name.ptr());
+            if (text == nullptr) nb::raise_python_error();
+            PyUnicode_InternInPlace(&text);
+            list.append(nb::steal(text));
+        }
+        return nb::tuple(list);
+    }
+
     PyObject* name(std::size_t i) const { return PyTuple_GET_ITEM(names_.ptr(), i); }
 
     bool number(PyObject* object, double& out) const {
@@ -100,8 +85,7 @@ private:
     }
 
     bool other_number(PyObject* object, double& out) const {
-        if (Py_TYPE(object) != numpy_.float64 && Py_TYPE(object) != numpy_.float32 &&
-            !PyLong_CheckExact(object) && !PyBool_Check(object))
+        if (!PyLong_CheckExact(object) && !numpy_.is_float(object) && !PyBool_Check(object))
             return false;
         out = PyFloat_AsDouble(object);
         if (out == -1.0 && PyErr_Occurred()) {  // an int that no double holds
@@ -150,7 +134,7 @@ private:
     nb::tuple names_;
     nb::tuple kwnames_;
     std::vector<std::size_t> order_;
-    Numpy numpy_;
+    const Numpy& numpy_ = Numpy::instance();
 };
 
 }  // namespace rtamt

@@ -102,8 +102,7 @@ bool read_at_once(Bound& bound, PyObject* const* args, Py_ssize_t n, PyObject* k
     if (kwnames != nullptr) return n == 0 && arguments.keywords(args, kwnames, pending);
     if (n == 1) {
         if (PyDict_CheckExact(args[0])) return arguments.dict(args[0], pending);
-        if (Py_TYPE(args[0]) == arguments.numpy().ndarray)
-            return arguments.array(args[0], pending);
+        if (arguments.is_array(args[0])) return arguments.array(args[0], pending);
     }
     return static_cast<std::size_t>(n) == arguments.size() && arguments.positional(args, pending);
 }

@@ -15,19 +15,17 @@ namespace {
 constexpr std::size_t kMost = 256;  // samples in a block
 constexpr std::int64_t kForever = std::numeric_limits<std::int64_t>::max() / 2;
 
-bool any_nan(const double* values, std::size_t n) {
-    std::size_t i = 0;
-    bool nan = false;
-#ifdef __SSE2__  // compilers leave this loop as it is
+// The place of the first nan, or n.
+std::size_t first_nan(const double* values, std::size_t n) {
+#ifdef __SSE2__  // compilers leave the loop below as it is
     __m128d found = _mm_setzero_pd();
-    for (; i + 2 <= n; i += 2) {
+    for (std::size_t i = 0; i + 2 <= n; i += 2) {
         const __m128d pair = _mm_loadu_pd(values + i);
         found = _mm_or_pd(found, _mm_cmpunord_pd(pair, pair));
     }
-    nan = _mm_movemask_pd(found) != 0;
+    if (_mm_movemask_pd(found) == 0 && (n % 2 == 0 || values[n - 1] == values[n - 1])) return n;
 #endif
-    for (; i < n; ++i) nan |= values[i] != values[i];
-    return nan;
+    return std::find_if(values, values + n, [](double x) { return x != x; }) - values;
 }
 
 #define RTAMT_BLOCK(name, arity, value)                                               \
@@ -58,17 +56,15 @@ public:
 
     // Evaluates the terms; the place of the first sample with a nan, or count.
     std::size_t terms(const double* const* columns, std::size_t from, std::size_t count) {
-        for (std::size_t v = 0; v < machine_.loads_.size(); ++v)
-            at_[machine_.loads_[v]] = columns[v] + from;
+        for (const Load& load : machine_.loads_) at_[load.out] = columns[load.variable] + from;
         return checked_terms(count);
     }
 
     // The same once more, with the variables as they were last.
     void last_terms(std::size_t count) {
-        for (std::size_t v = 0; v < machine_.loads_.size(); ++v) {
-            const std::size_t slot = machine_.loads_[v];
-            std::fill_n(lane(slot), size_, machine_.inputs_[v]);
-            at_[slot] = lane(slot);
+        for (const Load& load : machine_.loads_) {
+            std::fill_n(lane(load.out), size_, machine_.inputs_[load.variable]);
+            at_[load.out] = lane(load.out);
         }
         checked_terms(count);
     }
@@ -84,11 +80,8 @@ private:
     std::size_t checked_terms(std::size_t count) {
         for (const Step& step : machine_.terms_) execute(step, 0, count, kForever);
         std::size_t first = count;
-        for (std::size_t slot = 0; slot < machine_.known_; ++slot) {
-            if (!any_nan(at_[slot], first)) continue;
-            const auto nan = [](double x) { return x != x; };
-            first = std::find_if(at_[slot], at_[slot] + first, nan) - at_[slot];
-        }
+        for (const Load& load : machine_.loads_) first = first_nan(at_[load.out], first);
+        for (const Step& step : machine_.terms_) first = first_nan(at_[step.out], first);
         return first;
     }
 
@@ -191,7 +184,7 @@ std::size_t Machine::run(const double* const* columns, std::size_t n, bool final
         }
         samples_ += static_cast<std::int64_t>(count);
         if (from + count == n)
-            for (std::size_t v = 0; v < loads_.size(); ++v) inputs_[v] = columns[v][n - 1];
+            for (std::size_t v = 0; v < variables_; ++v) inputs_[v] = columns[v][n - 1];
     }
     for (std::size_t slot = 0; slot < registers_.size(); ++slot)
         registers_[slot] = block.at(slot)[count - 1];

@@ -76,8 +76,9 @@ private:
     std::uint64_t value_ = 0xcbf29ce484222325u;
 };
 
-std::uint64_t fingerprint(const std::vector<Row>& rows) {
+std::uint64_t fingerprint(const std::vector<Row>& rows, std::size_t variables) {
     Fingerprint print;
+    print.add(variables);
     for (const Row& row : rows) {
         print.add(row.slot);
         print.add(row.kind);
@@ -103,24 +104,20 @@ std::pair<Opcode, std::unique_ptr<Part>> fold(std::size_t length, Opcode latest)
 
 Machine::Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
                  const std::vector<Observed>& observed)
-    : loads_(variables),
+    : variables_(variables),
       observed_(observed),
-      known_(terms),
       samples_in_(2 * variables),
       pending_(samples_in_.data()),
       inputs_(pending_ + variables),
-      fingerprint_(fingerprint(rows)) {
-    std::size_t loaded = 0;
+      fingerprint_(fingerprint(rows, variables)) {
     initial_.resize(rows.size());
     for (const Row& row : rows) {
         const std::size_t limit = row.kind == "LOAD" ? variables : rows.size();
         if (row.slot >= rows.size() || row.a >= limit || row.b >= rows.size() ||
             row.length > kMost || (row.slot < terms && row.kind == "WINDOW"))
             refuse("row " + std::to_string(row.slot) + " is out of range");
-        loaded += row.kind == "LOAD";
         compile(row, terms);
     }
-    if (loaded != variables || terms > rows.size()) refuse("variables are not the loads");
     if (observed_.empty()) refuse("expected the result among the observed");
     for (const Observed& o : observed_)
         if (o.slot >= rows.size() || o.latency < 0) refuse("an observed register is out of range");
@@ -131,7 +128,7 @@ void Machine::compile(const Row& row, std::size_t terms) {
     const auto narrow = [](std::size_t i) { return static_cast<std::uint32_t>(i); };
     Step step{Opcode::delay, narrow(row.slot), narrow(row.a), narrow(row.b), row.start, nullptr};
     if (row.kind == "LOAD") {
-        loads_[row.a] = step.out;
+        loads_.push_back({step.out, step.a});
         return;
     }
     if (row.kind == "CONST") {
@@ -165,19 +162,15 @@ void Machine::compile(const Row& row, std::size_t terms) {
 
 bool Machine::take() {
     double* r = registers_.data();
-    const std::size_t variables = loads_.size();
     bool nan = false;
-    for (std::size_t i = 0; i < variables; ++i) {
-        const double value = pending_[i];
-        r[loads_[i]] = value;
-        nan |= value != value;
-    }
+    for (std::size_t i = 0; i < variables_; ++i) nan |= pending_[i] != pending_[i];
+    for (const Load& load : loads_) r[load.out] = pending_[load.variable];
     if (!execute(terms_, r, samples_) || nan) [[unlikely]] {
         // The registers of the sample before, from its inputs.
         if (samples_ == 0) {
             registers_ = initial_;
         } else {
-            for (std::size_t i = 0; i < variables; ++i) r[loads_[i]] = inputs_[i];
+            for (const Load& load : loads_) r[load.out] = inputs_[load.variable];
             execute(terms_, r, samples_);
         }
         return false;
@@ -203,7 +196,7 @@ std::string Machine::state() const {
     Writer out;
     out.put(fingerprint_);
     out.put(samples_);
-    out.put(inputs_, loads_.size());
+    out.put(inputs_, variables_);
     out.put(registers_.data(), registers_.size());
     for (const auto& part : parts_) part->save(out);
     return out.bytes();
@@ -217,7 +210,7 @@ void Machine::restore(std::string_view bytes) {
         reset();
         samples_ = in.get<std::int64_t>();
         Reader::require(samples_ >= 0);
-        in.get(inputs_, loads_.size());
+        in.get(inputs_, variables_);
         in.get(registers_.data(), registers_.size());
         for (const auto& part : parts_) part->load(in);
         Reader::require(in.empty());

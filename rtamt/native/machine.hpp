@@ -53,6 +53,11 @@ struct Step {
     Part* part;
 };
 
+struct Load {
+    std::uint32_t out;
+    std::uint32_t variable;
+};
+
 class Machine {
 public:
     // Rows are checked only as far as memory is concerned: the program was verified in Python.
@@ -62,7 +67,7 @@ public:
     Machine(const Machine&) = delete;
     Machine& operator=(const Machine&) = delete;
 
-    std::size_t variables() const { return loads_.size(); }
+    std::size_t variables() const { return variables_; }
     std::size_t observed() const { return observed_.size() - 1; }
     std::int64_t samples() const { return samples_; }
     const std::vector<double>& registers() const { return registers_; }
@@ -94,12 +99,12 @@ private:
 
     std::vector<double> registers_;
     std::vector<double> initial_;
-    std::vector<std::uint32_t> loads_;  // the register of every variable
+    std::size_t variables_;
+    std::vector<Load> loads_;
     std::vector<Step> terms_;
     std::vector<Step> formulas_;
     std::vector<std::unique_ptr<Part>> parts_;
     std::vector<Observed> observed_;
-    std::size_t known_;  // how many registers are terms
     std::vector<double> samples_in_;
     double* pending_;
     double* inputs_;
