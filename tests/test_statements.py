@@ -1,0 +1,154 @@
+"""What statements mean: names, declarations, constants, and where a statement ends."""
+
+from __future__ import annotations
+
+import sys
+import types
+
+import pytest
+
+import rtamt
+from rtamt.errors import ParseError
+from rtamt.formula import Formula
+from rtamt.specification import Declaration
+
+
+def formula(text: str) -> Formula:
+    return rtamt.parse(text).formula
+
+
+WHOLE = """
+specification gripper // a comment
+from geometry_msgs.msg import Twist
+/* comments
+   of two lines */
+const float K = 5; const int MINUS = -3
+input Twist cmd
+output float pos = 0.5
+float other = -1
+float out
+@ topic(cmd, /robot/cmd.v2/always/1)
+
+near = abs(cmd.linear.x - pos) < K
+out = always[0:K ms](near)
+"""
+
+
+def test_a_whole_specification() -> None:
+    msg = types.SimpleNamespace(Twist=object)
+    spec = rtamt.parse(WHOLE, modules={"geometry_msgs.msg": msg})
+    assert spec.name == "gripper"
+    assert spec.text == WHOLE
+    assert list(spec.formulas) == ["near", "out"]
+    assert spec.formula is spec.formulas["out"] is formula("G[0:5ms](abs(cmd.linear.x - pos) < 5)")
+    assert spec.variables == ("cmd.linear.x", "pos")
+    assert spec.inputs == ("cmd.linear.x",)
+    assert spec.outputs == ("pos",)
+    assert spec.declarations == {
+        "cmd": Declaration("Twist", "input"),
+        "pos": Declaration("float", "output", 0.5),
+        "other": Declaration("float", None, -1.0),
+        "out": Declaration("float"),
+    }
+    assert spec.declaration("cmd.linear.x") == Declaration("Twist", "input")
+    assert spec.constants == {"K": 5.0, "MINUS": -3.0}
+    assert spec.topics == {"cmd": "/robot/cmd.v2/always/1"}
+    assert spec.imports == {"Twist": "geometry_msgs.msg"}
+    assert spec.horizon == 0.005
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "p = x > 0; q = y > 0; p and q",
+        "p = x > 0\nq = y > 0\np and q",
+        "\n\n;p = x > 0;;\n;q = y > 0\n\np and q;\n",
+        "p =\n x\n > 0\nq = y >\n\n 0\n// more\np\nand q",
+        "p = x > 0\r\nq = y > 0 // so\r\n\r\np and q\r\n",
+        "p = (\nx\n>\n0\n)\nq = y > 0\np and\n\nq",
+        "p = x > 0 /* ; */; q = y > 0 /*\n*/; p\n/**/ and // and\nq",
+    ],
+)
+def test_statements_end_with_the_line_or_a_semicolon(text: str) -> None:
+    spec = rtamt.parse(text)
+    assert list(spec.formulas) == ["p", "q"]
+    assert spec.formula is formula("x > 0 and y > 0")
+
+
+@pytest.mark.parametrize(
+    ("text", "whole"),
+    [
+        ("p = x\n- y > 0", "p = x - y > 0"),
+        ("always\nx", "always x"),
+        ("always[0:5]\nx > 0", "always[0:5] x > 0"),
+        ("always[3,)\nx > 0", "always[3,) x > 0"),
+        ("always\n[0:5]\nx", "always[0:5] x"),
+        ("x until\n[0:5] y", "x until[0:5] y"),
+        ("x\nuntil y", "x until y"),
+        ("x\n\n\n/ y > 0", "x / y > 0"),
+        ("x > 0\n-> y", "x > 0 -> y"),
+        ("abs\n(x) > 0", "abs(x) > 0"),
+        ("not\n! x", "not ! x"),
+        ("min(x\n,\ny) > 0", "min(x, y) > 0"),
+    ],
+)
+def test_an_operator_continues_the_line(text: str, whole: str) -> None:
+    assert rtamt.parse(text) == rtamt.parse(whole)
+    assert formula(text) is formula(whole)
+
+
+def test_a_prefix_operator_begins_a_statement() -> None:
+    assert list(rtamt.parse("p = x > 0\nq = y > 0\n!p").formulas) == ["p", "q"]
+
+
+def test_later_formulas_use_earlier_ones() -> None:
+    spec = rtamt.parse("p = x > 0\nq = always p\nr = x\nr > 3 implies q")
+    assert spec.formula is formula("x > 3 implies always(x > 0)")
+    assert spec.formulas["r"] is formula("x")
+    assert spec.variables == ("x",)
+
+
+def test_a_name_of_a_formula_may_be_declared_as_what_it_puts_out() -> None:
+    spec = rtamt.parse("input float x\noutput float out\nout = always(x > 0)")
+    assert spec.variables == spec.inputs == ("x",)
+    assert spec.outputs == ()
+    # It declares no variable that formulas read, so the others need no declaration.
+    assert rtamt.parse("output float out\nout = always(x > 0)").variables == ("x",)
+
+
+def test_variables_come_in_order_of_declaration_else_of_appearance() -> None:
+    assert rtamt.parse("p = c > b\na > b").variables == ("c", "b", "a")
+    assert rtamt.parse("float a; float b; float c; float d; p = c > b\na > b").variables == (
+        "a",
+        "b",
+        "c",
+    )
+
+
+def test_constants_of_the_text_declare_no_variables() -> None:
+    spec = rtamt.parse("const float K = 3\nx > K - 1")
+    assert spec.variables == ("x",)
+    assert spec.formula is formula("x > 3 - 1")
+
+
+def test_constants_given_by_the_caller_are_used_and_kept() -> None:
+    spec = rtamt.parse("G[0:T] x > K", constants={"T": "0.1", "K": 2})
+    assert spec.formula is formula("G[0:0.1] x > 2")
+    assert spec.constants == {"T": 0.1, "K": 2.0}
+
+
+def test_topics_may_name_a_variable_that_is_not_declared() -> None:
+    assert rtamt.parse("x > 0\n@ topic(x, a/b)").topics == {"x": "a/b"}
+
+
+@pytest.mark.parametrize("kind", ["bool", "int", "float", "double", "uint8", "int64", "float32"])
+def test_primitive_types(kind: str) -> None:
+    assert rtamt.parse(f"{kind} x; const {kind} K = 1; x > K").declarations["x"].type == kind
+
+
+def test_nothing_is_imported_from_text() -> None:
+    with pytest.raises(ParseError, match="module 'antigravity' was not given"):
+        rtamt.parse("from antigravity import geohash\nx > 0")
+    assert "antigravity" not in sys.modules
+    with pytest.raises(ParseError, match=r"module 'm' has no type 'Twits'(.|\n)*mean 'Twist'"):
+        rtamt.parse("from m import Twits\nx", modules={"m": types.SimpleNamespace(Twist=1)})
