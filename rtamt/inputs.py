@@ -91,6 +91,8 @@ class SampleReader:
         return floats
 
     def _by_name(self, named: Mapping[str, object]) -> Iterable[object]:
+        if not isinstance(named, Mapping):  # a row of a data frame, which iterates over its values
+            named = {name: named[name] for name in named.keys()}  # noqa: SIM118
         if named.keys() != self._known:
             self._refuse_names(named)
         return [named[name] for name in self.variables]
@@ -136,7 +138,7 @@ class SampleReader:
             raise InputTypeError(msg)
         try:
             return float(cast("SupportsFloat", value))
-        except (TypeError, ValueError):  # an array of several values, for one
+        except (TypeError, ValueError, OverflowError):  # an array of several values, for one
             msg = f"expected a number for '{name}' at sample {sample}, got {_kind(value)}"
             raise InputTypeError(msg) from None
 
@@ -167,9 +169,9 @@ class SampleReader:
         """
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, ArrayLike]", data)
-            names = {str(name) for name in named.keys()}  # noqa: SIM118 - data frames iterate so too
+            names = dict.fromkeys(map(str, named.keys())).keys()
             if not self._known <= names or not (extra or names <= self._known):
-                self._refuse_names({str(name): None for name in named.keys()})  # noqa: SIM118
+                self._refuse_names(dict.fromkeys(names & self._known if extra else names))
             columns = [self._column(named[name], name) for name in self.variables]
         else:
             table = self._array(data, "the block")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from typing import cast
 
 from rtamt.algebra import FUNCTIONS
 from rtamt.formula import Formula, Node, Term
@@ -46,7 +47,7 @@ class _Builder:
         if node.op is None:
             if isinstance(node.leaf, str):
                 return self._emit(Load(node.leaf), term=True)
-            return self.constant(node.leaf or 0.0)
+            return self.constant(cast("float", node.leaf))
         args = [known[a] for a in node.args]
         if node.op.timed:
             error = functools.partial(self.specification.error, node)
