@@ -8,10 +8,13 @@ import traceback
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import rtamt
 from rtamt.errors import InputTypeError, ParseError, SpecificationError
 from rtamt.formula import MAX_DEPTH
+from rtamt.operators import OPERATORS, RESERVED
 
 TABLE = Path(__file__).with_name("parse_errors.txt")
 
@@ -34,6 +37,25 @@ def test_error_says_what_was_expected_where_and_the_way_out(text: str, message: 
     with pytest.raises(ParseError) as caught:
         rtamt.parse(text)
     assert str(caught.value).splitlines() == message
+
+
+PIECES = (
+    *sorted({s for row in OPERATORS.values() for s in row.spellings} | RESERVED),
+    *"()[]:,;=@/-. \n\té",
+    *("x", "a.b", "K", "5", "1e3", "ms", "nan", "float", "topic", "//", "/*", "*/", "[0:5]"),
+    *("const float K = 3\n", "float x\n", "p = ", "x > 0"),
+)
+
+
+@given(st.lists(st.sampled_from(PIECES), max_size=12), st.sampled_from(["", " "]))
+def test_any_text_is_a_specification_that_reads_back_or_a_parse_error(
+    pieces: list[str], between: str
+) -> None:
+    try:
+        spec = rtamt.parse(between.join(pieces))
+    except ParseError:
+        return
+    assert rtamt.parse(str(spec)) == spec
 
 
 @pytest.mark.parametrize("text", ["", " \t", "\n\n", "// nothing", "/* nothing\n */"])
