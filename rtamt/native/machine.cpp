@@ -55,27 +55,6 @@ inline bool execute(const std::vector<Step>& steps, double* r, std::int64_t t) {
     return !nan;
 }
 
-// FNV-1a, to tell the states of different programs apart.
-class Fingerprint {
-public:
-    void add(const void* data, std::size_t size) {
-        const auto* bytes = static_cast<const unsigned char*>(data);
-        for (std::size_t i = 0; i < size; ++i) value_ = (value_ ^ bytes[i]) * 0x100000001b3u;
-    }
-    template <class T>
-    void add(const T& value) {
-        add(&value, sizeof(T));
-    }
-    void add(const std::string& text) {
-        add(text.size());
-        add(text.data(), text.size());
-    }
-    std::uint64_t value() const { return value_; }
-
-private:
-    std::uint64_t value_ = 0xcbf29ce484222325u;
-};
-
 std::uint64_t fingerprint(const std::vector<Row>& rows, std::size_t variables) {
     Fingerprint print;
     print.add(variables);

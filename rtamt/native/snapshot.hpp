@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -45,6 +46,13 @@ public:
         get(&value, 1);
         return value;
     }
+    std::string_view bytes(std::size_t count) {
+        require(count <= rest_.size());
+        const std::string_view taken = rest_.substr(0, count);
+        rest_.remove_prefix(count);
+        return taken;
+    }
+    std::size_t size() const { return rest_.size(); }
     bool empty() const { return rest_.empty(); }
 
     static void require(bool condition) {
@@ -53,6 +61,27 @@ public:
 
 private:
     std::string_view rest_;
+};
+
+// FNV-1a, to tell the states of different programs apart.
+class Fingerprint {
+public:
+    void add(const void* data, std::size_t size) {
+        const auto* bytes = static_cast<const unsigned char*>(data);
+        for (std::size_t i = 0; i < size; ++i) value_ = (value_ ^ bytes[i]) * 0x100000001b3u;
+    }
+    template <class T>
+    void add(const T& value) {
+        add(&value, sizeof(T));
+    }
+    void add(const std::string& text) {
+        add(text.size());
+        add(text.data(), text.size());
+    }
+    std::uint64_t value() const { return value_; }
+
+private:
+    std::uint64_t value_ = 0xcbf29ce484222325u;
 };
 
 }  // namespace rtamt
