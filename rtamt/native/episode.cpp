@@ -1,0 +1,282 @@
+#include "episode.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "folds.hpp"
+#include "sliding.hpp"
+#include "top.hpp"
+
+namespace rtamt {
+
+using namespace episode;
+
+namespace {
+
+[[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
+
+// An object of a class over a monoid that is known by name.
+template <template <class> class Class, class Base, class... Args>
+std::unique_ptr<Base> of_monoid(const std::string& name, Args&&... args) {
+#define RTAMT_NAMED(name_, Type) \
+    if (name == #name_) return std::make_unique<Class<Type>>(std::forward<Args>(args)...);
+    RTAMT_MONOIDS(RTAMT_NAMED)
+#undef RTAMT_NAMED
+    refuse("unknown monoid '" + name + "'");
+}
+
+template <template <class> class Class, class Base, class... Args>
+std::unique_ptr<Base> of_choice(const std::string& name, Args&&... args) {
+    if (name == "min") return std::make_unique<Class<Min>>(std::forward<Args>(args)...);
+    if (name == "max") return std::make_unique<Class<Max>>(std::forward<Args>(args)...);
+    refuse("function '" + name + "' is not monotone");
+}
+
+std::uint64_t fingerprint_of(const std::vector<Formula>& formulas) {
+    Fingerprint print;
+    for (const Formula& formula : formulas) {
+        print.add(formula.kind);
+        print.add(formula.name);
+        print.add(formula.a);
+        print.add(formula.b);
+        print.add(formula.lo);
+        print.add(formula.hi);
+    }
+    return print.value();
+}
+
+}  // namespace
+
+// The upper part of the program is read at time 0 alone; what stands below a window is read at all
+// times.
+class EpisodeMachine::Builder {
+public:
+    Builder(EpisodeMachine& machine, const std::vector<Row>& terms,
+            const std::vector<Formula>& formulas)
+        : machine_(machine), terms_(terms), formulas_(formulas) {
+        const std::size_t registers = terms.size() + formulas.size();
+        if (registers == 0) refuse("expected a result, got no rows");
+        top_.resize(registers);
+        below_.resize(registers);
+        tops_.resize(registers);
+        streams_.resize(registers);
+        top_[registers - 1] = true;
+        for (std::size_t r = registers; r-- > terms.size();) mark(r);
+    }
+
+    void build() {
+        for (std::size_t r = 0; r < below_.size(); ++r) {
+            if (!below_[r]) continue;
+            machine_.streams_.push_back(r < terms_.size() ? leaf(r) : stream(r));
+            streams_[r] = machine_.streams_.back().get();
+        }
+        for (std::size_t r = 0; r < top_.size(); ++r) {
+            if (!top_[r]) continue;
+            machine_.tops_.push_back(top(r));
+            tops_[r] = machine_.tops_.back().get();
+        }
+    }
+
+private:
+    void mark(std::size_t r) {
+        const Formula& f = formulas_[r - terms_.size()];
+        const bool window = f.kind == "WINDOW";
+        if (f.a >= r || f.b >= r || (!window && f.kind != "MAP"))
+            refuse("register " + std::to_string(r) + " is out of range");
+        for (std::size_t a : {f.a, f.b}) {
+            if (below_[r] || (top_[r] && window)) below_[a] = true;
+            if (top_[r] && !window) top_[a] = true;
+        }
+        machine_.desk_.unknowns.count += below_[r] && window && f.hi == kNever;
+        if (machine_.desk_.unknowns.count > kMaxUnknowns) refuse("too many unknowns");
+    }
+
+    std::unique_ptr<Stream> leaf(std::size_t r) {
+        if (terms_[r].kind == "CONST")
+            return std::make_unique<Constant>(machine_.desk_, terms_[r].value);
+        return std::make_unique<Predicate>(machine_.desk_, r);
+    }
+
+    std::unique_ptr<Stream> stream(std::size_t r) {
+        const Formula& f = formulas_[r - terms_.size()];
+        Desk& desk = machine_.desk_;
+        Stream& a = *streams_[f.a];
+        Stream& b = *streams_[f.b];
+        if (f.kind == "MAP") return of_choice<PointwiseStream, Stream>(f.name, desk, a, b);
+        if (f.hi == kNever) {
+            auto endless = of_monoid<EndlessStream, Endless>(f.name, desk,
+                                                             machine_.unknowns_.size(), a, b);
+            machine_.unknowns_.push_back(endless.get());
+            return endless;
+        }
+        if (f.lo == -kNever) return of_monoid<RunningStream, Stream>(f.name, desk, f.hi, a, b);
+        return of_monoid<SlidingStream, Stream>(f.name, desk, f.lo, f.hi, a, b);
+    }
+
+    std::unique_ptr<Top> top(std::size_t r) {
+        if (r < terms_.size()) {
+            const Row& row = terms_[r];
+            return std::make_unique<TopTerm>(
+                r, row.kind == "CONST" ? std::optional<double>(row.value) : std::nullopt);
+        }
+        const Formula& f = formulas_[r - terms_.size()];
+        if (f.kind == "MAP") return of_choice<TopMap, Top>(f.name, *tops_[f.a], *tops_[f.b]);
+        return of_monoid<TopFold, Top>(f.name, machine_.desk_, f.lo, f.hi, *streams_[f.a],
+                                       *streams_[f.b]);
+    }
+
+    EpisodeMachine& machine_;
+    const std::vector<Row>& terms_;
+    const std::vector<Formula>& formulas_;
+    std::vector<bool> top_;
+    std::vector<bool> below_;
+    std::vector<Top*> tops_;
+    std::vector<Stream*> streams_;
+};
+
+EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variables,
+                               const std::vector<Formula>& formulas)
+    : terms_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
+      fingerprint_(fingerprint_of(formulas)) {
+    Builder(*this, terms, formulas).build();
+    for (const auto& stream : streams_) stream->neglect();
+    for (const auto& top : tops_) top->demand();
+    demand();
+    for (const auto& stream : streams_) stream->prepare();
+    for (const auto& top : tops_) top->prepare();
+    reset();
+    for (const Look& look : looks_) look.stream->look(look.world, -1);
+    conclude(-1);
+    empty_ = values_;
+    empty_[kNow] = std::nan("");
+    reset();
+}
+
+EpisodeMachine::~EpisodeMachine() = default;
+
+// Hands down what the tops want; who reads settled values reads unknowns.
+void EpisodeMachine::demand() {
+    const auto wants_unknowns = [this](std::uint32_t speaks_of, World w) {
+        for (std::size_t k = 0; k < unknowns_.size(); ++k)
+            if (speaks_of >> k & 1) unknowns_[k]->want(w);
+    };
+    for (const auto& top : tops_)
+        for (World w : kAll)
+            if (top->wants(w)) wants_unknowns(top->speaks_of(), w);
+    for (std::size_t i = streams_.size(); i-- > 0;) {
+        Stream& stream = *streams_[i];
+        for (World w : kAll)
+            if (stream.wanted(w)) wants_unknowns(stream.speaks_of(), w);
+        stream.demand();
+    }
+}
+
+void EpisodeMachine::plan(Time t) {
+    for (const auto& stream : streams_) stream->neglect();
+    next_plan_ = kNever;
+    open_ = false;
+    for (const auto& top : tops_) {
+        next_plan_ = std::min(next_plan_, top->demand(t));
+        open_ |= top->open(t - 1);
+    }
+    if (t <= 0) {  // before the first sample there is no robustness, whatever else is certain
+        open_ = true;
+        next_plan_ = std::min<Time>(next_plan_, 1);
+    }
+    demand();
+    settles_.clear();
+    looks_.clear();
+    for (const auto& stream : streams_) {
+        if (!stream->alive()) continue;
+        settles_.push_back({stream.get(), nullptr});
+        for (World w : kAll)
+            if (stream->looks(w)) looks_.push_back({stream.get(), w});
+    }
+    for (Endless* unknown : unknowns_)
+        for (Settle& settle : settles_)
+            if (settle.stream == unknown) settle.endless = unknown;
+}
+
+bool EpisodeMachine::take() {
+    if (!terms_.take()) return false;
+    const Time t = terms_.samples() - 1;
+    if (t >= next_plan_) plan(t);
+    if (open_) {
+        settle(t);
+        for (const Look& look : looks_) look.stream->look(look.world, t);
+        conclude(t);
+    }
+    return true;
+}
+
+void EpisodeMachine::settle(Time t) {
+    const double* terms = terms_.registers().data();
+    for (const Settle& settle : settles_) {
+        settle.stream->settle(t, terms);
+        Endless* endless = settle.endless;
+        if (endless == nullptr || !endless->has_settled()) continue;
+        for (const Settle& other : settles_)
+            if (other.stream->speaks_of() >> endless->unknown() & 1)
+                other.stream->substitute(endless->unknown(), endless->value());
+        for (const auto& top : tops_) top->substitute(endless->unknown(), endless->value());
+        endless->append();
+    }
+    for (const auto& top : tops_) top->settle(t, terms);
+}
+
+void EpisodeMachine::conclude(Time t) {
+    for (const auto& top : tops_) top->conclude(t);
+    for (World w : kAll) values_[w] = tops_.back()->value(w);
+}
+
+void EpisodeMachine::finish() {
+    finished_ = true;
+    if (lower() <= 0.0 && upper() >= 0.0) values_[kLower] = values_[kUpper] = values_[kNow];
+}
+
+void EpisodeMachine::reset() {
+    terms_.reset();
+    for (const auto& stream : streams_) stream->reset();
+    for (const auto& top : tops_) top->reset();
+    values_ = empty_;
+    finished_ = false;
+    plan(-1);
+}
+
+std::string EpisodeMachine::state() const {
+    Writer out;
+    out.put(fingerprint_);
+    const std::string terms = terms_.state();
+    out.put<std::uint64_t>(terms.size());
+    out.put(terms.data(), terms.size());
+    out.put<std::uint64_t>(finished_);
+    out.put(values_);
+    for (const auto& stream : streams_)
+        if (stream->alive()) stream->save(out);
+    for (const auto& top : tops_) top->save(out);
+    return out.bytes();
+}
+
+void EpisodeMachine::restore(std::string_view bytes) {
+    Reader in(bytes);
+    if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
+        refuse("expected a state of a machine with this program, got something else");
+    try {
+        reset();
+        terms_.restore(in.bytes(in.get<std::uint64_t>()));
+        finished_ = in.get<std::uint64_t>() != 0;
+        values_ = in.get<decltype(values_)>();
+        const Time t = terms_.samples() - 1;
+        plan(t);
+        for (const auto& stream : streams_)
+            if (stream->alive()) stream->load(in, t);
+        for (const auto& top : tops_) top->load(in);
+        Reader::require(in.empty());
+    } catch (const std::invalid_argument&) {
+        reset();
+        throw;
+    }
+}
+
+}  // namespace rtamt

@@ -1,0 +1,181 @@
+// What is read at time 0 alone.
+#pragma once
+
+#include <limits>
+#include <optional>
+
+#include "streams.hpp"
+
+namespace rtamt::episode {
+
+constexpr Time kNever = std::numeric_limits<Time>::max() / 4;  // no bound
+
+class Top {
+public:
+    Top() = default;
+    Top(const Top&) = delete;
+    Top& operator=(const Top&) = delete;
+    virtual ~Top() = default;
+
+    double value(World w) const { return values_[w]; }
+
+    // Says what will ever be needed of the streams.
+    virtual void demand() {}
+    // Says what sample t and those after it need; the first sample for which that is not so any
+    // more.
+    virtual Time demand(Time) { return kNever; }
+    virtual void prepare() {}
+    bool wants(World w) const { return wants_[w]; }
+    // Whether anything can change after sample t.
+    virtual bool open(Time) const { return false; }
+    virtual std::uint32_t speaks_of() const { return 0; }
+
+    // Takes in what sample t has settled.
+    virtual void settle(Time, const double*) {}
+    // Finds the value in every world.
+    virtual void conclude(Time) {}
+    virtual void substitute(std::size_t, const double*) {}
+
+    virtual void reset() {}
+    virtual void save(Writer&) const {}
+    virtual void load(Reader&) {}
+
+protected:
+    std::array<double, kWorlds> values_{};
+    std::array<bool, kWorlds> wants_{};
+};
+
+// A constant, or a term: what it is at the first sample.
+class TopTerm final : public Top {
+public:
+    TopTerm(std::size_t term, std::optional<double> constant) : term_(term), constant_(constant) {
+        reset();
+    }
+
+    Time demand(Time t) override { return t <= 0 ? 1 : kNever; }
+    bool open(Time t) const override { return t < 0; }
+    void settle(Time t, const double* terms) override {
+        if (t == 0) values_.fill(terms[term_]);
+    }
+    void reset() override {
+        values_ = {0.0, -kInfinity, kInfinity};
+        if (constant_) values_.fill(*constant_);
+    }
+    void save(Writer& out) const override { out.put(values_); }
+    void load(Reader& in) override { values_ = in.get<decltype(values_)>(); }
+
+private:
+    std::size_t term_;
+    std::optional<double> constant_;
+};
+
+template <class M>
+class TopMap final : public Top {
+public:
+    TopMap(const Top& a, const Top& b) : a_(a), b_(b) {}
+
+    void conclude(Time) override {
+        for (World w : kAll) values_[w] = M::combine(a_.value(w), b_.value(w));
+    }
+
+private:
+    const Top& a_;
+    const Top& b_;
+};
+
+// The fold over offsets lo to hi from time 0.
+template <class M>
+class TopFold final : public Top {
+public:
+    using Element = typename M::Element;
+
+    TopFold(Desk& desk, Time lo, Time hi, Stream& p, Stream& q)
+        : desk_(desk),
+          in_(p, q),
+          begin_(lo == -kNever ? 0 : std::max<Time>(0, lo)),
+          end_(hi),
+          total_(in_.speaks_of() == 0 ? 1 : std::size_t{1} << desk.unknowns.count, M::width) {
+        for (World w : {kLower, kUpper}) absorbs_[w] = in_.absorbs(w);
+        reset();
+    }
+
+    void demand() override {
+        for (World w : kAll) {
+            wants_[w] = !absorbs_[w] || end_ < kNever;
+            if (wants_[w]) in_.want(w);
+        }
+    }
+    Time demand(Time t) override {
+        for (World w : kAll) wants_[w] = !decided(w, t);
+        if (t - in_.late() > end_) return kNever;
+        in_.enliven();
+        Time changes = end_ + in_.late() + 1;
+        for (World w : kAll) {
+            if (wants_[w]) {
+                in_.want(w);
+            } else {
+                changes = std::min(changes, end_ - in_.reach(w));
+            }
+        }
+        return changes;
+    }
+    void prepare() override { in_.hold(in_.late(), 0); }
+    bool open(Time t) const override {
+        return in_.speaks_of() != 0 || t - in_.late() < end_;
+    }
+    std::uint32_t speaks_of() const override { return in_.speaks_of(); }
+
+    void settle(Time t, const double*) override {
+        const Time time = t - in_.late();
+        if (time < begin_ || time > end_) return;
+        for (std::size_t c = 0; c < total_.corners(); ++c) {
+            double* p = total_.line(c, 0).data();
+            double* q = total_.line(c, M::width - 1).data();
+            put<M>(p, q, 0, M::combine(get<M>(p, q, 0), in_.settled(time, c)));
+        }
+    }
+
+    void conclude(Time t) override {
+        for (World w : kAll) {
+            if (decided(w, t)) {
+                values_[w] = in_.tail_of_tails(w);
+                continue;
+            }
+            Element x = M::element(total_.at(0, 0, w, desk_.unknowns),
+                                   total_.at(0, M::width - 1, w, desk_.unknowns));
+            const Time begin = std::max(begin_, t - in_.late() + 1);
+            const Time last = in_.end(w, t);
+            const Time end = std::min(end_, last);
+            if (begin <= end)
+                x = fold<M>(x, in_.values(w, begin, end, &desk_.scratch[0]),
+                            static_cast<std::size_t>(end - begin + 1));
+            if (end_ > std::max(last, begin_ - 1)) x = M::combine(x, in_.tail(w));
+            values_[w] = M::result(x);
+        }
+    }
+
+    void substitute(std::size_t unknown, const double* value) override {
+        if (in_.speaks_of() >> unknown & 1) total_.substitute(unknown, value);
+    }
+    void reset() override {
+        total_.clear();
+        for (std::size_t c = 0; c < total_.corners(); ++c)
+            for (int k = 0; k < M::width; ++k)
+                total_.line(c, k).extend(1, component<M>(M::identity, k));
+    }
+    void save(Writer& out) const override { total_.save(out); }
+    void load(Reader& in) override { total_.load(in, 1); }
+
+private:
+    // Whether the window still reaches into a tail that alone decides.
+    bool decided(World w, Time t) const { return absorbs_[w] && end_ > in_.end(w, t); }
+
+    Desk& desk_;
+    Operands<M> in_;
+    Time begin_;
+    Time end_;
+    std::array<bool, kWorlds> absorbs_{};
+    Polynomials total_;
+};
+
+}  // namespace rtamt::episode
