@@ -102,9 +102,6 @@ class Term(Node):
 
     __slots__ = ()
 
-    def __reduce__(self) -> tuple[object, tuple[str]]:
-        return _term_from_text, (str(self),)
-
     def __add__(self, other: Term | float) -> Term:
         return _term("+", self, other)
 
@@ -201,9 +198,6 @@ class Formula(Node):
     """
 
     __slots__ = ()
-
-    def __reduce__(self) -> tuple[object, tuple[str]]:
-        return _formula_from_text, (str(self),)
 
     def __bool__(self) -> bool:
         msg = f"a formula has no truth value; use & | ~ instead of and, or, not: {self}"
@@ -418,16 +412,3 @@ def _intern(
 
 
 _FIELDS = ("op", "args", "interval", "leaf", "depth", "size")
-
-
-def _term_from_text(text: str) -> Term:
-    from rtamt.parser import parse
-
-    formula = parse(text).formula
-    return cast("Term", formula.args[0])
-
-
-def _formula_from_text(text: str) -> Formula:
-    from rtamt.parser import parse
-
-    return parse(text).formula

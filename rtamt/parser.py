@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
 from os import PathLike
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
+from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError
-from rtamt.formula import Formula, variable
+from rtamt.formula import Formula, Term, variable
 from rtamt.interval import UNITS, Exact, exact
 from rtamt.specification import Specification
 
@@ -88,6 +90,34 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
         return parse(spec)
     msg = f"expected a specification as text, Formula or Specification, got {type(spec).__name__}"
     raise InputTypeError(msg)
+
+
+# Pickles are text: short, and equal trees stay one object. They are registered here because only
+# the parser can read them; formulas and specifications need not know of it.
+
+
+def _term_from_text(text: str) -> Term:
+    return cast("Term", parse(text).formula.args[0])
+
+
+def _formula_from_text(text: str) -> Formula:
+    return parse(text).formula
+
+
+def _specification_from_text(
+    text: str, unit: str, given: dict[str, Fraction], imports: dict[str, str]
+) -> Specification:
+    # The types were there when the text was first parsed; their names are all that is kept.
+    modules = {m: SimpleNamespace(**dict.fromkeys(imports)) for m in imports.values()}
+    return parse(text, unit=unit, constants=given, modules=modules)
+
+
+copyreg.pickle(Term, lambda term: (_term_from_text, (str(term),)))
+copyreg.pickle(Formula, lambda formula: (_formula_from_text, (str(formula),)))
+copyreg.pickle(
+    Specification,
+    lambda s: (_specification_from_text, (s.text, s.unit, dict(s.given), dict(s.imports))),
+)
 
 
 @lru_cache(maxsize=512)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
-from types import MappingProxyType, SimpleNamespace
+from types import MappingProxyType
 from typing import Literal
 
 from rtamt.errors import ParseError, SpecificationError
@@ -183,9 +183,6 @@ class Specification:
     def __repr__(self) -> str:
         return f"<Specification {self}>"
 
-    def __reduce__(self) -> tuple[object, ...]:
-        return _from_text, (self.text, self.unit, dict(self.given), dict(self.imports))
-
     @cached_property
     def _content(self) -> tuple[object, ...]:
         said = (self.declarations, self.constants, self.topics, self.imports)
@@ -231,13 +228,3 @@ class _Horizons:
     def _new(self, horizon: Fraction | float) -> int:
         self.values.append(horizon)
         return len(self.values) - 1
-
-
-def _from_text(
-    text: str, unit: str, given: dict[str, Fraction], imports: dict[str, str]
-) -> Specification:
-    from rtamt.parser import parse
-
-    # The types were there when the text was first parsed; their names are all that is kept.
-    modules = {m: SimpleNamespace(**dict.fromkeys(imports)) for m in imports.values()}
-    return parse(text, unit=unit, constants=given, modules=modules)

@@ -29,7 +29,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from rtamt.errors import InputError, InputTypeError
+from rtamt import InputError, InputTypeError
 
 __all__ = ["Read", "Signal", "SignalLike", "Step", "parse_signals"]
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import gymnasium as gym
 
 import rtamt
-from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError
+from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 from rtamt_gym.signals import Read
 
 __all__ = [

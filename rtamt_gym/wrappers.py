@@ -12,7 +12,7 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt.errors import InputError, StateError
+from rtamt import InputError, StateError
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     SpecsLike,
