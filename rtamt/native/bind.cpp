@@ -24,7 +24,10 @@ struct Bound {
 
 std::vector<Row> rows_of(const nb::sequence& encoded) {
     std::vector<Row> rows;
-    for (nb::handle row : encoded) {
+    rows.reserve(nb::len(encoded));
+    for (nb::handle handle : encoded) {
+        const auto row = nb::cast<nb::tuple>(handle);
+        if (nb::len(row) != 8) throw nb::value_error("expected rows of 8");
         rows.push_back({nb::cast<std::size_t>(row[0]), nb::cast<const char*>(row[1]),
                         nb::cast<const char*>(row[2]), nb::cast<std::size_t>(row[3]),
                         nb::cast<std::size_t>(row[4]), nb::cast<double>(row[5]),

@@ -81,14 +81,11 @@ public:
     explicit Sliding(std::size_t length)
         : block_(length / 2),
           ahead_(1 - length % 2),
-          // Unfilled: a window of a million elements costs nothing before they come.
           storage_(std::make_unique_for_overwrite<Element[]>(2 * (block_ + 1))) {
-        storage_[block_] = storage_[2 * block_ + 1] = M::identity;
         reset();
     }
 
     Element push(Element x) {
-        if (fresh_) [[unlikely]] fill(1);
         Element* front = front_ + offset_;
         Element* back = back_ + (block_ - 1 - offset_);
         const Element oldest = front[ahead_];
@@ -103,7 +100,6 @@ public:
     void push(const double* a, const double* b, double* out, std::size_t n) {
         while (n > 0) {
             const std::size_t count = std::min(n, block_ - offset_);
-            if (fresh_) [[unlikely]] fill(count);
             push_within_block(a, b, out, count);
             a += count;
             b += count;
@@ -116,48 +112,34 @@ public:
 
     void reset() override {
         offset_ = 0;
-        fresh_ = true;
         front_ = storage_.get();
         back_ = front_ + block_ + 1;
+        // This touches the memory too, so that no push waits for the operating system.
+        std::fill_n(front_, 2 * (block_ + 1), M::identity);
         middle_ = prefix_ = suffix_ = M::identity;
     }
 
     void save(Writer& out) const override {
         out.put<std::uint64_t>(offset_);
-        out.put<std::uint64_t>(fresh_);
-        out.put(front_, fresh_ ? offset_ : block_);
-        if (!fresh_) out.put(back_, block_);
+        out.put(front_, block_);
+        out.put(back_, block_);
         out.put(middle_);
         out.put(prefix_);
         out.put(suffix_);
     }
 
     void load(Reader& in) override {
-        reset();
         const auto offset = in.get<std::uint64_t>();
-        const auto fresh = in.get<std::uint64_t>();
-        Reader::require(offset < block_ && fresh <= 1);
-        if (fresh) {
-            fill(offset);
-            in.get(front_, offset);
-        } else {
-            in.get(front_, block_);
-            in.get(back_, block_);
-        }
+        Reader::require(offset < block_);
+        in.get(front_, block_);
+        in.get(back_, block_);
         offset_ = offset;
-        fresh_ = fresh;
         middle_ = in.get<Element>();
         prefix_ = in.get<Element>();
         suffix_ = in.get<Element>();
     }
 
 private:
-    // In the first block, writes the identities that `count` pushes are about to read.
-    void fill(std::size_t count) {
-        std::fill_n(front_ + offset_ + ahead_, count, M::identity);
-        std::fill_n(back_ + (block_ - offset_ - count), count, M::identity);
-    }
-
     void push_within_block(const double* __restrict a, const double* __restrict b,
                            double* __restrict out, std::size_t count) {
         Element* __restrict front = front_ + offset_;
@@ -184,7 +166,6 @@ private:
         middle_ = prefix_;
         prefix_ = suffix_ = M::identity;
         offset_ = 0;
-        fresh_ = false;
     }
 
     // Both halves are one element longer than the block: an identity, which is the oldest element
@@ -194,7 +175,6 @@ private:
     std::size_t offset_;
     std::size_t block_;
     std::size_t ahead_;
-    bool fresh_;
     Element middle_;
     Element prefix_;
     Element suffix_;
