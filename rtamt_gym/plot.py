@@ -1,0 +1,143 @@
+"""Pictures of episodes: signals, robustness between its bounds, the moment of the verdict."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.run import Course, Episode
+from rtamt_gym.tables import moment
+
+__all__ = ["check_format", "draw", "save"]
+
+# Okabe and Ito's palette, which colour-blind readers tell apart.
+_SIGNAL = "#0072B2"
+_NOW = "#222222"
+_BOUNDS = "#9BD0F0"
+_VERDICTS = {"VIOLATED": "#D55E00", "SATISFIED": "#009E73"}
+_OPEN = "#666666"
+_AFTER = 0.2
+"""Room behind a stopped episode, as part of its length: there the shading is seen."""
+
+
+def check_format(path: Path) -> None:
+    """Refuses a file name that says no format of pictures.
+
+    Raises:
+        InputError: Naming the usual formats.
+    """
+    if path.suffix.lower().removeprefix(".") not in FigureCanvasAgg.get_supported_filetypes():
+        raise InputError(f"cannot draw {path}: expected a name that ends in .png, .svg or .pdf")
+
+
+def save(episodes: Sequence[Episode], path: Path) -> None:
+    """Draws episodes into a file."""
+    draw(episodes).savefig(path, dpi=110)
+
+
+def draw(episodes: Sequence[Episode]) -> Figure:
+    """Episodes side by side: the signals above, below them a panel for every specification.
+
+    A panel shows the robustness if the episode ended now, between the bounds of what it can still
+    become; infinite bounds end at the frame. The verdict is a line, and all behind it is shaded.
+
+    Args:
+        episodes: One or more, all with as many signals and as many specifications.
+    """
+    heights = [1.0] * len(episodes[0].signals) + [1.6] * len(episodes[0].courses)
+    size = (5.2 * len(episodes) + 0.4, 1.25 * sum(heights) + 1.1)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(
+        len(heights), len(episodes), sharex="col", squeeze=False, height_ratios=heights
+    )
+    for column, episode in zip(axes.T, episodes, strict=True):
+        _draw_episode(column, episode)
+    verdicts = {c.verdict for e in episodes for c in e.courses.values()}
+    figure.legend(
+        handles=[
+            Line2D([], [], color=_NOW, label="robustness if it ended now"),
+            Patch(color=_BOUNDS, alpha=0.5, label="what it can still become"),
+            *(Patch(color=c, alpha=0.4, label=v) for v, c in _VERDICTS.items() if v in verdicts),
+        ],
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+        fontsize=9,
+    )
+    return figure
+
+
+def _draw_episode(axes: NDArray[np.object_], episode: Episode) -> None:
+    seconds = float(episode.period) if episode.period else 1.0
+    times = np.arange(episode.steps + 1) * seconds
+    end = float(times[-1]) * (1.0 + _AFTER * (episode.ended == "violation")) or 1.0
+    signal_axes, course_axes = np.split(axes, [len(episode.signals)])
+    ax: Axes
+    for ax, (name, values) in zip(signal_axes, episode.signals.items(), strict=True):
+        _tidy(ax, name)
+        ax.plot(times, np.array(values), color=_SIGNAL, linewidth=1.6)
+        ax.margins(y=0.15)
+    for ax, (name, course) in zip(course_axes, episode.courses.items(), strict=True):
+        _tidy(ax, name)
+        _draw_course(ax, course, times, end)
+        text = "\n".join(textwrap.wrap(course.formula, 64, max_lines=2, placeholder=" ..."))
+        ax.set_title(text, fontsize=8.5, loc="left", family="monospace")
+        verdict = f"{course.verdict}, {course.final:+.3g}"
+        if course.decided_at is not None:
+            verdict += f", at {moment(course.decided_at, episode.period)}"
+        colour = _VERDICTS.get(course.verdict, _OPEN)
+        ax.set_xlabel(verdict, color=colour, fontsize=9, loc="right", fontweight="bold")
+    axes[-1].set_xlim(0.0, end)
+    axes[-1].annotate(
+        "time in s" if episode.period else "samples",
+        (0.0, 0.0),
+        (0.0, -26.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=9,
+        color=_OPEN,
+    )
+    who = episode.label or f"seed {episode.seed}"
+    axes[0].set_title(f"{episode.env_id}, {who}", fontsize=12, fontweight="bold", pad=10)
+
+
+def _draw_course(ax: Axes, course: Course, times: NDArray[Any], end: float) -> None:
+    curves = [np.array(c) for c in (course.robustness, course.lower, course.upper)]
+    low, high = _frame(curves)
+    robustness, lower, upper = (np.clip(c, low, high) for c in curves)
+    ax.fill_between(times, lower, upper, color=_BOUNDS, alpha=0.5, linewidth=0)
+    ax.axhline(0.0, color=_OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
+    if course.decided_at is not None:
+        colour = _VERDICTS[course.verdict]
+        at = float(times[course.decided_at])
+        ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
+        ax.axvline(at, color=colour, linewidth=1.6)
+    ax.plot(times, robustness, color=_NOW, linewidth=1.6)
+    ax.set_ylim(low, high)
+
+
+def _frame(curves: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
+    """The range of the finite values and zero, with room for what goes to infinity."""
+    finite = np.concatenate([[0.0], *(c[np.isfinite(c)] for c in curves)])
+    least, most = float(finite.min()), float(finite.max())
+    room = 0.2 * (most - least) or 1.0
+    return least - room, most + room
+
+
+def _tidy(ax: Axes, name: str) -> None:
+    ax.set_ylabel(name, fontsize=9.5)
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(visible=True, color="#E5E5E5", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.tick_params(labelsize=8.5)
