@@ -1,0 +1,27 @@
+"""The floor: what the same work costs in C, compiled on the spot."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sysconfig
+from pathlib import Path
+
+HERE = Path(__file__).parent / "c"
+
+
+def build(folder: Path) -> str | None:
+    """Compile the floor into a folder; None, or why there is no floor."""
+    compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        return "no C compiler"
+    python = ["-I", sysconfig.get_path("include")]
+    name = "cfloor" + sysconfig.get_config_var("EXT_SUFFIX")
+    for source, target in (("cfloor.c", name), ("allocations.c", "allocations.so")):
+        command = [compiler, "-O3", "-march=native", "-fPIC", "-shared", *python]
+        command += [str(HERE / source), "-o", str(folder / target)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            return f"{source} does not compile: {done.stderr.strip()[:300]}"
+    return None

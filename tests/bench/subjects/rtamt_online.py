@@ -1,0 +1,104 @@
+"""The project: updates, whole traces and memory, through its public names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import traces
+import worker
+
+import rtamt
+
+FORMULAS = {
+    "w1": "always[0:{k}](a + b > -2)",
+    "saw": "always[0:{k}](a + b > -2)",
+    "resp": "always((req >= 3) implies eventually[0:5](gnt >= 3))",
+    "nested": "always((cmd >= 1) implies eventually[0:200] always[0:50] (abs(cmd - pos) < 0.1))",
+    "until": "(a > 0) until[0:{k}] (b > 0)",
+    "since": "(a > 0) since[0:{k}] (b > 0)",
+    "invariant": "always(a + b > -2)",
+}
+
+
+def monitor(case: worker.Case) -> Any:  # noqa: ANN401 - either of the monitors
+    """The monitor of a case; an episode's formula speaks of the whole episode."""
+    text = FORMULAS[case.get("formula", case["kind"])].format(k=case.get("k"))
+    if case.get("monitor") != "episode":
+        return rtamt.Monitor(text, backend=case["backend"])
+    if not text.startswith("always("):
+        text = f"always({text})"
+    return rtamt.EpisodeMonitor(text, backend=case["backend"])
+
+
+def inputs(form: str) -> Callable[[traces.Columns, int], Any]:
+    """How the samples of a form are made before they are timed."""
+
+    def made(trace: traces.Columns, _start: int) -> Any:  # noqa: ANN401
+        if form == "array":
+            import numpy as np
+
+            return list(np.stack(list(trace.values()), axis=1))
+        if form == "mapping":
+            return [dict(zip(trace, row, strict=True)) for row in traces.rows(trace)]
+        return traces.rows(trace)
+
+    return made
+
+
+def feeder(form: str, machine: Any, names: Sequence[str]) -> Callable[[Any], object]:  # noqa: ANN401
+    """A tight loop over samples, in an argument form."""
+    update = machine.update
+
+    def positional(data: Any) -> None:  # noqa: ANN401
+        for x, y in data:
+            update(x, y)
+
+    def keywords(data: Any) -> None:  # noqa: ANN401
+        for x, y in data:
+            update(a=x, b=y)
+
+    def single(data: Any) -> None:  # noqa: ANN401
+        for sample in data:
+            update(sample)
+
+    def verdicts(data: Any) -> None:  # noqa: ANN401
+        for x, y in data:
+            update(x, y)
+            machine.lower, machine.upper, machine.verdict  # noqa: B018 - what is measured is reading
+
+    if tuple(names) != tuple(machine.variables):
+        msg = f"expected variables {names}, got {machine.variables}"
+        raise ValueError(msg)
+    forms = {"positional": positional, "keywords": keywords, "verdicts": verdicts}
+    return forms.get(form, single)
+
+
+def update(case: worker.Case) -> worker.Measure:
+    form, machine = case["form"], monitor(case)
+    feed = feeder(form, machine, traces.VARIABLES[case["kind"]])
+    return worker.stream(case, feed, inputs(form))
+
+
+def worst(case: worker.Case) -> worker.Measure:
+    def make() -> Callable[[Any], object]:
+        update = monitor(case).update
+        return lambda sample: update(*sample)
+
+    return worker.single_updates(case, make, inputs("positional"))
+
+
+def memory(case: worker.Case) -> worker.Measure:
+    def make(k: int) -> Callable[[Any], object]:
+        return feeder("positional", monitor(case | {"k": k}), traces.VARIABLES[case["kind"]])
+
+    return worker.memory(case, make, inputs("positional"))
+
+
+def offline(case: worker.Case) -> worker.Measure:
+    trace = traces.columns(case["kind"], 0, case["n"])
+    spec = rtamt.parse(FORMULAS[case["kind"]].format(k=case["k"]))
+    return worker.whole(lambda: rtamt.evaluate(spec, trace, backend=case["backend"]), case["n"])
+
+
+worker.serve({"update": update, "worst": worst, "memory": memory, "offline": offline})

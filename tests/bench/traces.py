@@ -1,0 +1,61 @@
+"""Inputs of the workloads; random samples are seeded by the position where a chunk starts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Columns = dict[str, NDArray[np.float64]]
+
+VARIABLES = {
+    "w1": ("a", "b"),
+    "saw": ("a", "b"),
+    "resp": ("req", "gnt"),
+    "nested": ("cmd", "pos"),
+    "until": ("a", "b"),
+    "since": ("a", "b"),
+}
+"""Variables of every kind of trace, in the order in which the formulas name them."""
+
+
+def columns(kind: str, start: int, n: int, k: int = 0) -> Columns:
+    """Samples start to start + n - 1; ``k`` is the period of the saw-tooth less 1."""
+    at = np.arange(start, start + n)
+    if kind == "saw":
+        tooth = at % (k + 1)
+        rising = np.where(tooth == k, -1.0, tooth * 1e-6)
+        return {"a": rising, "b": rising}
+    noise = np.random.default_rng([7, start])
+    if kind == "w1":
+        a, b = noise.standard_normal((2, n))
+        return {"a": a, "b": b}
+    u = noise.random((3, n))
+    if kind == "resp":
+        return {
+            "req": np.where(u[0] < 0.1, 5.0, 1.0) + 0.1 * u[1],
+            "gnt": np.where(u[2] < 0.4, 5.0, 1.0) + 0.1 * u[1],
+        }
+    if kind == "nested":  # a command that changes every 500 samples, and what follows it
+        phase, command = at % 500, (at // 500 % 2) * 1.5
+        return {
+            "cmd": command,
+            "pos": command + (1.5 - 2 * command) * np.exp(-phase / 30) + 0.02 * (u[0] - 0.5),
+        }
+    return {  # until and since: a holds mostly, b now and then
+        "a": u[0] * 2 - 0.05,
+        "b": np.where(u[1] < 0.05, 1.0, -1.0) * (0.5 + u[2]),
+    }
+
+
+def rows(trace: Columns) -> list[tuple[float, ...]]:
+    """The samples of a trace as tuples of Python floats."""
+    return list(zip(*(column.tolist() for column in trace.values()), strict=True))
+
+
+def summed(kind: str, trace: Columns) -> Columns:
+    """The trace for tools whose predicates compare one signal with a number."""
+    if kind in ("w1", "saw"):
+        return {"s": trace["a"] + trace["b"]}
+    if kind == "nested":
+        return {"cmd": trace["cmd"], "d": np.abs(trace["cmd"] - trace["pos"])}
+    return trace
