@@ -205,6 +205,11 @@ nb::list run(Bound& bound, const nb::sequence& columns, std::size_t n, bool fina
     return arrays;
 }
 
+void reset(Bound& bound) {
+    require_idle(bound);
+    bound.machine.reset();
+}
+
 nb::bytes state(const Bound& bound) {
     require_idle(bound);
     const std::string bytes = bound.machine.state();
@@ -213,8 +218,7 @@ nb::bytes state(const Bound& bound) {
 
 void restore(Bound& bound, nb::handle state) {
     require_idle(bound);
-    if (!PyBytes_Check(state.ptr()))
-        throw nb::value_error("expected a state of a machine with this program, got something else");
+    if (!PyBytes_Check(state.ptr())) throw nb::value_error(Machine::kForeign);
     const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(state.ptr()));
     bound.machine.restore({PyBytes_AS_STRING(state.ptr()), size});
 }
@@ -255,16 +259,30 @@ NB_MODULE(_native, m) {
     using namespace rtamt;
     m.doc() = "The machines of rtamt in C++.";
 
-    nb::class_<Bound>(m, "Machine", nb::type_slots(slots))
+    nb::class_<Bound>(m, "Machine", nb::type_slots(slots),
+                      "Runs a program on samples, as rtamt.discrete.Machine does.\n\n"
+                      "Args:\n"
+                      "    rows: The program, as rtamt.schedule.encoded writes it.\n"
+                      "    terms: How many of its instructions are arithmetic over the sample.\n"
+                      "    variables: Names of the inputs.\n"
+                      "    result: Register of what update gives.\n"
+                      "    observed: Registers with their latencies: the result, what run gives.\n"
+                      "    reader: Reads the arguments that are rare, and makes all messages.")
         .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
              nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
-        .def_prop_ro("samples", [](const Bound& b) { return b.machine.samples(); })
-        .def_prop_ro("registers", registers)
-        .def_prop_ro("inputs", inputs)
-        .def("run", run, nb::arg("columns"), nb::arg("n"), nb::kw_only(), nb::arg("final"))
-        .def("reset", [](Bound& b) { require_idle(b); b.machine.reset(); })
-        .def("state", state)
-        .def("restore", restore, nb::arg("state"));
+        .def_prop_ro("samples", [](const Bound& b) { return b.machine.samples(); },
+                     "Samples taken in since the reset.")
+        .def_prop_ro("registers", registers, "The value of every register.")
+        .def_prop_ro("inputs", inputs, "The last sample, empty before the first.")
+        .def("run", run, nb::arg("columns"), nb::arg("n"), nb::kw_only(), nb::arg("final"),
+             "Take in n samples at once, all or none; the observed registers at each.")
+        .def("reset", reset, "Forget every sample.")
+        .def("state", state, "Values one behind the other, with a mark of the program.")
+        .def("restore", restore, nb::arg("state"),
+             "Continue from where the state was taken.\n\n"
+             "Raises:\n"
+             "    ValueError: If another program's machine gave it (then nothing changes), or it\n"
+             "        is damaged (then the machine is reset).");
 
     nb::dict functions;
     nb::dict monoids;

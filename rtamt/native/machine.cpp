@@ -184,7 +184,7 @@ std::string Machine::state() const {
 void Machine::restore(std::string_view bytes) {
     Reader in(bytes);
     if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
-        refuse("expected a state of a machine with this program, got something else");
+        refuse(kForeign);
     try {
         reset();
         samples_ = in.get<std::int64_t>();

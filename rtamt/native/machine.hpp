@@ -86,6 +86,10 @@ public:
     std::size_t run(const double* const* columns, std::size_t n, bool final,
                     double* const* outputs);
 
+    static constexpr const char* kForeign =
+        "expected a state that a native machine with this program gave; "
+        "those of other programs, back-ends or processors do not fit";
+
     void reset();
     std::string state() const;
     // Throws std::invalid_argument on what is no state of this machine.
