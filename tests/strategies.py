@@ -6,43 +6,51 @@ has no value everywhere, `_GUARDS` keeps its operands where it has one.
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 from hypothesis import strategies as st
 
-from rtamt.formula import Formula, Node, Term, make, number, variable
-from rtamt.interval import Interval
+from rtamt import Formula, Interval, Term, number, variable
+from rtamt.formula import Node, make
 from rtamt.operators import OPERATORS, Operator
 
 Trace = dict[str, list[float]]
 Draw = st.DrawFn
 
 VARIABLES = ("a", "b", "c")
-FORMULAS = tuple(name for name, row in OPERATORS.items() if row.operands == "formula")
-ATOMS = tuple(
-    n for n, row in OPERATORS.items() if (row.operands, row.result) == ("term", "formula")
-)
 TERMS = tuple(name for name, row in OPERATORS.items() if row.result == "term")
-ENDLESS_FUTURE = frozenset(n for n, row in OPERATORS.items() if row.timed and row.future)
+FORMULAS = tuple(name for name, row in OPERATORS.items() if row.operands == "formula")
+ATOMS = tuple(name for name in OPERATORS if name not in (*TERMS, *FORMULAS))
 
-quarters = st.integers(-24, 24).map(lambda i: i / 4)
-"""Numbers whose sums and differences are exact."""
+QUARTERS = tuple(sign * i / 4 for i in range(25) for sign in (1, -1))
+"""Numbers whose sums and differences are exact, the simplest first."""
+
+INFINITIES = (*QUARTERS, math.inf, -math.inf)
+"""Values for atoms that are not ``total``: a difference of two of them may be nan."""
+
+# Strategies are made once: making them is what drawing costs most.
+_leaf = st.sampled_from([variable(name) for name in VARIABLES] * 3 + [None])
+_quarter = st.sampled_from(QUARTERS).map(number)
+_term_name = st.sampled_from((None,) * 2 * len(TERMS) + TERMS)
+_atom_name = st.sampled_from(ATOMS)
+_formula_name = st.sampled_from((None,) * (len(FORMULAS) // 3) + FORMULAS)
+_comparison = st.sampled_from(("<", ">=", "==", "!="))
+_small = st.integers(0, 3)
+_once_in_six = st.sampled_from((False,) * 5 + (True,))
 
 
+@functools.cache
 @st.composite
 def terms(draw: Draw, depth: int = 1, name: str | None = None) -> Term:
     """A term that has a value wherever its variables are finite; with an operator at its root."""
+    name = name or (draw(_term_name) if depth else None)
     if name is None:
-        if depth == 0 or draw(st.integers(0, 2)) > 0:
-            constant = draw(st.integers(0, 3)) == 0
-            return (
-                number(draw(quarters)) if constant else variable(draw(st.sampled_from(VARIABLES)))
-            )
-        name = draw(st.sampled_from(TERMS))
-    row = OPERATORS[name]
-    operands = tuple(draw(terms(depth=max(0, depth - 1))) for _ in range(draw(_arity(row))))
+        return draw(_leaf) or draw(_quarter)
+    operand = terms(max(0, depth - 1))
+    operands = tuple(draw(operand) for _ in range(draw(_arity(name))))
     guarded = _GUARDS[name](*operands) if name in _GUARDS else operands
     return cast("Term", make(name, guarded))
 
@@ -57,80 +65,77 @@ _GUARDS: Mapping[str, Callable[..., tuple[Node, ...]]] = {
 }
 
 
-@st.composite
-def predicates(draw: Draw, *, total: bool = True) -> Formula:
-    """Any atom; not ``total``: one that has a value at infinite samples too."""
-    if not total:
-        x, limit = variable(draw(st.sampled_from(VARIABLES))), number(draw(quarters))
-        return cast("Formula", make(draw(st.sampled_from(("<", ">=", "==", "!="))), (x, limit)))
-    return draw(rooted(draw(st.sampled_from(ATOMS))))
-
-
+@functools.cache
 @st.composite
 def intervals(draw: Draw, *, endless: bool) -> Interval | None:
     """Bounds of a few samples, points among them; ``endless``: without an end at times."""
-    begin = draw(st.integers(0, 3))
-    end = None if endless and draw(st.booleans()) else begin + draw(st.integers(0, 3))
-    return Interval.of(begin, end)
+    begin, width = draw(_small), draw(_small)
+    return Interval.of(begin, None if endless and draw(st.booleans()) else begin + width)
 
 
+@functools.cache
 @st.composite
 def rooted(
     draw: Draw, name: str, depth: int = 0, *, endless: bool = False, total: bool = True
 ) -> Formula:
-    """A formula with this operator at its root.
+    """A formula with this operator at its root, or in the term on its left.
 
     Args:
         draw: Given by hypothesis.
         name: The operator.
         depth: Temporal and Boolean operators below the root.
         endless: Whether future operators may lack an end; those of the past may always.
-        total: See `predicates`.
+        total: See `formulas`.
     """
     row = OPERATORS[name]
     if name in TERMS:
         return cast("Formula", make(">=", (draw(terms(2, name)), draw(terms(0)))))
-    interval = None
-    if row.timed:
-        interval = draw(intervals(endless=endless or not row.future))
+    interval = draw(intervals(endless=endless or not row.future)) if row.timed else None
+    operand = terms() if row.operands == "term" else formulas(depth, endless=endless, total=total)
     args: list[Node] = []
-    for _ in range(draw(_arity(row))):
-        if row.operands == "term":
-            args.append(draw(terms()))
-        elif args and draw(st.integers(0, 5)) == 0:
-            args.append(args[0])  # equal sub-formulas share one register
-        else:
-            args.append(draw(formulas(depth, endless=endless, total=total)))
+    for _ in range(draw(_arity(name))):
+        # Equal sub-formulas share one register.
+        args.append(args[0] if args and draw(_once_in_six) else draw(operand))
     return cast("Formula", make(name, tuple(args), interval))
 
 
+@functools.cache
 @st.composite
 def formulas(draw: Draw, depth: int = 3, *, endless: bool = False, total: bool = True) -> Formula:
-    """A formula of any operators, past and future."""
-    if depth == 0 or draw(st.integers(0, 3)) == 0:
-        return draw(predicates(total=total))
-    name = draw(st.sampled_from(FORMULAS))
-    return draw(rooted(name, depth - 1, endless=endless, total=total))
+    """A formula of any operators, past and future.
+
+    Args:
+        draw: Given by hypothesis.
+        depth: Most temporal and Boolean operators on a path.
+        endless: Whether future operators may lack an end; those of the past may always.
+        total: Whether atoms may be differences, which infinite samples can make nan.
+    """
+    name = draw(_formula_name) if depth else None
+    if name is not None:
+        return draw(rooted(name, depth - 1, endless=endless, total=total))
+    if total:
+        return draw(rooted(draw(_atom_name)))
+    return cast("Formula", make(draw(_comparison), (draw(terms(0)), draw(_quarter))))
 
 
-def _arity(row: Operator) -> st.SearchStrategy[int]:
+@functools.cache
+def _arity(name: str) -> st.SearchStrategy[int]:
+    row: Operator = OPERATORS[name]
     least, most = row.arity
     return st.integers(least, least + 1 if most is None else most)
 
 
+@functools.cache
 @st.composite
-def traces(
-    draw: Draw, least: int = 1, most: int = 12, values: st.SearchStrategy[float] = quarters
-) -> Trace:
+def traces(draw: Draw, least: int = 1, most: int = 12, values: Sequence[float] = QUARTERS) -> Trace:
     """Values of every variable at ``least`` to ``most`` samples."""
     n = draw(st.integers(least, most))
-    return {v: draw(st.lists(values, min_size=n, max_size=n)) for v in VARIABLES}
+    drawn = draw(st.binary(min_size=n * len(VARIABLES), max_size=n * len(VARIABLES)))
+    column = [values[byte % len(values)] for byte in drawn]
+    return {name: column[i :: len(VARIABLES)] for i, name in enumerate(VARIABLES)}
 
 
-infinities = st.one_of(quarters, st.sampled_from((math.inf, -math.inf)))
-"""Values for predicates that are not ``total``: a difference of two of them may be nan."""
-
-
+@functools.cache
 @st.composite
 def chunkings(draw: Draw, n: int) -> list[slice]:
     """Consecutive slices, empty ones among them, that make up n samples."""

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import episode, horizon
-from strategies import TERMS, Trace, formulas, infinities, length, rooted, sample, traces
+from strategies import INFINITIES, TERMS, Trace, formulas, length, rooted, sample, traces
 
 import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, StateError, Verdict, evaluate
@@ -57,7 +57,7 @@ def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend)
 
 
 @pytest.mark.parametrize("name", [name for name in OPERATORS if name not in TERMS])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data(), trace=traces(most=10))
 def test_every_operator_is_bounded_as_its_definition_says(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -67,7 +67,7 @@ def test_every_operator_is_bounded_as_its_definition_says(
 
 
 @pytest.mark.parametrize("name", [n for n, row in OPERATORS.items() if row.operands == "formula"])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data(), trace=traces(most=10))
 def test_every_operator_is_bounded_below_an_endless_window(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -77,7 +77,7 @@ def test_every_operator_is_bounded_below_an_endless_window(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(formula=formulas(depth=3), trace=traces(most=14))
 def test_bounded_formulas_agree_with_the_definition(
     formula: Formula, trace: Trace, backend: Backend
@@ -85,7 +85,7 @@ def test_bounded_formulas_agree_with_the_definition(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(formula=formulas(depth=2, endless=True), trace=traces(most=12))
 def test_endless_formulas_agree_with_the_definition(
     formula: Formula, trace: Trace, backend: Backend
@@ -93,14 +93,14 @@ def test_endless_formulas_agree_with_the_definition(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@given(formula=formulas(depth=2, endless=True, total=False), trace=traces(values=infinities))
+@given(formula=formulas(depth=2, endless=True, total=False), trace=traces(values=INFINITIES))
 def test_infinite_samples_agree_with_the_definition(
     formula: Formula, trace: Trace, backend: Backend
 ) -> None:
     agrees_with_its_definition(formula, trace, backend)
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     inner=formulas(depth=1),
     begin=st.integers(0, 9),
@@ -324,7 +324,7 @@ DUPLICATES: dict[str, Callable[[EpisodeMonitor], EpisodeMonitor]] = {
 
 
 @pytest.mark.parametrize("duplicate", DUPLICATES)
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(formula=formulas(endless=True, depth=2), trace=traces(most=12), data=st.data())
 def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
     duplicate: str, formula: Formula, trace: Trace, data: st.DataObject, backend: Backend

@@ -319,7 +319,7 @@ def test_only_an_endless_root_from_now_is_monitored(text: str, backend: Backend)
 @given(
     formula=formulas().filter(lambda f: bool(f.variables)), trace=traces(least=2), data=st.data()
 )
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_nan_is_refused_and_the_monitor_continues_like_an_undisturbed_twin(
     formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
 ) -> None:

@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 import pytest
 from boolean_oracle import holds
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import horizon, robustness
 from strategies import (
+    INFINITIES,
     TERMS,
     Trace,
     chunkings,
     formulas,
-    infinities,
     length,
     rooted,
     sample,
@@ -71,7 +71,7 @@ def test_strategies_draw_every_operator() -> None:
 
 
 @pytest.mark.parametrize("name", ROOTS)
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data(), trace=traces())
 def test_every_operator_means_what_its_definition_says(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -82,7 +82,7 @@ def test_every_operator_means_what_its_definition_says(
 
 
 @pytest.mark.parametrize("name", [name for name in ROOTS if name not in TERMS])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data(), trace=traces(most=16))
 def test_every_operator_online_gives_its_definition_late_by_its_horizon(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
@@ -106,7 +106,7 @@ def test_evaluate_gives_the_definition_at_every_sample(
     assert same(evaluate(formula, trace, n=n, backend=backend), robustness(formula, trace, n))
 
 
-@given(formula=formulas(endless=True, total=False), trace=traces(values=infinities))
+@given(formula=formulas(endless=True, total=False), trace=traces(values=INFINITIES))
 def test_infinite_samples_are_legal(formula: Formula, trace: Trace, backend: Backend) -> None:
     n = length(trace)
     assert same(evaluate(formula, trace, n=n, backend=backend), robustness(formula, trace, n))
@@ -219,7 +219,7 @@ def test_reset_forgets_everything(case: tuple[Formula, Trace, int], backend: Bac
     [copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))],
     ids=["copy", "deepcopy", "pickle"],
 )
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(case=interrupted())
 def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
     duplicate: Callable[[Monitor], Monitor], case: tuple[Formula, Trace, int], backend: Backend
