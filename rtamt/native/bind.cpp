@@ -36,16 +36,15 @@ std::vector<Row> rows_of(const nb::sequence& encoded) {
     return rows;
 }
 
-void construct(nb::pointer_and_handle<Bound> self, const nb::sequence& rows, std::size_t terms,
+void construct(Bound* self, const nb::sequence& rows, std::size_t terms,
                const nb::tuple& variables, std::size_t result, const nb::sequence& observed,
                nb::object reader) {
-    if (nb::inst_ready(self.h)) throw nb::type_error("the machine is made already");
     std::vector<Observed> looked_at;
     for (nb::handle pair : observed)
         looked_at.push_back({nb::cast<std::size_t>(pair[0]), nb::cast<std::int64_t>(pair[1])});
     if (looked_at.empty() || looked_at[0].slot != result)
         throw nb::value_error("expected the result first among the observed");
-    new (self.p) Bound{Machine(rows_of(rows), terms, nb::len(variables), looked_at),
+    new (self) Bound{Machine(rows_of(rows), terms, nb::len(variables), looked_at),
                        Arguments(variables), std::move(reader)};
 }
 
@@ -278,7 +277,7 @@ NB_MODULE(_native, m) {
              "Take in n samples at once, all or none; the observed registers at each.")
         .def("reset", reset, "Forget every sample.")
         .def("state", state, "Values one behind the other, with a mark of the program.")
-        .def("restore", restore, nb::arg("state"),
+        .def("restore", restore, nb::arg("state").none(),
              "Continue from where the state was taken.\n\n"
              "Raises:\n"
              "    ValueError: If another program's machine gave it (then nothing changes), or it\n"

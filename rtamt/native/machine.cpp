@@ -1,5 +1,6 @@
 #include "machine.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <tuple>
@@ -168,6 +169,7 @@ double Machine::result() const {
 void Machine::reset() {
     samples_ = 0;
     registers_ = initial_;
+    std::fill_n(inputs_, variables_, 0.0);
     for (const auto& part : parts_) part->reset();
 }
 
