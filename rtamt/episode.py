@@ -23,14 +23,14 @@ Only the operators above the streams are read at time 0 alone; they keep one fol
 from __future__ import annotations
 
 import math
-from typing import assert_never
+from typing import NoReturn, assert_never
 
 import numpy as np
 
 from rtamt.algebra import MONOIDS
-from rtamt.errors import SpecificationError, StateError
+from rtamt.errors import StateError
 from rtamt.inputs import SampleReader
-from rtamt.polarity import positive
+from rtamt.placement import place
 from rtamt.program import Const, Load, Map, Program, Window
 from rtamt.streams import (
     WORLDS,
@@ -47,74 +47,50 @@ from rtamt.streams import (
 from rtamt.terms import Registers, Terms
 from rtamt.windows import State
 
-__all__ = ["MAX_UNKNOWNS", "EpisodeMachine"]
+__all__ = ["EpisodeMachine", "refuse_finish", "refuse_update"]
 
-MAX_UNKNOWNS = 6
-"""Windows without end that may stand inside other temporal operators."""
+
+def refuse_update() -> NoReturn:
+    """Raise the error of an update after `finish`."""
+    msg = "the episode is finished; call reset() before the next update"
+    raise StateError(msg)
+
+
+def refuse_finish() -> NoReturn:
+    """Raise the error of a finish before any sample."""
+    msg = "finish() needs at least one sample, got none since reset"
+    raise StateError(msg)
 
 
 class EpisodeMachine:
     """Runs a program, future without end included, and bounds its value at time 0."""
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
-        self.program = positive(program)
+        placement = place(program)
+        self.program = placement.program
         self.reader = reader
         self.samples = 0
         self.inputs: list[float] = []
         self.finished = False
         self._terms = Terms(self.program, reader)
         self._first: Registers = []
+        self._tops = placement.tops
+        self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
         self._streams: dict[int, Stream] = {}
-        self._unknowns: list[Endless] = []
-        self._top: dict[int, TopFold | None] = {}
-        self._place(self.program.result)
-        self._folds = [fold for fold in self._top.values() if fold is not None]
-        self._keepers: list[Keeper] = [*self._streams.values(), *self._folds]
-        dimensions = len(self._unknowns)
-        if dimensions > MAX_UNKNOWNS:
-            msg = (
-                f"the formula has {dimensions} operators without an end inside others; "
-                f"the limit is {MAX_UNKNOWNS}; write an end, as in eventually[0:100]"
-            )
-            raise SpecificationError(msg)
+        for register in placement.streams:
+            self._streams[register] = self._made(register)
+        self._folds: dict[int, TopFold] = {}
+        for register in placement.tops:
+            instruction = self.program.instructions[register]
+            if isinstance(instruction, Window):
+                streams = [self._streams[a] for a in instruction.args]
+                self._folds[register] = TopFold(
+                    MONOIDS[instruction.monoid], instruction.lo, instruction.hi, streams
+                )
+        self._keepers: list[Keeper] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
-        self._values_of_unknowns = np.zeros((3, dimensions))
+        self._values_of_unknowns = np.zeros((3, len(self._axes)))
         self.reset()
-
-    # The upper part of the program is read at time 0 alone; what stands below a window is read at
-    # all times.
-    def _place(self, root: int) -> None:
-        needed = [root]
-        while needed:
-            register = needed.pop()
-            if register in self._top:
-                continue
-            self._top[register] = None
-            match self.program.instructions[register]:
-                case Map(_, args) if register >= self.program.terms:
-                    needed.extend(args)
-                case Window(name, lo, hi, args):
-                    streams = [self._stream(a) for a in args]
-                    self._top[register] = TopFold(MONOIDS[name], lo, hi, streams)
-
-    def _stream(self, register: int) -> Stream:
-        """The stream of a register; those it reads are made first, so order is preserved."""
-        for needed in self._below(register):
-            if needed not in self._streams:
-                self._streams[needed] = self._made(needed)
-        return self._streams[register]
-
-    def _below(self, register: int) -> list[int]:
-        found: set[int] = set()
-        stack = [register]
-        while stack:
-            r = stack.pop()
-            if r not in found:
-                found.add(r)
-                i = self.program.instructions[r]
-                if r >= self.program.terms and isinstance(i, Map | Window):
-                    stack.extend(i.args)
-        return sorted(found)
 
     def _made(self, register: int) -> Stream:
         instruction = self.program.instructions[register]
@@ -128,9 +104,7 @@ class EpisodeMachine:
             case Window(name, lo, hi, args):
                 streams = [self._streams[a] for a in args]
                 if hi is None:
-                    endless = Endless(MONOIDS[name], len(self._unknowns), streams)
-                    self._unknowns.append(endless)
-                    return endless
+                    return Endless(MONOIDS[name], self._axes[register], streams)
                 if lo is None:
                     return Running(MONOIDS[name], hi, streams)
                 return Sliding(MONOIDS[name], lo, hi, streams)
@@ -143,8 +117,7 @@ class EpisodeMachine:
     def update(self, *args: object, **named: object) -> float:
         """Take in one sample; the robustness if the episode ended with it."""
         if self.finished:
-            msg = "the episode is finished; call reset() before the next update"
-            raise StateError(msg)
+            refuse_update()
         values = self.reader.read(args, named, self.samples, self.inputs)
         terms = self._terms(values, self.samples)
         self.inputs = values
@@ -166,13 +139,13 @@ class EpisodeMachine:
             stream.look(t, self._values_of_unknowns)
         if t == 0:
             self._first = terms
-        for fold in self._folds:
+        for fold in self._folds.values():
             fold.settle(t)
         self._conclude(t)
 
     def _conclude(self, t: int) -> None:
         found: dict[int, list[float]] = {}
-        for register in sorted(self._top):
+        for register in self._tops:
             found[register] = self._at_zero(register, found, t)
         self.robustness, self.lower, self.upper = found[self.program.result]
         if t < 0:
@@ -184,7 +157,7 @@ class EpisodeMachine:
             return [instruction.value] * 3
         if register < self.program.terms:
             return [self._first[register]] * 3 if t >= 0 else [math.nan, -math.inf, math.inf]
-        fold = self._top[register]
+        fold = self._folds.get(register)
         if fold is not None:
             return [fold.value(world, t, self._values_of_unknowns) for world in WORLDS]
         if not isinstance(instruction, Map):
@@ -196,8 +169,7 @@ class EpisodeMachine:
     def finish(self) -> float:
         """End the trace here; see `EpisodeMonitor.finish`."""
         if self.samples == 0:
-            msg = "finish() needs at least one sample, got none since reset"
-            raise StateError(msg)
+            refuse_finish()
         self.finished = True
         if self.lower <= 0.0 <= self.upper:
             self.lower = self.upper = self.robustness
@@ -209,9 +181,9 @@ class EpisodeMachine:
         self.inputs = []
         self.finished = False
         self._first = []
-        self._values_of_unknowns = np.zeros((3, len(self._unknowns)))
+        self._values_of_unknowns = np.zeros((3, len(self._axes)))
         for keeper in self._keepers:
-            keeper.reset(len(self._unknowns))
+            keeper.reset(len(self._axes))
         for stream in self._streams.values():
             stream.look(-1, self._values_of_unknowns)
         self._conclude(-1)

@@ -42,14 +42,14 @@ public:
     void settle(Time t, const double*) override {
         if (keeps_) {
             keep(t);
-        } else if (t >= late_) {
+        } else {
             const Time newest = t - late_ + hi_;
             Element x = M::identity;
             if (newest >= 0) {
                 x = in_.settled(newest, 0);
                 if (queue_) x = queue_->push(x);
             }
-            append(0, M::result(x));
+            if (t >= late_) append(0, M::result(x));
         }
         last_ = std::max<Time>(-1, t - late_);
     }

@@ -1,0 +1,94 @@
+"""What an episode machine runs: a program without negations, by where its registers are read.
+
+The upper part of the program is read at time 0 alone; what stands below a window is read at all
+times, as a stream.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import assert_never
+
+from rtamt.errors import SpecificationError
+from rtamt.polarity import positive
+from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.schedule import encoded
+
+__all__ = ["MAX_UNKNOWNS", "Placement", "place"]
+
+MAX_UNKNOWNS = 6
+"""Windows without end that may stand inside other temporal operators."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """A program and where its registers are read.
+
+    Attributes:
+        program: Without negations above its predicates.
+        tops: Registers that are read at time 0 alone, in order; the last is the result.
+        streams: Registers that are read at all times, in order. One may be read both ways.
+        unknowns: Streams of windows without end, which never settle.
+    """
+
+    program: Program
+    tops: tuple[int, ...]
+    streams: tuple[int, ...]
+    unknowns: tuple[int, ...]
+
+    def encoded_terms(self) -> list[tuple[object, ...]]:
+        """The terms, as `rtamt.schedule.encoded` writes them."""
+        known = self.program.terms
+        terms = replace(
+            self.program,
+            instructions=self.program.instructions[:known],
+            latencies=self.program.latencies[:known],
+        )
+        return encoded(terms)
+
+    def encoded_formulas(self) -> list[tuple[object, ...]]:
+        """What stands behind the terms: ``(kind, name, first operand, second operand, lo, hi)``.
+
+        Where there is no second operand the first stands twice; bounds may be None.
+        """
+        rows: list[tuple[object, ...]] = []
+        for register in range(self.program.terms, len(self.program.instructions)):
+            match self.program.instructions[register]:
+                case Map(function, args):
+                    rows.append(("MAP", function, args[0], args[-1], None, None))
+                case Window(monoid, lo, hi, args):
+                    rows.append(("WINDOW", monoid, args[0], args[-1], lo, hi))
+                case Load() | Const():
+                    msg = f"register {register} is an input behind the terms"
+                    raise AssertionError(msg)
+                case _ as never:
+                    assert_never(never)
+        return rows
+
+
+def place(program: Program) -> Placement:
+    """The program as an episode machine runs it.
+
+    Raises:
+        SpecificationError: On more than `MAX_UNKNOWNS` windows without end inside others.
+    """
+    program = positive(program)
+    tops, streams, unknowns = {program.result}, set[int](), list[int]()
+    for register in range(len(program.instructions) - 1, program.terms - 1, -1):
+        match program.instructions[register]:
+            case Map(_, args):
+                tops.update(args if register in tops else ())
+                streams.update(args if register in streams else ())
+            case Window(_, _, hi, args):
+                streams.update(args)
+                if hi is None and register in streams:
+                    unknowns.append(register)
+    if len(unknowns) > MAX_UNKNOWNS:
+        msg = (
+            f"the formula has {len(unknowns)} operators without an end inside others; "
+            f"the limit is {MAX_UNKNOWNS}; write an end, as in eventually[0:100]"
+        )
+        raise SpecificationError(msg)
+    return Placement(
+        program, tuple(sorted(tops)), tuple(sorted(streams)), tuple(reversed(unknowns))
+    )
