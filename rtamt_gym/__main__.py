@@ -28,12 +28,9 @@ _EXTRAS = {"gymnasium": "gym", "mujoco": "gym", "highway_env": "highway", "matpl
 _OPTIONS = (
     # The library's way out is written in Python; here it is written in options.
     (r"view='step'", "--view step"),
-    (r"period= to", "--period to"),
-    (r"period= in", "--period in"),
-    (r"period= for", "--period for"),
-    (r"\bperiod=(?=\S)", "--period "),
-    (r"'?\"(\w+)\": \(\"([^\"]*)\", 0\.0\)'?", r"""--signal "\1=\2,0\""""),
-    (r"\"(\w+)\": \"([^\"]*)\"", r"""--signal "\1=\2\""""),
+    (r"\bperiod= ?", "--period "),
+    (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
+    (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),
 )
 
 
@@ -221,24 +218,22 @@ def _monitor(options: argparse.Namespace) -> int:
     from rtamt_gym.trace import read_trace
 
     spec = _read_spec(options.spec)
-    try:
-        if options.trace == "-":
-            trace = read_trace(sys.stdin, "stdin", spec.variables)
-        else:
-            with Path(options.trace).open(encoding="utf-8-sig", newline="") as file:
-                trace = read_trace(file, options.trace, spec.variables)
-    except UnicodeDecodeError:
-        raise InputError(f"{options.trace}: expected UTF-8 text") from None
+    if options.trace == "-":
+        trace = read_trace(sys.stdin, "stdin", spec.variables)
+    else:
+        with Path(options.trace).open(encoding="utf-8-sig", newline="") as file:
+            trace = read_trace(file, options.trace, spec.variables)
     judgement = judge(spec, trace, options.period, options.view)
     print(*judgement.lines(), sep="\n")
     return 1 if judgement.verdict == Verdict.VIOLATED else 0
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rtamt_gym.run import POLICIES, Watched, make, report, saved_note, to_json
+    from rtamt_gym.outcomes import report, saved_note, to_json
+    from rtamt_gym.run import POLICIES, Watched, make
 
     specs = _read_specs(options.spec)
-    signals = dict(map(_read_signal, options.signal))
+    signals = _read_signals(options.signal)
     for path in filter(None, (options.plot, options.json)):
         _check_folder(path)
     if options.plot:
@@ -310,21 +305,27 @@ def _read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
     return specs
 
 
-def _read_signal(argument: str) -> tuple[str, SignalLike]:
-    name, equals, selector = argument.partition("=")
-    if not (name.strip() and equals and selector.strip()):
-        raise InputError(
-            f"--signal: expected NAME=SELECTOR, such as angle=obs[2], got {argument!r}"
-        )
-    value, comma, reset = selector.rpartition(",")
-    if not comma or "]" in reset:
-        return name.strip(), selector.strip()
-    try:
-        return name.strip(), (value.strip(), float(reset))
-    except ValueError:
-        raise InputError(
-            f"--signal: expected a number behind the comma, the value at reset, got {argument!r}"
-        ) from None
+def _read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
+    signals: dict[str, SignalLike] = {}
+    for argument in arguments:
+        name, _, selector = (part.strip() for part in argument.partition("="))
+        if not (name and selector):
+            raise InputError(
+                f"--signal: expected NAME=SELECTOR, such as angle=obs[2], got {argument!r}"
+            )
+        if name in signals:
+            raise InputError(f"--signal: expected one signal {name!r}, got two")
+        signals[name] = selector
+        value, comma, reset = selector.rpartition(",")
+        if comma and "]" not in reset:  # a comma before a bracket belongs to a key
+            try:
+                signals[name] = (value, float(reset))
+            except ValueError:
+                raise InputError(
+                    "--signal: expected a number behind the comma, the value at reset, "
+                    f"got {argument!r}"
+                ) from None
+    return signals
 
 
 def _check_folder(path: Path) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 
 import rtamt
 from rtamt_gym import plot
-from rtamt_gym.run import Episode, Policies, Policy, Watched, make, report, saved_note
+from rtamt_gym.outcomes import report, saved_note
+from rtamt_gym.run import Episode, Policies, Policy, Watched, import_highway, make
 from rtamt_gym.signals import SignalLike, Step
 
 __all__ = ["HIGHWAY", "PENDULUM", "Scenario", "run", "watch"]
@@ -145,6 +146,7 @@ def watch(scenario: Scenario, seed: int = 0) -> list[Episode]:
 
 def run(seed: int, picture: Path) -> Iterator[str]:
     """Runs both scenarios and draws the picture; gives the lines to print as they are known."""
+    import_highway()  # without it, better not to begin
     shown: list[Episode] = []
     watched: list[Episode] = []
     for scenario in (PENDULUM, HIGHWAY):

@@ -28,7 +28,7 @@ _BOUNDS = "#9BD0F0"
 _VERDICTS = {"VIOLATED": "#D55E00", "SATISFIED": "#009E73"}
 _OPEN = "#666666"
 _AFTER = 0.2
-"""Room behind a stopped episode, as part of its length: there the shading is seen."""
+"""Room behind a verdict of the last sample, as part of the length: there the shading is seen."""
 
 
 def check_format(path: Path) -> None:
@@ -71,7 +71,7 @@ def draw(episodes: Sequence[Episode]) -> Figure:
             *(Patch(color=c, alpha=0.4, label=v) for v, c in _VERDICTS.items() if v in verdicts),
         ],
         loc="outside lower center",
-        ncols=4,
+        ncols=2 if len(episodes) == 1 else 4,
         frameon=False,
         fontsize=9,
     )
@@ -81,7 +81,8 @@ def draw(episodes: Sequence[Episode]) -> Figure:
 def _draw_episode(axes: NDArray[np.object_], episode: Episode) -> None:
     seconds = float(episode.period) if episode.period else 1.0
     times = np.arange(episode.steps + 1) * seconds
-    end = float(times[-1]) * (1.0 + _AFTER * (episode.ended == "violation")) or 1.0
+    last = any(c.decided_at == episode.steps for c in episode.courses.values())
+    end = float(times[-1]) * (1.0 + _AFTER * last) or 1.0
     signal_axes, course_axes = np.split(axes, [len(episode.signals)])
     ax: Axes
     for ax, (name, values) in zip(signal_axes, episode.signals.items(), strict=True):

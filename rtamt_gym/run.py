@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,19 +18,17 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import View
-from rtamt_gym.tables import moment, number, shorten, table
 from rtamt_gym.wrappers import OnViolation, StlMonitor
 
 __all__ = [
     "POLICIES",
     "Course",
     "Episode",
+    "Policies",
     "Policy",
     "Watched",
+    "import_highway",
     "make",
-    "report",
-    "saved_note",
-    "to_json",
 ]
 
 Policy = Callable[[Any, int], Any]
@@ -241,11 +237,9 @@ def make(env_id: str, max_steps: int | None = None) -> gym.Env[Any, Any]:
     Raises:
         InputError: If there is no such environment, or it cannot be made; names the nearest.
     """
-    # pygame greets on stdout otherwise.
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     name = env_id.rpartition(":")[2].rpartition("-v")[0]
     if ":" not in env_id and not _known(name) and find_spec("highway_env"):
-        import_module("highway_env")
+        import_highway()
     try:
         return gym.make(env_id, max_episode_steps=max_steps, disable_env_checker=True)
     except (gym.error.Error, ModuleNotFoundError) as error:
@@ -253,6 +247,13 @@ def make(env_id: str, max_steps: int | None = None) -> gym.Env[Any, Any]:
         if isinstance(error, gym.error.NameNotFound) and not find_spec("highway_env"):
             hint = "; the environments of highway-env need pip install '.[highway]'"
         raise InputError(f"cannot make {env_id}: {error}{hint}") from error
+
+
+def import_highway() -> None:
+    """Registers the environments of highway-env."""
+    # pygame greets on stdout otherwise.
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    import_module("highway_env")
 
 
 def _known(name: str) -> bool:
@@ -285,97 +286,3 @@ POLICIES: Mapping[str, Callable[[spaces.Space[Any]], Policies]] = {
     "zero": _zero,
 }
 """Policies that need no training, by name."""
-
-
-def report(episodes: Sequence[Episode]) -> list[str]:
-    """The outcomes as a table, a row for every specification of every episode.
-
-    Without an end on violation the table says when verdicts were certain instead of when the
-    monitor stopped.
-    """
-    stops = any(e.on_violation != "report" for e in episodes)
-    labelled = any(e.label for e in episodes)
-    rows = [["ep", "driver", "steps", "stopped at", "spec", "robustness", "verdict", "saved"]]
-    if not stops:
-        rows[0][3] = "certain at"
-    for count, episode in enumerate(episodes, 1):
-        for name, course in episode.courses.items():
-            first = name == next(iter(episode.courses))
-            stopped = episode.steps if episode.ended == "violation" else None
-            at = stopped if stops else course.decided_at
-            rows.append(
-                [
-                    str(count) if first else "",
-                    shorten(episode.label, 16) if first else "",
-                    str(episode.steps) if first else "",
-                    _moment(at, episode.period) if first or not stops else "",
-                    shorten(name, 16),
-                    f"{course.final:+.3g}",
-                    course.verdict,
-                    _span(episode.saved, episode.period) if first else "",
-                ]
-            )
-    kept = [i for i in range(8) if (i != 1 or labelled) and (i != 7 or stops)]
-    return table([[row[i] for i in kept] for row in rows], "".join("><>><><>"[i] for i in kept))
-
-
-def saved_note(episodes: Sequence[Episode]) -> list[str]:
-    """What the last column of the table means, where it says something."""
-    if not any(episode.saved for episode in episodes):
-        return []
-    return [
-        "saved: simulated time from the stop to the time limit. An environment that ends",
-        "by itself, as after a fall or a crash, might not have used all of it.",
-    ]
-
-
-def to_json(episodes: Sequence[Episode]) -> str:
-    """The outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
-    first = episodes[0]
-    return json.dumps(
-        {
-            "rtamt": rtamt.__version__,
-            "environment": first.env_id,
-            "period": None if first.period is None else float(first.period),
-            "time_limit": first.limit,
-            "on_violation": first.on_violation,
-            "specs": {name: course.formula for name, course in first.courses.items()},
-            "episodes": [_outcome(episode) for episode in episodes],
-        },
-        indent=2,
-        allow_nan=False,
-    )
-
-
-def _outcome(episode: Episode) -> dict[str, Any]:
-    return {
-        "seed": episode.seed,
-        "steps": episode.steps,
-        "ended": episode.ended,
-        "steps_saved": episode.saved,
-        "violated_by": episode.violated_by,
-        "specs": {
-            name: {
-                "robustness": _finite(course.final),
-                "lower": _finite(course.lower[-1]),
-                "upper": _finite(course.upper[-1]),
-                "verdict": course.verdict,
-                "decided_at": course.decided_at,
-            }
-            for name, course in episode.courses.items()
-        },
-    }
-
-
-def _finite(value: float) -> float | str:
-    return value if math.isfinite(value) else str(value)
-
-
-def _moment(sample: int | None, period: Fraction | None) -> str:
-    return "-" if sample is None else moment(sample, period)
-
-
-def _span(steps: int | None, period: Fraction | None) -> str:
-    if steps is None:
-        return "-"
-    return f"{steps} steps" if period is None else f"{number(float(steps * period))} s"

@@ -48,7 +48,7 @@ def table(rows: Sequence[Sequence[str]], align: str) -> list[str]:
         align: ``<`` or ``>`` for every column.
 
     Example:
-        >>> print(*table([("spec", "steps"), ("upright", "50")], "<>"), sep="\\n")
+        >>> print(*table([("spec", "steps"), ("upright", "50")], "<>"), sep="\n")
         spec     steps
         upright     50
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import difflib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -72,7 +72,7 @@ class Trace:
 
 
 def read_trace(lines: Iterable[str], source: str, variables: Sequence[str]) -> Trace:
-    r"""The samples of the variables; other columns but that of times are not looked at.
+    """The samples of the variables; other columns but that of times are not looked at.
 
     Args:
         lines: The lines of the file; the first names the columns.
@@ -84,12 +84,13 @@ def read_trace(lines: Iterable[str], source: str, variables: Sequence[str]) -> T
             no number; nan is none. Says which line.
 
     Example:
-        >>> trace = read_trace(["time,x\\n", "0,5\\n", "0.5,4\\n"], "trace.csv", ["x"])
+        >>> trace = read_trace(["time,x", "0,5", "0.5,4"], "trace.csv", ["x"])
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
     """
-    reader = csv.reader(lines, skipinitialspace=True)
-    names = [name.strip() for name in next(reader, [])]
+    rows = _rows(lines, source)
+    _, names = next(rows, (1, []))
+    names = [name.strip() for name in names]
     if not names:
         raise InputError(f"{source}: expected a first line with the names of the columns, got none")
     _check_names(names, source, variables)
@@ -97,12 +98,10 @@ def read_trace(lines: Iterable[str], source: str, variables: Sequence[str]) -> T
     places = [names.index(name) for name in wanted]
     values: list[list[float]] = [[] for _ in wanted]
     numbers: list[int] = []
-    for row in reader:
-        if not row:
-            continue
+    for line, row in rows:
         if len(row) != len(names):
             raise InputError(
-                f"{source}, line {reader.line_num}: expected {len(names)} values "
+                f"{source}, line {line}: expected {len(names)} values "
                 f"({', '.join(names)}), got {len(row)}"
             )
         for place, column in zip(places, values, strict=True):
@@ -112,16 +111,29 @@ def read_trace(lines: Iterable[str], source: str, variables: Sequence[str]) -> T
                 value = math.nan
             if math.isnan(value) or (names[place] == TIME and math.isinf(value)):
                 raise InputError(
-                    f"{source}, line {reader.line_num}, column '{names[place]}': "
+                    f"{source}, line {line}, column '{names[place]}': "
                     f"expected a number, got {row[place]!r}"
                 )
             column.append(value)
-        numbers.append(reader.line_num)
+        numbers.append(line)
     if not numbers:
         raise InputError(f"{source}: expected at least one sample below the line of names")
     arrays = {name: np.array(column) for name, column in zip(wanted, values, strict=True)}
     columns = {name: arrays[name] for name in variables}
     return Trace(source, columns, len(numbers), arrays.get(TIME), numbers)
+
+
+def _rows(lines: Iterable[str], source: str) -> Iterator[tuple[int, list[str]]]:
+    """The rows that are not empty, with the numbers of their lines."""
+    reader = csv.reader(lines, skipinitialspace=True)
+    try:
+        for row in reader:
+            if row:
+                yield reader.line_num, row
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: expected UTF-8 text") from None
+    except csv.Error as error:
+        raise InputError(f"{source}, line {reader.line_num}: {error}") from None
 
 
 def _check_names(names: Sequence[str], source: str, variables: Sequence[str]) -> None:

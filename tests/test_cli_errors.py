@@ -1,0 +1,253 @@
+"""What the command line refuses: one message on stderr, exit code 2."""
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with specifications and traces, good and bad."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spec.stl").write_text("always(speed < 30)")
+    (tmp_path / "trace.csv").write_text("speed\n29\n31\n")
+    (tmp_path / "bad.stl").write_text("always\n(speed > )")
+    (tmp_path / "latin.csv").write_bytes(b"speed\n\xe4\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("trace", "message"),
+    [
+        ("", "stdin: expected a first line with the names of the columns, got none"),
+        ("x\n", "stdin: expected at least one sample below the line of names"),
+        (
+            "0,1\n2,3\n",
+            (
+                "stdin, line 1: expected the names of the columns, got 0, 1; "
+                "write a line of names first, such as time,x"
+            ),
+        ),
+        (
+            "time,z,xx\n0,1,2\n",
+            (
+                "stdin: no column 'x', which the specification reads; "
+                "the columns are time, z, xx; did you mean 'xx'?"
+            ),
+        ),
+        (
+            "time;x\n0;1\n",
+            (
+                "stdin: no column 'x', which the specification reads; "
+                "the columns are time;x; columns are separated by commas"
+            ),
+        ),
+        ("x,x\n1,2\n", "stdin, line 1: expected one column 'x', got two"),
+        ("x,y\n1,2\n3\n", "stdin, line 3: expected 2 values (x, y), got 1"),
+        ("x,y\n1,2\n\na,4\n", "stdin, line 4, column 'x': expected a number, got 'a'"),
+        ("x\nnan\n", "stdin, line 2, column 'x': expected a number, got 'nan'"),
+        ("x,time\n1,inf\n", "stdin, line 2, column 'time': expected a number, got 'inf'"),
+        (
+            "time,x\n0,1\n0.5,1\n1,1\n1.7,1\n2.2,1\n",
+            (
+                "stdin, line 5: expected samples at even distances, got time 1.7 after 1, "
+                "elsewhere 0.5 s; resample the trace, or give --period to leave the column 'time' "
+                "aside"
+            ),
+        ),
+        (
+            "time,x\n1,1\n1,1\n",
+            (
+                "stdin, line 3: expected samples at even distances, got time 1 after 1; "
+                "resample the trace, or give --period to leave the column 'time' aside"
+            ),
+        ),
+        (
+            "time,x\n0,1\n",
+            (
+                "stdin: expected at least two samples to read the period from, got one; "
+                "give --period in seconds"
+            ),
+        ),
+        (
+            "time,x\n0,1\n0.4,1\n",
+            (
+                "STL:1:7: bound 1 s is not a multiple of the period 0.4 s (2.5 steps)\n"
+                "  always[0:1](x > 0)\n"
+                "        ^\n"
+                "  hint: use 0.8 s or 1.2 s, or --period 0.2"
+            ),
+        ),
+        (
+            'x,y\n1,"' + "a" * 200_000 + '"\n',
+            "stdin, line 2: field larger than field limit (131072)",
+        ),
+    ],
+)
+def test_a_bad_trace_is_refused_in_one_message_that_says_where(
+    capsys: Output, monkeypatch: pytest.MonkeyPatch, trace: str, message: str
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(trace))
+    assert main(["monitor", "always[0:1](x > 0)", "-"]) == 2
+    assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "the following arguments are required: COMMAND; see rtamt --help"),
+        (
+            "monitor spec.stl",
+            "the following arguments are required: TRACE; see rtamt monitor --help",
+        ),
+        ("monitor no.stl trace.csv", "cannot open no.stl: No such file or directory"),
+        ("monitor spec.stl no.csv", "cannot open no.csv: No such file or directory"),
+        ("monitor latin.csv trace.csv", "latin.csv: expected UTF-8 text"),
+        ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
+        (
+            "monitor bad.stl trace.csv",
+            (
+                "in bad.stl: STL:2:10: expected an operand after '>', got ')'\n"
+                "  (speed > )\n"
+                "           ^\n"
+                "  hint: write a variable, a number or '(' there"
+            ),
+        ),
+        (
+            "monitor speed<30 trace.csv",
+            (
+                "the specification speaks of the first sample only: speed < 30; "
+                "write always(speed < 30) or --view step"
+            ),
+        ),
+        (
+            "monitor spec.stl trace.csv --period 0",
+            "expected a period greater than 0, in seconds or as text such as \"100ms\", got '0'",
+        ),
+        (
+            "run CartPol-v1 --spec always(x<1) --signal x=obs[0]",
+            (
+                "cannot make CartPol-v1: Environment `CartPol` doesn't exist. "
+                "Did you mean: `CartPole`?"
+            ),
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1)",
+            "variable 'x' has no signal; the signals are none; give one: --signal \"x=obs[0]\"",
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x=obs[4]",
+            (
+                "signal 'x': obs[4] does not fit: the observation space has 4 elements there, "
+                "0 to 3; it is Box(shape=(4,), dtype=float32)"
+            ),
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x=action",
+            (
+                "signal 'x': action has no value at reset; "
+                'say what it is there: --signal "x=action,0"'
+            ),
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x=action,up",
+            "--signal: expected a number behind the comma, the value at reset, got 'x=action,up'",
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x",
+            "--signal: expected NAME=SELECTOR, such as angle=obs[2], got 'x'",
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --signal x=obs[1]",
+            "--signal: expected one signal 'x', got two",
+        ),
+        (
+            "run CartPole-v1 --spec a=always(x<1) --spec a=always(x<2) --signal x=obs[0]",
+            "expected one specification 'a', got two; name one of them",
+        ),
+        (
+            "run CartPole-v1 --spec x<1 --signal x=obs[0]",
+            (
+                "specification 'spec' speaks of the first sample only: x < 1; "
+                "write always(x < 1) or --view step"
+            ),
+        ),
+        (
+            "run Blackjack-v1 --spec always[0:2](x<1) --signal x=obs[0]",
+            (
+                "specification 'spec' has bounds in time, but <BlackjackEnv<Blackjack-v1>> does "
+                "not say how long a step lasts; give --period in seconds, "
+                "or --period 1 to count steps"
+            ),
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --plot x.doc",
+            "cannot draw x.doc: expected a name that ends in .png, .svg or .pdf",
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --signal x=obs[0] --json no/x.json",
+            "cannot write no/x.json: there is no folder no",
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --episodes 0",
+            (
+                "argument --episodes: expected a whole number greater than 0, got '0'; "
+                "see rtamt run --help"
+            ),
+        ),
+        (
+            "run CartPole-v1 --spec always(x<1) --seed -1",
+            "argument --seed: expected a whole number, got '-1'; see rtamt run --help",
+        ),
+        ("demo --plot no/x.png", "cannot write no/x.png: there is no folder no"),
+    ],
+)
+def test_bad_input_is_refused_in_one_message_and_exit_code_2(
+    capsys: Output, arguments: str, message: str
+) -> None:
+    assert main(arguments.split()) == 2
+    assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
+
+
+def run_without(modules: list[str], arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    """The command line where some modules cannot be imported."""
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({modules})); "
+        f"from rtamt_gym.__main__ import main; sys.exit(main({arguments}))"
+    )
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.usefixtures("folder")
+def test_monitor_needs_no_extra() -> None:
+    ran = run_without(
+        ["gymnasium", "mujoco", "highway_env", "matplotlib"], ["monitor", "spec.stl", "trace.csv"]
+    )
+    assert (ran.returncode, ran.stderr) == (1, "")
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("module", "extra", "arguments"),
+    [
+        ("gymnasium", "gym", ["run", "CartPole-v1", "--spec", "always(x > 0)"]),
+        ("highway_env", "highway", ["demo"]),
+        ("matplotlib", "plot", ["demo"]),
+    ],
+)
+def test_a_missing_extra_is_named(module: str, extra: str, arguments: list[str]) -> None:
+    ran = run_without([module], arguments)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (
+        2,
+        "",
+        f"rtamt: error: {module} is not installed; from the checkout: pip install '.[{extra}]'\n",
+    )
