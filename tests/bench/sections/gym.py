@@ -24,11 +24,8 @@ def steps(setting: Setting) -> Table:
             subjects["naive"] = Subject(setting.peers["sentil"], "steps")
             subjects["peer's bare"] = Subject(setting.peers["sentil"], "steps")
         entries = {
-            who: (
-                subject,
-                {"what": "steps", "env": name, "who": who.rpartition(" ")[2].lstrip("'s")},
-            )
-            for who, subject in subjects.items()
+            column: (subject, {"what": "steps", "env": name, "who": column.removeprefix("peer's ")})
+            for column, subject in subjects.items()
         }
         found = race(entries, 3 if setting.quick else 9, table.notes)
         for subject in subjects.values():

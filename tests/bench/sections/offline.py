@@ -23,7 +23,7 @@ def measure(setting: Setting) -> Iterator[Table]:
         case = {"what": "offline", "kind": kind, "k": k, "n": n}
         entries = {name: (who, case | {"backend": name}) for name, who in subjects.items()}
         if "python" in entries:
-            entries["python"][1]["n"] = n // 10  # linear, and slow
+            entries["python"][1]["n"] = n // 20  # linear, and slow
         figures = race(entries, repeats, table.notes)
         row = {column: seen[0] for column, seen in figures.items()}
         table.rows.append(Row(kind, row, target))

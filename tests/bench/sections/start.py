@@ -32,7 +32,7 @@ def fresh(*arguments: str) -> dict[str, Any]:
 def measure(setting: Setting) -> Iterator[Table]:
     """The least over fresh processes."""
     modules = json.dumps(fresh()["modules"])
-    seen = [fresh(modules)["ms"] for _ in range(2 if setting.quick else 7)]
+    seen = [fresh(modules)["ms"] for _ in range(2 if setting.quick else 5)]
     table = Table("Start, fresh processes", "ms")
     for label, (name, target) in TARGETS.items():
         figures = {"rtamt": min(times[name] for times in seen if name in times)}

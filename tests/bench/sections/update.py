@@ -107,5 +107,6 @@ def episodes(setting: Setting, subjects: dict[str, Subject]) -> Table:
         target = EPISODE_TARGETS.get(label, 150)
         row(setting, subjects, table, label, target, **chosen)
         if not setting.quick:
-            row(setting, subjects, table, ".. +read", None, **chosen | {"form": "verdicts"})
+            chosen |= {"form": "verdicts", "without": (*slow, "python")}
+            row(setting, subjects, table, ".. +read", None, **chosen)
     return table
