@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rtamt import discrete, episode
 from rtamt.errors import InputError
 from rtamt.inputs import SampleReader
+from rtamt.placement import place
 from rtamt.program import Program
 from rtamt.schedule import encoded
 
@@ -145,10 +146,16 @@ def discrete_machine(
     )
 
 
-def episode_machine(
-    backend: Backend,  # noqa: ARG001
-    program: Program,
-    reader: SampleReader,
-) -> EpisodeMachine:
+def episode_machine(backend: Backend, program: Program, reader: SampleReader) -> EpisodeMachine:
     """The machine of a back-end for the bounds of an episode."""
-    return episode.EpisodeMachine(program, reader)
+    if choose(backend) == "python":
+        return episode.EpisodeMachine(program, reader)
+    placement = place(program)
+    return _native.EpisodeMachine(
+        placement.encoded_terms(),
+        placement.encoded_formulas(),
+        placement.tops,
+        placement.streams,
+        placement.program.variables,
+        reader,
+    )

@@ -18,10 +18,7 @@ from rtamt import EpisodeMonitor, Formula, InputError, StateError, Verdict, eval
 from rtamt.operators import OPERATORS
 
 Backend = Literal["native", "python"]
-BACKENDS = ("python",)
 INF = math.inf
-
-pytestmark = pytest.mark.parametrize("backend", BACKENDS)
 
 
 def offered(monitor: EpisodeMonitor) -> tuple[float, float, float]:

@@ -48,48 +48,43 @@ std::uint64_t fingerprint_of(const std::vector<Formula>& formulas) {
 
 }  // namespace
 
-// The upper part of the program is read at time 0 alone; what stands below a window is read at all
-// times.
 class EpisodeMachine::Builder {
 public:
     Builder(EpisodeMachine& machine, const std::vector<Row>& terms,
             const std::vector<Formula>& formulas)
-        : machine_(machine), terms_(terms), formulas_(formulas) {
-        const std::size_t registers = terms.size() + formulas.size();
-        if (registers == 0) refuse("expected a result, got no rows");
-        top_.resize(registers);
-        below_.resize(registers);
-        tops_.resize(registers);
-        streams_.resize(registers);
-        top_[registers - 1] = true;
-        for (std::size_t r = registers; r-- > terms.size();) mark(r);
-    }
+        : machine_(machine),
+          terms_(terms),
+          formulas_(formulas),
+          tops_(terms.size() + formulas.size()),
+          streams_(tops_.size()) {}
 
-    void build() {
-        for (std::size_t r = 0; r < below_.size(); ++r) {
-            if (!below_[r]) continue;
-            machine_.streams_.push_back(r < terms_.size() ? leaf(r) : stream(r));
-            streams_[r] = machine_.streams_.back().get();
+    void build(const std::vector<std::size_t>& tops, const std::vector<std::size_t>& streams) {
+        for (const std::size_t r : streams)
+            machine_.desk_.unknowns.count += r >= terms_.size() && endless(formula(r));
+        if (machine_.desk_.unknowns.count > kMaxUnknowns) refuse("too many unknowns");
+        for (const std::size_t r : streams) {
+            machine_.streams_.push_back(r < terms_.size() ? leaf(r) : stream(formula(r)));
+            streams_.at(r) = machine_.streams_.back().get();
         }
-        for (std::size_t r = 0; r < top_.size(); ++r) {
-            if (!top_[r]) continue;
-            machine_.tops_.push_back(top(r));
-            tops_[r] = machine_.tops_.back().get();
+        for (const std::size_t r : tops) {
+            machine_.tops_.push_back(r < terms_.size() ? term(r) : top(formula(r)));
+            tops_.at(r) = machine_.tops_.back().get();
         }
+        if (tops.empty()) refuse("expected a result, got none");
     }
 
 private:
-    void mark(std::size_t r) {
-        const Formula& f = formulas_[r - terms_.size()];
-        const bool window = f.kind == "WINDOW";
-        if (f.a >= r || f.b >= r || (!window && f.kind != "MAP"))
-            refuse("register " + std::to_string(r) + " is out of range");
-        for (std::size_t a : {f.a, f.b}) {
-            if (below_[r] || (top_[r] && window)) below_[a] = true;
-            if (top_[r] && !window) top_[a] = true;
-        }
-        machine_.desk_.unknowns.count += below_[r] && window && f.hi == kNever;
-        if (machine_.desk_.unknowns.count > kMaxUnknowns) refuse("too many unknowns");
+    const Formula& formula(std::size_t r) const { return formulas_.at(r - terms_.size()); }
+    static bool endless(const Formula& f) { return f.kind == "WINDOW" && f.hi == kNever; }
+    static bool maps(const Formula& f) {
+        if (f.kind != "MAP" && f.kind != "WINDOW") refuse("unknown kind '" + f.kind + "'");
+        return f.kind == "MAP";
+    }
+    template <class T>
+    static T& made(const std::vector<T*>& all, std::size_t r) {
+        if (r >= all.size() || all[r] == nullptr)
+            refuse("register " + std::to_string(r) + " is read before it is written");
+        return *all[r];
     }
 
     std::unique_ptr<Stream> leaf(std::size_t r) {
@@ -98,13 +93,12 @@ private:
         return std::make_unique<Predicate>(machine_.desk_, r);
     }
 
-    std::unique_ptr<Stream> stream(std::size_t r) {
-        const Formula& f = formulas_[r - terms_.size()];
+    std::unique_ptr<Stream> stream(const Formula& f) {
         Desk& desk = machine_.desk_;
-        Stream& a = *streams_[f.a];
-        Stream& b = *streams_[f.b];
-        if (f.kind == "MAP") return of_choice<PointwiseStream, Stream>(f.name, desk, a, b);
-        if (f.hi == kNever) {
+        Stream& a = made(streams_, f.a);
+        Stream& b = made(streams_, f.b);
+        if (maps(f)) return of_choice<PointwiseStream, Stream>(f.name, desk, a, b);
+        if (endless(f)) {
             auto endless = of_monoid<EndlessStream, Endless>(f.name, desk,
                                                              machine_.unknowns_.size(), a, b);
             machine_.unknowns_.push_back(endless.get());
@@ -114,32 +108,32 @@ private:
         return of_monoid<SlidingStream, Stream>(f.name, desk, f.lo, f.hi, a, b);
     }
 
-    std::unique_ptr<Top> top(std::size_t r) {
-        if (r < terms_.size()) {
-            const Row& row = terms_[r];
-            return std::make_unique<TopTerm>(
-                r, row.kind == "CONST" ? std::optional<double>(row.value) : std::nullopt);
-        }
-        const Formula& f = formulas_[r - terms_.size()];
-        if (f.kind == "MAP") return of_choice<TopMap, Top>(f.name, *tops_[f.a], *tops_[f.b]);
-        return of_monoid<TopFold, Top>(f.name, machine_.desk_, f.lo, f.hi, *streams_[f.a],
-                                       *streams_[f.b]);
+    std::unique_ptr<Top> term(std::size_t r) {
+        const Row& row = terms_[r];
+        return std::make_unique<TopTerm>(
+            r, row.kind == "CONST" ? std::optional<double>(row.value) : std::nullopt);
+    }
+
+    std::unique_ptr<Top> top(const Formula& f) {
+        if (maps(f)) return of_choice<TopMap, Top>(f.name, made(tops_, f.a), made(tops_, f.b));
+        return of_monoid<TopFold, Top>(f.name, machine_.desk_, f.lo, f.hi, made(streams_, f.a),
+                                       made(streams_, f.b));
     }
 
     EpisodeMachine& machine_;
     const std::vector<Row>& terms_;
     const std::vector<Formula>& formulas_;
-    std::vector<bool> top_;
-    std::vector<bool> below_;
     std::vector<Top*> tops_;
     std::vector<Stream*> streams_;
 };
 
 EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variables,
-                               const std::vector<Formula>& formulas)
+                               const std::vector<Formula>& formulas,
+                               const std::vector<std::size_t>& tops,
+                               const std::vector<std::size_t>& streams)
     : terms_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
       fingerprint_(fingerprint_of(formulas)) {
-    Builder(*this, terms, formulas).build();
+    Builder(*this, terms, formulas).build(tops, streams);
     for (const auto& stream : streams_) stream->neglect();
     for (const auto& top : tops_) top->demand();
     demand();
@@ -261,7 +255,7 @@ std::string EpisodeMachine::state() const {
 void EpisodeMachine::restore(std::string_view bytes) {
     Reader in(bytes);
     if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
-        refuse("expected a state of a machine with this program, got something else");
+        refuse(Machine::kForeign);
     try {
         reset();
         terms_.restore(in.bytes(in.get<std::uint64_t>()));

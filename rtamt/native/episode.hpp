@@ -19,6 +19,8 @@ namespace episode {
 
 
 
+constexpr Time kNever = std::numeric_limits<Time>::max() / 4;  // no bound
+
 class Endless;
 class Top;
 
@@ -37,9 +39,12 @@ struct Formula {
 
 class EpisodeMachine {
 public:
-    // Terms in the order of their registers and formulas behind them; the last is the result.
+    // Terms in the order of their registers and formulas behind them; registers that are read at
+    // time 0 alone, the result last; registers that are read at all times. Checked only as far as
+    // memory is concerned.
     EpisodeMachine(const std::vector<Row>& terms, std::size_t variables,
-                   const std::vector<episode::Formula>& formulas);
+                   const std::vector<episode::Formula>& formulas,
+                   const std::vector<std::size_t>& tops, const std::vector<std::size_t>& streams);
     EpisodeMachine(const EpisodeMachine&) = delete;
     EpisodeMachine& operator=(const EpisodeMachine&) = delete;
     ~EpisodeMachine();
@@ -57,6 +62,8 @@ public:
     bool finished() const { return finished_; }
     // Ends the trace, of at least one sample.
     void finish();
+
+    static constexpr const char* kForeign = Machine::kForeign;
 
     void reset();
     std::string state() const;

@@ -1,14 +1,12 @@
 // What is read at time 0 alone.
 #pragma once
 
-#include <limits>
 #include <optional>
 
 #include "streams.hpp"
 
 namespace rtamt::episode {
 
-constexpr Time kNever = std::numeric_limits<Time>::max() / 4;  // no bound
 
 class Top {
 public:
