@@ -1,7 +1,5 @@
 """Measures the project beside its floor and its peers, in one run.
 
-python tests/bench/run.py [SECTION ...] [--quick] [--json FILE] [--peer NAME=PYTHON ...]
-
 Every tool runs in processes of its own, one at a time; tools take turns, and a figure is the least
 of its repeats. Absolute figures are those of this machine: the ratios are what to look at. "/floor"
 is the project's figure over that of the same work in C, compiled on the spot; "/peer" is over that
@@ -39,11 +37,22 @@ def peer(text: str) -> tuple[str, str]:
 
 def main() -> None:
     """Run sections and print their tables."""
-    parser = argparse.ArgumentParser(usage=__doc__)
+    parser = argparse.ArgumentParser(
+        usage="%(prog)s [SECTION ...] [--quick] [--json FILE] [--peer NAME=PYTHON ...]",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument("--quick", action="store_true", help="fewer repeats and sizes")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
-    parser.add_argument("--peer", type=peer, action="append", default=[], metavar="NAME=PYTHON")
+    parser.add_argument(
+        "--peer",
+        type=peer,
+        action="append",
+        default=[],
+        metavar="NAME=PYTHON",
+        help="the interpreter of an environment with sentil, mstlo or reelay",
+    )
     arguments = parser.parse_args()
     if unknown := set(arguments.sections) - set(SECTIONS):
         parser.error(f"expected sections out of {', '.join(SECTIONS)}, got {unknown.pop()!r}")

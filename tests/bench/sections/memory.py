@@ -33,7 +33,7 @@ def measure(setting: Setting) -> Iterator[Table]:
     table = Table(f"Memory of W1 k={k:,}", "bytes a sample; calls of malloc an update")
     for label, seen in found.items():
         held = {column: figures[0] for column, figures in seen.items()}
-        table.rows.append(Row(f"bytes, {label} input", held, 17))
+        table.rows.append(Row(f"bytes, {label}", held, 17))
     calls = {column: figures[1] for column, figures in found["random"].items()}
     table.rows.append(Row("mallocs an update", calls, 0))
     table.notes = notes
