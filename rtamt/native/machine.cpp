@@ -124,7 +124,8 @@ void Machine::compile(const Row& row, std::size_t terms) {
     } else if (row.kind == "WINDOW") {
         std::unique_ptr<Part> part;
 #define RTAMT_NAMED(name_, Type) \
-    if (row.name == #name_) std::tie(step.opcode, part) = fold<Type>(row.length, Opcode::latest_##name_);
+    if (row.name == #name_)      \
+        std::tie(step.opcode, part) = fold<Type>(row.length, Opcode::latest_##name_);
         RTAMT_MONOIDS(RTAMT_NAMED)
 #undef RTAMT_NAMED
         if (!part) refuse("unknown monoid '" + row.name + "'");
