@@ -1,0 +1,63 @@
+"""The README is true: its Python runs, its commands print what it shows."""
+
+import doctest
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from rtamt_gym.__main__ import main
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def test_the_python_runs_in_order_and_shows_what_it_says() -> None:
+    python = blocks("python")
+    assert python
+    names: dict[str, object] = {}
+    parser = doctest.DocTestParser()
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    for number, block in enumerate(python):
+        if ">>>" in block:
+            test = parser.get_doctest(block, names, f"block {number}", "README.md", 0)
+            runner.run(test, clear_globs=False)
+            names = test.globs
+        else:
+            exec(compile(block, f"README.md, block {number}", "exec"), names)  # noqa: S102 - ours
+    assert not runner.failures
+
+
+@pytest.mark.parametrize("session", blocks("console"))
+def test_the_commands_print_what_it_shows(
+    session: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    prompt, _, shown = session.partition("\n")
+    dollar, program, *arguments = shlex.split(prompt)
+    assert (dollar, program) == ("$", "rtamt")
+    main(arguments)
+    assert capsys.readouterr() == (shown, "")
+
+
+def test_the_first_two_lines_that_make_an_environment_are_the_demo_and_the_tests() -> None:
+    lines = [line for line in README.splitlines() if line.startswith("python3 -m venv")]
+    demo, tests, *_ = lines
+    assert demo.endswith(".venv/bin/rtamt demo")
+    assert tests.endswith(".venv/bin/pytest -q")
+
+
+def test_its_links_lead_somewhere() -> None:
+    prose = re.sub(r"```.*?```|`[^`]*`", "", README, flags=re.DOTALL)
+    links = re.findall(r"\]\(([^)#:]+)\)", prose)
+    assert "docs/demo.png" in links
+    assert [link for link in links if not (ROOT / link).is_file()] == []
+
+
+def test_its_picture_is_small() -> None:
+    assert (ROOT / "docs" / "demo.png").stat().st_size < 150_000
