@@ -168,6 +168,15 @@ def test_run_that_only_reports_says_when_verdicts_were_certain(capsys: Output, r
     ]
 
 
+def test_run_can_ask_a_formula_of_every_step(capsys: Output, ramp: str) -> None:
+    arguments = f"run {ramp} --signal x=obs[0] --policy zero --view step --spec x<2.5".split()
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines()[3:5] == [
+        " 1      3       0.3 s  spec        -0.5  VIOLATED  0.5 s",
+        "",
+    ]
+
+
 def test_run_writes_strict_json_with_infinities_as_text(
     capsys: Output, ramp: str, folder: Path
 ) -> None:
