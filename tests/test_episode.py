@@ -1,41 +1,32 @@
 """Laws of `EpisodeMonitor`: robustness if the episode ended now, bounds, verdict, finish."""
 
-import copy
 import math
-import pickle
-from collections.abc import Callable
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 import pytest
+from episodes import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import episode, horizon
-from strategies import INFINITIES, TERMS, Trace, formulas, length, rooted, sample, traces
+from strategies import (
+    FORMULAS,
+    INFINITIES,
+    TERMS,
+    Trace,
+    formulas,
+    intervals,
+    length,
+    rooted,
+    traces,
+)
 
-import rtamt
-from rtamt import EpisodeMonitor, Formula, InputError, StateError, Verdict, evaluate
+from rtamt import EpisodeMonitor, Formula, Interval, Verdict, evaluate
+from rtamt.formula import make
 from rtamt.operators import OPERATORS
 
 Backend = Literal["native", "python"]
 INF = math.inf
-
-
-def offered(monitor: EpisodeMonitor) -> tuple[float, float, float]:
-    """Robustness and bounds."""
-    return monitor.robustness, monitor.lower, monitor.upper
-
-
-def feed(monitor: EpisodeMonitor, trace: Trace, i: int) -> float:
-    """What update gives at one sample of a trace."""
-    return monitor.update(sample(trace, i, monitor.variables))
-
-
-def verdict(lower: float, upper: float) -> Verdict:
-    """The verdict that bounds decide."""
-    if upper < 0:
-        return Verdict.VIOLATED
-    return Verdict.SATISFIED if lower > 0 else Verdict.UNDECIDED
 
 
 def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend) -> None:
@@ -63,15 +54,34 @@ def test_every_operator_is_bounded_as_its_definition_says(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@pytest.mark.parametrize("name", [n for n, row in OPERATORS.items() if row.operands == "formula"])
-@settings(max_examples=25)
+FUTURE = [name for name, row in OPERATORS.items() if row.timed and row.future]
+
+
+@st.composite
+def endless(draw: st.DrawFn) -> Formula:
+    """A window without an end over atoms."""
+    name = draw(
+        st.sampled_from([n for n in FORMULAS if OPERATORS[n].timed and OPERATORS[n].future])
+    )
+    arity, _ = OPERATORS[name].arity
+    atoms = tuple(draw(formulas(depth=0)) for _ in range(arity))
+    return cast("Formula", make(name, atoms, Interval.of(draw(st.integers(0, 2)), None)))
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+@settings(max_examples=30)
 @given(data=st.data(), trace=traces(most=10))
-def test_every_operator_is_bounded_below_an_endless_window(
+def test_endless_windows_inside_every_operator_inside_windows(
     name: str, data: st.DataObject, trace: Trace, backend: Backend
 ) -> None:
-    inner = data.draw(rooted(name, depth=1, endless=True))
-    formula = data.draw(st.sampled_from([inner.always(), inner.always(1, 3).eventually()]))
-    agrees_with_its_definition(formula, trace, backend)
+    row = OPERATORS[name]
+    arity, _ = row.arity
+    first, *rest = (data.draw(formulas(1) if i else endless()) for i in range(arity))
+    args = data.draw(st.permutations((first, *rest)))
+    interval = data.draw(intervals(endless=True)) if row.timed else None
+    inner = cast("Formula", make(name, tuple(args), interval))
+    windows = [inner.always(), inner.eventually(1, 3).always(), inner.once().eventually(0, 4)]
+    agrees_with_its_definition(data.draw(st.sampled_from(windows)), trace, backend)
 
 
 @settings(max_examples=200)
@@ -213,164 +223,3 @@ def test_an_empty_cut_window_puts_robustness_outside_the_bounds(backend: Backend
     monitor = EpisodeMonitor("not eventually[2:3](true)", backend=backend)
     monitor.update()
     assert offered(monitor) == (INF, -INF, -INF)
-
-
-# The beginning and the end. ----------------------------------------------------------------------
-
-
-@given(formula=formulas(endless=True, depth=2))
-def test_before_the_first_sample_there_are_the_bounds_of_the_empty_prefix(
-    formula: Formula, backend: Backend
-) -> None:
-    monitor = EpisodeMonitor(formula, backend=backend)
-    _, lower, upper = episode(formula, {}, 0)
-    assert math.isnan(monitor.robustness)
-    assert (monitor.lower, monitor.upper) == (lower, upper)
-
-
-def test_before_the_first_sample_nothing_is_decided(backend: Backend) -> None:
-    monitor = EpisodeMonitor("always(x > 0)", backend=backend)
-    assert math.isnan(monitor.robustness)
-    assert (monitor.lower, monitor.upper, monitor.verdict) == (-INF, INF, U)
-    assert not monitor.finished
-
-
-@given(formula=formulas(endless=True, depth=2), trace=traces(most=8))
-def test_finish_closes_the_episode_once_and_keeps_what_was_decided(
-    formula: Formula, trace: Trace, backend: Backend
-) -> None:
-    monitor = EpisodeMonitor(formula, backend=backend)
-    for i in range(length(trace)):
-        feed(monitor, trace, i)
-    robustness, lower, upper = offered(monitor)
-    decided = monitor.verdict
-    for _ in range(2):
-        assert monitor.finish() == monitor.robustness == robustness
-        assert monitor.finished
-        if decided is U:
-            assert monitor.lower == monitor.upper == robustness
-            assert monitor.verdict is verdict(robustness, robustness)
-        else:
-            assert (monitor.lower, monitor.upper, monitor.verdict) == (lower, upper, decided)
-    with pytest.raises(StateError):
-        feed(monitor, trace, 0)
-    assert monitor.samples == length(trace)
-    assert monitor.robustness == robustness
-
-
-@pytest.mark.parametrize(
-    ("text", "x", "robustness", "closed"),
-    [
-        ("always(x > 0)", 2.0, 2.0, S),
-        ("eventually(x > 0)", -2.0, -2.0, V),
-        ("always(x > 0)", 0.0, 0.0, U),
-        ("always(x > 0)", -1.0, -1.0, V),
-        ("eventually[5:9](x > 0)", 1.0, -INF, V),
-        ("always[5:9](x > 0)", -1.0, INF, S),
-        ("next(x > 0)", -1.0, INF, S),
-        ("s_next(x > 0)", 1.0, -INF, V),
-    ],
-)
-def test_finish_gives_an_open_verdict_the_sign_of_the_robustness(
-    text: str, x: float, robustness: float, closed: Verdict, backend: Backend
-) -> None:
-    monitor = EpisodeMonitor(text, backend=backend)
-    monitor.update(x=x)
-    assert monitor.finish() == robustness
-    assert monitor.verdict is closed
-
-
-def test_update_after_finish_is_refused_until_reset(backend: Backend) -> None:
-    monitor = EpisodeMonitor("always(x > 0)", backend=backend)
-    monitor.update(x=1.0)
-    monitor.finish()
-    with pytest.raises(StateError) as caught:
-        monitor.update(x=1.0)
-    assert str(caught.value) == "the episode is finished; call reset() before the next update"
-    monitor.reset()
-    assert (monitor.finished, monitor.verdict) == (False, U)
-    assert monitor.update(x=-1.0) == -1.0
-
-
-def test_finish_before_any_sample_is_refused(backend: Backend) -> None:
-    monitor = EpisodeMonitor("always(x > 0)", backend=backend)
-    with pytest.raises(StateError) as caught:
-        monitor.finish()
-    assert str(caught.value) == "finish() needs at least one sample, got none since reset"
-    assert not monitor.finished
-    assert monitor.update(x=1.0) == 1.0
-
-
-def test_too_many_endless_operators_inside_others_are_refused(backend: Backend) -> None:
-    text = "always(" + " and ".join(f"eventually(x > {i})" for i in range(7)) + ")"
-    with pytest.raises(rtamt.SpecificationError) as caught:
-        EpisodeMonitor(text, backend=backend)
-    assert str(caught.value) == (
-        "the formula has 7 operators without an end inside others; the limit is 6; "
-        "write an end, as in eventually[0:100]"
-    )
-
-
-# State. ------------------------------------------------------------------------------------------
-
-DUPLICATES: dict[str, Callable[[EpisodeMonitor], EpisodeMonitor]] = {
-    "copy": copy.copy,
-    "deepcopy": copy.deepcopy,
-    "pickle": lambda monitor: pickle.loads(pickle.dumps(monitor)),
-}
-
-
-@pytest.mark.parametrize("duplicate", DUPLICATES)
-@settings(max_examples=40)
-@given(formula=formulas(endless=True, depth=2), trace=traces(most=12), data=st.data())
-def test_a_duplicate_mid_run_continues_like_the_original_and_apart_from_it(
-    duplicate: str, formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
-) -> None:
-    n = length(trace)
-    cut = data.draw(st.integers(0, n))
-    original, whole = (EpisodeMonitor(formula, backend=backend) for _ in range(2))
-    for i in range(cut):
-        feed(original, trace, i)
-    twin = DUPLICATES[duplicate](original)
-    for i in range(n):
-        feed(whole, trace, i)
-    for monitor in (twin, original):
-        assert (monitor.backend, monitor.samples) == (backend, cut)
-        for i in range(cut, n):
-            feed(monitor, trace, i)
-        assert offered(monitor) == offered(whole)
-    twin.finish()
-    assert DUPLICATES[duplicate](twin).finished
-    assert not original.finished
-
-
-@given(formula=formulas(endless=True, depth=2), trace=traces(most=12), data=st.data())
-def test_reset_forgets_everything(
-    formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
-) -> None:
-    n = length(trace)
-    monitor, fresh = (EpisodeMonitor(formula, backend=backend) for _ in range(2))
-    for i in range(data.draw(st.integers(1, n))):
-        feed(monitor, trace, n - 1 - i)
-    if data.draw(st.booleans()):
-        monitor.finish()
-    monitor.reset()
-    assert np.array_equal(offered(monitor), offered(fresh), equal_nan=True)
-    for i in range(n):
-        feed(monitor, trace, i)
-        feed(fresh, trace, i)
-        assert offered(monitor) == offered(fresh)
-
-
-@given(formula=formulas(endless=True, depth=2).filter(lambda f: bool(f.variables)), trace=traces())
-def test_refused_input_leaves_the_episode_as_it_was(
-    formula: Formula, trace: Trace, backend: Backend
-) -> None:
-    monitor, twin = (EpisodeMonitor(formula, backend=backend) for _ in range(2))
-    for i in range(length(trace)):
-        good = sample(trace, i, monitor.variables)
-        for bad in (dict.fromkeys(good, math.nan), {**good, "else": 0.0}, {}):
-            with pytest.raises(InputError):
-                monitor.update(bad)
-        assert monitor.update(good) == twin.update(good)
-        assert offered(monitor) == offered(twin)

@@ -4,7 +4,6 @@ import math
 from typing import Literal
 
 import numpy as np
-import pytest
 from golden_cases import cases, length
 
 from rtamt import EpisodeMonitor, Monitor, evaluate
@@ -35,10 +34,9 @@ def test_monitor_gives_golden_values_no_later_than_the_golden_horizon(backend: B
         assert np.array_equal(values, expected[:n], equal_nan=True), case
 
 
-@pytest.mark.parametrize("episode_backend", ["python"])
-def test_episode_monitor_agrees_with_golden_after_every_sample(episode_backend: Backend) -> None:
+def test_episode_monitor_agrees_with_golden_after_every_sample(backend: Backend) -> None:
     for case in EPISODES:
-        monitor = EpisodeMonitor(case["formula"], backend=episode_backend)
+        monitor = EpisodeMonitor(case["formula"], backend=backend)
         for i, after in enumerate(case["after"]):
             now = monitor.update({v: case["trace"][v][i] for v in monitor.variables})
             found = (now, monitor.lower, monitor.upper)
