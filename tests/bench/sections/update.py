@@ -10,6 +10,8 @@ from report import Row, Table
 
 SIZES = {"100": 100, "1k": 1_000, "10k": 10_000, "100k": 100_000, "1M": 1_000_000}
 
+THERE = 24  # ns, the floor at k=100 where the targets were set
+
 
 def measure(setting: Setting) -> Iterator[Table]:
     """W1 in every argument form, W2 by `Monitor` and by `EpisodeMonitor`."""
@@ -62,6 +64,12 @@ def w1(setting: Setting, subjects: dict[str, Subject]) -> Table:
         slow = {column: subject for column, subject in subjects.items() if column != "floor"}
         chosen = subjects if form == "mapping" else slow
         row(setting, chosen, table, f"k=1k {form}", target, kind="w1", k=1_000, form=form)
+    here = table.rows[0].figures.get("floor")
+    if here:
+        table.notes["floor"] = (
+            f"k=100 took {THERE} ns on the machine of the targets, {here:.0f} here: "
+            f"targets x {here / THERE:.2f}"
+        )
     if "floor" in subjects:
         only = {"floor": subjects["floor"]}
         row(setting, only, table, "an empty call", None, kind="w1", k=1, form="nothing")
