@@ -152,8 +152,8 @@ def episode_machine(backend: Backend, program: Program, reader: SampleReader) ->
         return episode.EpisodeMachine(program, reader)
     placement = place(program)
     return _native.EpisodeMachine(
-        placement.encoded_terms(),
-        placement.encoded_formulas(),
+        placement.encoded_terms,
+        placement.encoded_formulas,
         placement.tops,
         placement.streams,
         placement.program.variables,

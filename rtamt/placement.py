@@ -6,6 +6,7 @@ times, as a stream.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 from typing import assert_never
 
@@ -20,7 +21,7 @@ MAX_UNKNOWNS = 6
 """Windows without end that may stand inside other temporal operators."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Placement:
     """A program and where its registers are read.
 
@@ -36,7 +37,8 @@ class Placement:
     streams: tuple[int, ...]
     unknowns: tuple[int, ...]
 
-    def encoded_terms(self) -> list[tuple[object, ...]]:
+    @functools.cached_property
+    def encoded_terms(self) -> tuple[tuple[object, ...], ...]:
         """The terms, as `rtamt.schedule.encoded` writes them."""
         known = self.program.terms
         terms = replace(
@@ -46,7 +48,8 @@ class Placement:
         )
         return encoded(terms)
 
-    def encoded_formulas(self) -> list[tuple[object, ...]]:
+    @functools.cached_property
+    def encoded_formulas(self) -> tuple[tuple[object, ...], ...]:
         """What stands behind the terms: ``(kind, name, first operand, second operand, lo, hi)``.
 
         Where there is no second operand the first stands twice; bounds may be None.
@@ -63,9 +66,10 @@ class Placement:
                     raise AssertionError(msg)
                 case _ as never:
                     assert_never(never)
-        return rows
+        return tuple(rows)
 
 
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def place(program: Program) -> Placement:
     """The program as an episode machine runs it.
 

@@ -82,7 +82,7 @@ def operands(instruction: Instruction) -> tuple[int, ...]:
             assert_never(never)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
 class Program:
     """A compiled specification.
 

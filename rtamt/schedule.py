@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import assert_never
@@ -48,7 +49,8 @@ def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
                 assert_never(never)
 
 
-def encoded(program: Program) -> list[tuple[object, ...]]:
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def encoded(program: Program) -> tuple[tuple[object, ...], ...]:
     """The schedule as the tuples that the C++ machine reads; names cross as text.
 
     ``(slot, kind, name, first operand, second operand, value, length, start)``: the length of an
@@ -71,4 +73,4 @@ def encoded(program: Program) -> list[tuple[object, ...]]:
             case _ as never:
                 assert_never(never)
         rows.append((slot, *row))
-    return rows
+    return tuple(rows)

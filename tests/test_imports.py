@@ -21,17 +21,26 @@ FLOORS = (
     ("specification",),
     ("grammar", "parser"),
     ("timing", "program", "lowering", "polarity"),
-    ("inputs", "terms", "windows", "schedule", "streams", "discrete", "episode", "_native"),
+    (
+        "inputs",
+        "terms",
+        "windows",
+        "schedule",
+        "streams",
+        "placement",
+        "discrete",
+        "episode",
+        "_native",
+    ),
     ("backend", "offline"),
-    ("monitor",),
+    ("monitor", "vector"),
     ("__init__",),
     ("compat",),
 )
 FLOOR = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 
-# Not while modules load: pickles of formulas and specifications are text, which the parser reads
-# later; the printer names a type for the type checker alone.
-LATE = {("formula", "parser"), ("specification", "parser"), ("printing", "formula")}
+# Not while modules load: the printer names a type for the type checker alone.
+LATE = {("printing", "formula")}
 
 
 def modules(package: str) -> list[Path]:
