@@ -68,31 +68,6 @@ struct Room {
     double* q;
 };
 
-// Combines every element with x, which is newer than they.
-template <class M>
-inline void fold_in(double* __restrict p, double* __restrict q, std::size_t n,
-                    typename M::Element x) {
-    if constexpr (M::width == 1) {
-        // The elements are folds up to now of ever shorter stretches: those that x does not move
-        // stand before those that it does.
-        constexpr std::size_t chunk = 32;
-        while (n > chunk) {
-            double* last = p + (n - chunk);
-            if (M::combine(*last, x) == *last) break;
-            for (std::size_t i = 0; i < chunk; ++i) last[i] = M::combine(last[i], x);
-            n -= chunk;
-        }
-        double* rest = n > chunk ? p + (n - chunk) : p;
-        for (std::size_t i = 0; i < std::min(n, chunk); ++i) rest[i] = M::combine(rest[i], x);
-    } else {
-        for (std::size_t i = 0; i < n; ++i) {
-            const Pair r = M::combine(Pair{p[i], q[i]}, x);
-            p[i] = r.p;
-            q[i] = r.q;
-        }
-    }
-}
-
 // out[i] is the fold of the elements 0 to i.
 template <class M>
 inline void prefixes(Elements in, std::size_t n, const Room<M>& out) {

@@ -20,11 +20,14 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline double lesser(double x, double y) { return y < x ? y : x; }
 inline double greater(double x, double y) { return y > x ? y : x; }
 
+enum class Kind { single, ahead, back };
+
 // A monoid has elements made of one or two registers, of which the last one is the result; the
 // older element stands left in combine.
 template <double (*Lower)(double, double), int Sign>
 struct Single {
     using Element = double;
+    static constexpr Kind kind = Kind::single;
     static constexpr int width = 1;
     static constexpr Element identity = Sign * kInfinity;
     static Element element(double x, double) { return x; }
@@ -48,6 +51,7 @@ struct Paired {
 
 template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
 struct Ahead : Paired<Lower, Upper, Sign> {
+    static constexpr Kind kind = Kind::ahead;
     static Pair combine(Pair x, Pair y) {
         return {Lower(x.p, y.p), Upper(x.q, Lower(x.p, y.q))};
     }
@@ -55,6 +59,7 @@ struct Ahead : Paired<Lower, Upper, Sign> {
 
 template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
 struct Back : Paired<Lower, Upper, Sign> {
+    static constexpr Kind kind = Kind::back;
     static Pair combine(Pair x, Pair y) {
         return {Lower(x.p, y.p), Upper(y.q, Lower(y.p, x.q))};
     }

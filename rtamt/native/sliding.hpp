@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "streams.hpp"
+#include "kept.hpp"
 #include "window.hpp"
 
 namespace rtamt::episode {
@@ -28,10 +28,10 @@ public:
 
     void prepare() override {
         bool seen = false;
-        for (World w : kAll) seen |= wanted(w) && opens(w);
+        for (World w : kAll) seen |= (wanted(w) || summarised(w)) && opens(w);
         if (seen || speaks_of() != 0) {
             in_.hold(in_.late(), 0);
-            kept_ = Polynomials(corners(), M::width);
+            kept_ = Kept<M>(corners());
         } else {
             in_.hold(late_, hi_);
             if (lo_ != hi_) queue_.emplace(static_cast<std::size_t>(hi_ - lo_ + 1));
@@ -67,10 +67,23 @@ public:
         const Time open_from = std::max<Time>(0, t - in_.late() + 1);
         const Time open_to = std::max(in_.end(w, t), open_from - 1);
         if (open_to < open_from && count <= kept_.size() && corners() == 1 && neutral_[w]) {
-            open_[w] = {kept_.line(0, M::width - 1).data(), count};
+            open_[w] = {kept_.results(), count};
             return;
         }
         fill(w, first, count, open_from, open_to, tail);
+    }
+
+    // Where no operand is open, what is open is what is kept, which knows its extremes.
+    bool summarises() const override {
+        if ((lo_ != 0 && hi_ != 0) || M::kind == Kind::back || speaks_of() != 0) return false;
+        for (World w : {kLower, kUpper}) {
+            if (!in_.certain(w) || in_.late() + in_.reach(w) > 0 || in_.floor(w) >= 0) return false;
+            if (M::kind == Kind::single && !in_.absorbs(w) && !neutral_[w]) return false;
+        }
+        return in_.late() == 0;
+    }
+    Extremes extremes(World w, Time t) const override {
+        return end(w, t) <= last_ ? Extremes{} : kept_.extremes(in_.tail(w));
     }
 
     void substitute(std::size_t unknown, const double* value) override {
@@ -119,32 +132,15 @@ private:
         if (time >= 0) {
             const auto size = static_cast<std::size_t>(std::max<Time>(0, time - lo_ + 1 - base));
             const auto from = static_cast<std::size_t>(std::max<Time>(0, time - hi_ - base));
-            for (std::size_t c = 0; c < corners(); ++c) {
-                for (int k = 0; k < M::width; ++k)
-                    kept_.line(c, k).extend(size, component<M>(M::identity, k));
-                if (from < size)
-                    fold_in<M>(kept_.line(c, 0).data() + from,
-                               kept_.line(c, M::width - 1).data() + from, size - from,
-                               in_.settled(time, c));
-            }
+            kept_.extend(size);
+            for (std::size_t c = 0; c < corners(); ++c)
+                kept_.fold_in(c, from, in_.settled(time, c));
         }
         if (t < late_) return;
         const bool any = kept_.size() > 0;
         for (std::size_t c = 0; c < corners(); ++c)
-            append(c, any ? kept_.line(c, M::width - 1)[0] : M::result(M::identity));
+            append(c, any ? kept_.first(c) : M::result(M::identity));
         if (any) kept_.pop();
-    }
-
-    // What is kept, in a world.
-    Elements kept(World w, std::size_t count) {
-        if (corners() == 1)
-            return {kept_.line(0, 0).data(), kept_.line(0, M::width - 1).data()};
-        const Room<M> room(desk_.scratch[2], desk_.scratch[3], count);
-        for (std::size_t i = 0; i < count; ++i) {
-            room.p[i] = kept_.at(i, 0, w, desk_.unknowns);
-            if (M::width > 1) room.q[i] = kept_.at(i, 1, w, desk_.unknowns);
-        }
-        return room.elements();
     }
 
     void fill(World w, Time first, std::size_t count, Time open_from, Time open_to, Element tail) {
@@ -153,7 +149,7 @@ private:
         Elements in{};
         if (n > 0) in = in_.values(w, open_from, open_to, &desk_.scratch[0]);
         const std::size_t m = std::min(kept_.size(), count);
-        const Elements settled = kept(w, m);
+        const Elements settled = kept_.in_world(w, m, desk_, &desk_.scratch[2]);
         double* __restrict out = open(w, count);
 
         // The values up to time `to`, of what is settled and of newer elements: `newer` numbers
@@ -207,7 +203,7 @@ private:
     Time hi_;
     bool keeps_ = false;
     std::array<bool, kWorlds> neutral_{true, false, false};
-    Polynomials kept_;
+    Kept<M> kept_;
     std::optional<Sliding<M>> queue_;
 };
 

@@ -30,8 +30,14 @@ Stream::Stream(Desk& desk, Time late, std::uint32_t speaks_of)
 
 void Stream::append(std::size_t corner, double value) {
     Line& line = history_.line(corner);
-    if (line.size() == keep_) line.pop();
-    line.push(value);
+    if (line.size() < keep_) {
+        line.push(value);
+    } else if (keep_ == 1) {
+        line[0] = value;
+    } else {
+        line.pop();
+        line.push(value);
+    }
 }
 
 double* Stream::open(World w, std::size_t count) {

@@ -95,6 +95,16 @@ struct Outlook {
     double tail = 0.0;
 };
 
+struct Extremes {
+    double least = kInfinity;
+    double greatest = -kInfinity;
+
+    void add(double x) {
+        least = lesser(least, x);
+        greatest = greater(greatest, x);
+    }
+};
+
 // Memory that the streams of one machine share while they look.
 struct Desk {
     Unknowns unknowns;
@@ -121,15 +131,25 @@ public:
     void hold(Time count) { keep_ = std::max(keep_, static_cast<std::size_t>(count)); }
     void want(World w) { alive_ = wanted_[w] = true; }
     void enliven() { alive_ = true; }
-    void neglect() { alive_ = wanted_[0] = wanted_[1] = wanted_[2] = false; }
+    void neglect() {
+        alive_ = false;
+        wanted_ = summarised_ = {};
+    }
     bool alive() const { return alive_; }
     bool wanted(World w) const { return wanted_[w]; }
+    bool summarised(World w) const { return summarised_[w]; }
     // Whether there is anything to find in a world, and so whether the operands are needed.
     bool looks(World w) const { return wanted_[w] && (opens(w) || !outlook_[w].certain); }
     // Says the same of what it reads itself.
     virtual void demand() {}
     // Called once, when it is known what will ever be wanted.
     virtual void prepare() {}
+
+    // Whether it can tell the extremes of its open values without finding these, for a reader who
+    // has all values that were ever settled. They may be those of some settled values as well.
+    virtual bool summarises() const { return false; }
+    void summarise(World w) { alive_ = summarised_[w] = true; }
+    virtual Extremes extremes(World, Time) const { return {}; }
 
     // Takes in what sample t has settled.
     virtual void settle(Time t, const double* terms) = 0;
@@ -178,6 +198,7 @@ private:
     Polynomials history_;
     bool alive_ = false;
     std::array<bool, kWorlds> wanted_{};
+    std::array<bool, kWorlds> summarised_{};
     std::array<std::vector<double>, kWorlds> memory_;
 };
 
@@ -218,6 +239,8 @@ public:
 
     Time late() const { return std::max(p_.late(), q_.late()); }
     std::uint32_t speaks_of() const { return p_.speaks_of() | q_.speaks_of(); }
+    // The operand, where there is but one.
+    Stream* only() const { return &p_ == &q_ ? &p_ : nullptr; }
     // Have the operands keep what a reader needs who reads offset `oldest` at t - late.
     void hold(Time late, Time oldest) const {
         for (Stream* s : {&p_, &q_}) s->hold(late - s->late() - oldest + 1);

@@ -92,15 +92,17 @@ public:
           in_(p, q),
           begin_(lo == -kNever ? 0 : std::max<Time>(0, lo)),
           end_(hi),
-          total_(in_.speaks_of() == 0 ? 1 : std::size_t{1} << desk.unknowns.count, M::width) {
+          total_(in_.speaks_of() == 0 ? 1 : std::size_t{1} << desk.unknowns.count) {
         for (World w : {kLower, kUpper}) absorbs_[w] = in_.absorbs(w);
+        if (begin_ == 0 && end_ == kNever && M::width == 1 && in_.only()->summarises())
+            summary_ = in_.only();
         reset();
     }
 
     void demand() override {
         for (World w : kAll) {
             wants_[w] = !absorbs_[w] || end_ < kNever;
-            if (wants_[w]) in_.want(w);
+            if (wants_[w]) want(w);
         }
     }
     Time demand(Time t) override {
@@ -110,7 +112,7 @@ public:
         Time changes = end_ + in_.late() + 1;
         for (World w : kAll) {
             if (wants_[w]) {
-                in_.want(w);
+                want(w);
             } else {
                 changes = std::min(changes, end_ - in_.reach(w));
             }
@@ -126,11 +128,8 @@ public:
     void settle(Time t, const double*) override {
         const Time time = t - in_.late();
         if (time < begin_ || time > end_) return;
-        for (std::size_t c = 0; c < total_.corners(); ++c) {
-            double* p = total_.line(c, 0).data();
-            double* q = total_.line(c, M::width - 1).data();
-            put<M>(p, q, 0, M::combine(get<M>(p, q, 0), in_.settled(time, c)));
-        }
+        for (std::size_t c = 0; c < total_.size(); ++c)
+            total_[c] = M::combine(total_[c], in_.settled(time, c));
     }
 
     void conclude(Time t) override {
@@ -139,32 +138,63 @@ public:
                 values_[w] = in_.tail_of_tails(w);
                 continue;
             }
-            Element x = M::element(total_.at(0, 0, w, desk_.unknowns),
-                                   total_.at(0, M::width - 1, w, desk_.unknowns));
+            Element x = total(w);
             const Time begin = std::max(begin_, t - in_.late() + 1);
             const Time last = in_.end(w, t);
             const Time end = std::min(end_, last);
-            if (begin <= end)
+            if (summary_ != nullptr) {
+                if constexpr (M::width == 1) {
+                    const Extremes open = summary_->extremes(w, t);
+                    x = M::combine(x, M::identity > 0 ? open.least : open.greatest);
+                }
+            } else if (begin <= end) {
                 x = fold<M>(x, in_.values(w, begin, end, &desk_.scratch[0]),
                             static_cast<std::size_t>(end - begin + 1));
+            }
             if (end_ > std::max(last, begin_ - 1)) x = M::combine(x, in_.tail(w));
             values_[w] = M::result(x);
         }
     }
 
     void substitute(std::size_t unknown, const double* value) override {
-        if (in_.speaks_of() >> unknown & 1) total_.substitute(unknown, value);
+        if (!(in_.speaks_of() >> unknown & 1)) return;
+        const std::size_t bit = std::size_t{1} << unknown;
+        for (std::size_t c = 0; c < total_.size(); ++c) {
+            if (c & bit) continue;
+            const Element low = total_[c];
+            const Element high = total_[c | bit];
+            for (const std::size_t corner : {c, c | bit}) {
+                const auto at = [&](int k) {
+                    return greater(component<M>(low, k), lesser(component<M>(high, k), value[corner]));
+                };
+                total_[corner] = M::element(at(0), at(M::width - 1));
+            }
+        }
     }
-    void reset() override {
-        total_.clear();
-        for (std::size_t c = 0; c < total_.corners(); ++c)
-            for (int k = 0; k < M::width; ++k)
-                total_.line(c, k).extend(1, component<M>(M::identity, k));
-    }
-    void save(Writer& out) const override { total_.save(out); }
-    void load(Reader& in) override { total_.load(in, 1); }
+    void reset() override { std::fill(total_.begin(), total_.end(), M::identity); }
+    void save(Writer& out) const override { out.put(total_.data(), total_.size()); }
+    void load(Reader& in) override { in.get(total_.data(), total_.size()); }
 
 private:
+    void want(World w) const {
+        if (summary_ != nullptr) {
+            summary_->summarise(w);
+        } else {
+            in_.want(w);
+        }
+    }
+
+    Element total(World w) const {
+        if (total_.size() == 1) return total_[0];
+        const auto component_in_world = [&](int k) {
+            std::array<double, kMaxCorners> corners{};
+            for (std::size_t c = 0; c < total_.size(); ++c)
+                corners[c] = component<M>(total_[c], k);
+            return desk_.unknowns.in_world(w, corners.data());
+        };
+        return M::element(component_in_world(0), component_in_world(M::width - 1));
+    }
+
     // Whether the window still reaches into a tail that alone decides.
     bool decided(World w, Time t) const { return absorbs_[w] && end_ > in_.end(w, t); }
 
@@ -173,7 +203,8 @@ private:
     Time begin_;
     Time end_;
     std::array<bool, kWorlds> absorbs_{};
-    Polynomials total_;
+    Stream* summary_ = nullptr;
+    std::vector<Element> total_;  // at every corner
 };
 
 }  // namespace rtamt::episode
