@@ -100,6 +100,11 @@ def samples(
     """
     if interval is None:
         return 0, None
+    if period is None and interval.unit is not None:
+        raise error(
+            f"{interval} has a unit, but no period is known",
+            "give period= in seconds or as text such as '100ms', or write bounds in samples",
+        )
     begin = _count(interval.begin, interval.unit, period, unit, error)
     if interval.end is None:
         return begin, None
@@ -113,16 +118,12 @@ def _count(
     unit: str,
     error: Callable[[str, str], RtamtError],
 ) -> int:
-    if period is None and own is not None:
-        raise error(
-            f"bound {decimal_text(bound)} {own} has a unit, but no period is known",
-            f"give period= in seconds or as text such as {'100ms'!r}, or write bounds in samples",
-        )
     step = Fraction(1) if period is None else period / UNITS[own or unit]
     count = bound / step
     if count > MAX_WINDOW:
+        text = decimal_text(bound) if period is None else f"{decimal_text(bound)} {own or unit}"
         raise error(
-            f"bound {decimal_text(bound)} is {math.ceil(count)} samples; the limit is {MAX_WINDOW}",
+            f"bound {text} is {math.ceil(count)} samples; the limit is {MAX_WINDOW}",
             "write a smaller bound or a longer period",
         )
     if count.denominator == 1:
