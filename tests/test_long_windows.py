@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracle import robustness
+from oracle import episode, robustness
 from strategies import chunkings
 
-from rtamt import Formula, Monitor, evaluate, variable
+from rtamt import EpisodeMonitor, Formula, Monitor, evaluate, variable
 from rtamt.formula import make
 from rtamt.interval import Interval
 from rtamt.operators import OPERATORS
@@ -108,3 +108,29 @@ def test_a_window_longer_than_the_trace_is_cut_at_both_ends(backend: Backend) ->
     )
     until = evaluate(f"(x > 0) until[0:{2000 * big}] (x > 2)", x, backend=backend)
     assert until.tolist() == [1.0, 0.0, 0.0]
+
+
+EPISODES = [
+    "always[0:150](a > 3 implies eventually[20:70](b > 2))",
+    "always((a > 3) implies ((a > -9) until[5:60] (b > 3)))",
+    "eventually(always[0:90](a > 0)) and always(once[0:64](b > 0))",
+    "eventually[0:200](historically[3:40](a > 0) and next(b > 0))",
+    "always(eventually(b > 3) or (a > 1) since[2:77] (b > 0))",
+    "not always[10:120](rise(a > 4) implies (b > -5) unless[0:31] (a > 20))",
+]
+
+
+@pytest.mark.parametrize("text", EPISODES)
+def test_long_episodes_agree_with_their_definition_now_and_then(
+    text: str, backend: Backend
+) -> None:
+    n = 260
+    trace = walk(len(text), n)
+    monitor, twin = EpisodeMonitor(text, backend=backend), EpisodeMonitor(text, backend="python")
+    for i in range(n):
+        now = [m.update(a=trace["a"][i], b=trace["b"][i]) for m in (monitor, twin)]
+        assert now[0] == now[1]
+        assert (monitor.lower, monitor.upper) == (twin.lower, twin.upper)
+        if i in {0, 30, 128}:
+            expected = episode(monitor.specification.formula, trace, i + 1)
+            assert (now[0], monitor.lower, monitor.upper) == expected
