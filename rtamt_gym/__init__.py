@@ -7,12 +7,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rtamt_gym.rewards import StlReward
     from rtamt_gym.signals import Step
     from rtamt_gym.wrappers import StlMonitor
 
-__all__ = ["Step", "StlMonitor"]
+__all__ = ["Step", "StlMonitor", "StlReward"]
 
-_MODULES = {"Step": "rtamt_gym.signals", "StlMonitor": "rtamt_gym.wrappers"}
+_MODULES = {
+    "Step": "rtamt_gym.signals",
+    "StlMonitor": "rtamt_gym.wrappers",
+    "StlReward": "rtamt_gym.rewards",
+}
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import fields
 from fractions import Fraction
 from typing import Any, Literal, SupportsFloat, get_args
@@ -12,9 +13,11 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import InputError, StateError
+from rtamt import EpisodeMonitor, InputError, StateError
+from rtamt_gym.arguments import check_choice, check_length
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
+    InstantMonitor,
     SpecsLike,
     View,
     load_specs,
@@ -64,9 +67,16 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     that is open then stays ``"UNDECIDED"``, neither success nor failure. Place time limits inside
     of this wrapper; it does not see the truncation of a wrapper around it.
 
+    The last ``buffer_length`` episodes that ended are in :attr:`stl_episodes`.
+
     With ``view="step"`` a formula is read as a requirement on every instant, as an online monitor
     reads it: ``robustness`` is that of the newest instant whose horizon has passed (before the
     first, that of the samples so far), bounds and verdict are those of ``always(formula)``.
+
+    Attributes:
+        stl_episodes: Record of every episode that ended, the newest last: ``{"samples",
+            "terminated", "truncated", "specs", "violated_by", "violated_at"}``; ``specs`` is
+            ``info["stl_episode"]``, the last two are absent without a violation.
 
     No vector version of the wrapper exists.
 
@@ -85,6 +95,8 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         ('spec', 6, 7)
         >>> info["stl_episode"]["spec"]["verdict"]
         'VIOLATED'
+        >>> [episode["violated_by"] for episode in env.stl_episodes]
+        ['spec']
 
     Change logs:
      * v0.5.0 - Initially added
@@ -101,6 +113,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         view: View = "episode",
         details: bool = False,
         cost: Cost | None = None,
+        buffer_length: int = 100,
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -121,6 +134,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             details: If to add ``info["stl"]``, the state of every specification
             cost: If to add ``info["cost"]``: ``"indicator"`` is 1 while the episode is violated,
                 ``"depth"`` is how far, ``"first"`` is 1 only at the step that shows the violation
+            buffer_length: The size of the buffer :attr:`stl_episodes`
 
         Raises:
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
@@ -137,11 +151,15 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             view=view,
             details=details,
             cost=cost,
+            buffer_length=buffer_length,
         )
         gym.Wrapper.__init__(self, env)
-        _check_choice("on_violation", on_violation, get_args(OnViolation))
-        _check_choice("view", view, get_args(View))
-        _check_choice("cost", cost, (None, *get_args(Cost)))
+        check_choice("on_violation", on_violation, get_args(OnViolation))
+        check_choice("view", view, get_args(View))
+        check_choice("cost", cost, (None, *get_args(Cost)))
+        self.stl_episodes: deque[dict[str, Any]] = deque(
+            maxlen=check_length("buffer_length", buffer_length)
+        )
         self._on_violation = on_violation
         self._details = details
         self._cost = cost
@@ -240,6 +258,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         if terminated or truncated:
             self._running = False
             self._conclude(info)
+            self._record(info, terminated=terminated, truncated=truncated)
         return obs, reward, terminated, truncated, info
 
     @property
@@ -251,6 +270,11 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     def samples(self) -> int:
         """Samples fed since :meth:`reset`, its own included."""
         return self._monitors[0][2].samples
+
+    @property
+    def monitors(self) -> dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]:
+        """Of every specification, what says the robustness and who judges the episode."""
+        return {name: (monitor, judge) for name, monitor, judge in self._monitors}
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
@@ -342,6 +366,16 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         elif len(self._decided) == len(episode):
             info.setdefault("is_success", True)
 
+    def _record(self, info: dict[str, Any], *, terminated: bool, truncated: bool) -> None:
+        record = {"samples": self.samples, "terminated": terminated, "truncated": truncated}
+        # Copies: a logger that empties the info leaves the record alone.
+        specs = {name: dict(outcome) for name, outcome in info["stl_episode"].items()}
+        violation: dict[str, Any] = {}
+        if self._violated_by is not None:
+            at = self._decided[self._violated_by]
+            violation = {"violated_by": self._violated_by, "violated_at": at}
+        self.stl_episodes.append({**record, "specs": specs, **violation})
+
 
 _UNPICKLED = frozenset({"_sample", "_sample_reset"})
 
@@ -360,9 +394,3 @@ class _CallableSpec(EnvSpec):
                         'such as "obs[0]", or pass env.spec itself to gym.make'
                     )
         return super().to_json()
-
-
-def _check_choice(name: str, value: object, choices: Sequence[object]) -> None:
-    if value not in choices:
-        options = " or ".join(repr(choice) for choice in choices)
-        raise InputError(f"expected {name}={options}, got {value!r}")

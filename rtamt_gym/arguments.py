@@ -1,0 +1,46 @@
+"""Checks of arguments that the wrappers share."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Iterable, Sequence
+from numbers import Real
+
+from rtamt import InputError
+
+__all__ = ["check_choice", "check_known", "check_length", "check_number"]
+
+
+def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
+    """Refuses what is none of the choices."""
+    if value not in choices:
+        options = " or ".join(repr(choice) for choice in choices)
+        raise InputError(f"expected {name}={options}, got {value!r}")
+
+
+def check_number(name: str, value: object, low: float, high: float = math.inf) -> float:
+    """The number as a float: above ``low``, finite, and at most ``high``."""
+    if isinstance(value, Real) and low < float(value) <= high and float(value) < math.inf:
+        return float(value)
+    most = "" if high == math.inf else f" and at most {high:g}"
+    raise InputError(f"expected {name}= as a finite number above {low:g}{most}, got {value!r}")
+
+
+def check_length(name: str, value: object) -> int:
+    """The number of elements: an integer, 0 or more."""
+    if isinstance(value, int) and value >= 0:
+        return value
+    raise InputError(f"expected {name}= as an integer, 0 or more, got {value!r}")
+
+
+def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None:
+    """Refuses a key that names no specification."""
+    for key in given:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            way_out = f"did you mean {near[0]!r}?" if near else "leave it out"
+            raise InputError(
+                f"{name}= names {key!r}, which is no specification; the specifications are "
+                f"{', '.join(map(repr, known))}; {way_out}"
+            )

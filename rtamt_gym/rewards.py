@@ -1,0 +1,266 @@
+"""`StlReward`: the robustness of specifications becomes reward."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, Literal, SupportsFloat, TypedDict, Unpack, get_args
+
+import gymnasium as gym
+from gymnasium.core import ActType, ObsType
+from gymnasium.utils import RecordConstructorArgs
+
+from rtamt import InputError
+from rtamt_gym.arguments import check_choice
+from rtamt_gym.features import append, appended_space, feature_box, features, time_left
+from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.signals import SignalLike
+from rtamt_gym.specs import SpecsLike, View
+from rtamt_gym.wrappers import Cost, OnViolation, StlMonitor
+
+__all__ = ["MonitorOptions", "Observe", "StlReward"]
+
+Observe = Literal["state"]
+"""What is appended to the observation."""
+
+
+class MonitorOptions(TypedDict, total=False):
+    """The keyword arguments of `StlMonitor`."""
+
+    period: float | str | None
+    on_violation: OnViolation
+    view: View
+    details: bool
+    cost: Cost | None
+    buffer_length: int
+
+
+class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):
+    """Shapes the reward with the robustness of specifications.
+
+    The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
+    the environment has already, so all that :class:`StlMonitor` says about ends of episodes and
+    about ``info`` holds. The environment's own reward stays in ``info["reward"]`` (float).
+
+    Let r be that reward, and x' the robustness of the episode so far, ``info["robustness"]``,
+    clipped to [-clip, clip], x the same before the step; the new reward is
+
+    * ``mode="add"``: r + weight * x'
+    * ``mode="replace"``: x'
+    * ``mode="potential"``: r + weight * (gamma * x' - x), with x' = 0 if the step terminates the
+      episode, but not if it truncates it; with ``gamma`` the learner's discount, and the state
+      observed, this leaves the optimal policies as they are
+    * ``mode="terminal"``: r, and weight * x' more at the end of the episode, be it terminated or
+      truncated
+    * ``mode="hierarchical"``: safety before target before comfort. The first level that is
+      violated pays its own x', raised by ``clip`` for every level before it; if none is violated,
+      the last level does. Whoever violates a level earns less in that step than everyone who
+      violates only later ones. r plays no part.
+
+    :mod:`rtamt_gym.shaping` says what each is for.
+
+    Of several specifications x is the least, each times its entry in ``weights``; with a
+    ``temperature`` T the smooth minimum -T * log(sum(exp(-x / T))), which all specifications move.
+    It is smooth over the specifications only, and is that of a single specification itself.
+
+    The reward depends on the past through the monitor. ``observe="state"`` appends to the
+    observation what the monitor knows, so that the reward is one of state and action again for
+    formulas such as ``always(p)``, ``eventually(p)`` and their Boolean combinations (one
+    specification for each); a window inside of another keeps more than is shown. Four numbers for
+    every specification, in their order: robustness, lower and upper bound (times weight, clipped to
+    [-clip, clip]), and the fraction of its horizon that is left (1 where it has no end). A ``Box``
+    of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
+
+    With ``view="step"`` x is the robustness of the newest instant whose horizon has passed, but
+    ``mode="terminal"`` pays that of the whole episode, ``always(formula)``.
+
+    No vector version of the wrapper exists.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> from rtamt_gym import StlReward
+        >>> env = gym.make("CartPole-v1")
+        >>> env = StlReward(
+        ...     env, "always(abs(theta) < 0.1)", {"theta": "obs[2]"}, mode="add", weight=10.0
+        ... )
+        >>> _, info = env.reset(seed=123)
+        >>> round(info["robustness"], 3)
+        0.072
+        >>> _, reward, _, _, info = env.step(1)
+        >>> round(reward, 2), info["reward"], round(info["robustness"], 3)
+        (1.71, 1.0, 0.071)
+
+    Example with the state of the monitor in the observation:
+        >>> env = StlReward(
+        ...     gym.make("CartPole-v1"),
+        ...     {
+        ...         "upright": "always(abs(theta) < 0.1)",
+        ...         "early": "eventually[0:0.2](abs(x) < 0.01)",
+        ...     },
+        ...     {"theta": "obs[2]", "x": "obs[0]"},
+        ...     mode="potential",
+        ...     observe="state",
+        ... )
+        >>> env.observation_space.shape
+        (12,)
+        >>> obs, info = env.reset(seed=123)
+        >>> obs[4:].round(3).tolist()
+        [0.07..., -1.0, 0.07..., 1.0, -0.00..., -0.00..., 0.00..., 1.0]
+
+    Change logs:
+     * v0.5.0 - Initially added
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[ObsType, ActType],
+        specs: SpecsLike | None = None,
+        signals: Mapping[str, SignalLike] | None = None,
+        *,
+        mode: Mode,
+        weight: float = 1.0,
+        clip: float = 1.0,
+        gamma: float = 0.99,
+        temperature: float | None = None,
+        weights: Mapping[str, float] | None = None,
+        priorities: Mapping[str, Priority] | None = None,
+        observe: Observe | None = None,
+        **monitor: Unpack[MonitorOptions],
+    ) -> None:
+        """Finds the monitor of the environment or makes one, and checks the numbers.
+
+        Args:
+            env: The environment to apply the wrapper
+            specs: As for :class:`StlMonitor`; ``None`` if the environment has one
+            signals: Likewise
+            mode: How robustness becomes reward, see above
+            weight: Factor of the robustness beside the reward of the environment; not for
+                ``"replace"`` and ``"hierarchical"``
+            clip: Bound of the robustness; every specification should have its interesting margins
+                inside (``weights`` help)
+            gamma: The discount of the learner, for ``"potential"``
+            temperature: Makes the minimum over the specifications a smooth one; ``None`` takes the
+                exact one
+            weights: Factor of the robustness of a specification, 1 where absent, so that margins
+                in different units compare
+            priorities: For ``"hierarchical"``, ``"safety"``, ``"target"`` or ``"comfort"`` of every
+                specification; those of one level count as their minimum. ``None``: every
+                specification is a level, the first the most important
+            observe: ``"state"`` appends the state of the monitor to the observation
+            **monitor: The keyword arguments of :class:`StlMonitor`
+
+        Raises:
+            SpecificationError: As :class:`StlMonitor` does
+            InputError: Likewise; and if the environment has no monitor and none is described, or
+                has one and another is described; if an argument is none of its choices, out of its
+                range or names no specification; or if the observation cannot be appended to
+        """
+        # Not the arguments of the monitor: it is a wrapper of its own in the specification of the
+        # environment, and whoever makes that again finds it.
+        RecordConstructorArgs.__init__(
+            self,
+            mode=mode,
+            weight=weight,
+            clip=clip,
+            gamma=gamma,
+            temperature=temperature,
+            weights=weights,
+            priorities=priorities,
+            observe=observe,
+        )
+        found = _find_monitor(env)
+        if found is None:
+            if specs is None or signals is None:
+                raise InputError(
+                    f"expected {'specs' if specs is None else 'signals'}=, or an environment with "
+                    'an StlMonitor, got neither; such as specs="always(x > 0)", '
+                    'signals={"x": "obs[0]"}'
+                )
+            env = found = StlMonitor(env, specs, signals, **monitor)
+        else:
+            given = {"specs": specs, "signals": signals}
+            names = [*(name for name, value in given.items() if value is not None), *monitor]
+            if names:
+                raise InputError(
+                    f"{', '.join(f'{name}=' for name in names)} would describe another monitor, "
+                    "and the environment has an StlMonitor, which is used; give them to that one"
+                )
+        gym.Wrapper.__init__(self, env)
+        self._monitor = found
+        self._shaping = Shaping.of(
+            list(found.monitors),
+            mode=mode,
+            weight=weight,
+            clip=clip,
+            gamma=gamma,
+            temperature=temperature,
+            weights=weights,
+            priorities=priorities,
+        )
+        self._judges = [judge for _, judge in found.monitors.values()]
+        self._sources = (
+            self._judges
+            if mode == "terminal"
+            else [source for source, _ in found.monitors.values()]
+        )
+        check_choice("observe", observe, (None, *get_args(Observe)))
+        self._observes = observe is not None
+        if self._observes:
+            self.observation_space = appended_space(
+                env.observation_space, feature_box(self._shaping)
+            )
+        self._robustness = 0.0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Resets the environment; the potential of the first state is that of its observation."""
+        obs, info = self.env.reset(seed=seed, options=options)
+        self._robustness = self._read()
+        return self._observation(obs), info
+
+    def step(self, action: ActType) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Steps through the environment and shapes the reward."""
+        obs, reward, terminated, truncated, info = self.env.step(action)
+        paid = float(reward)
+        before, self._robustness = self._robustness, self._read()
+        shaped = self._shaping.reward(
+            paid, before, self._robustness, terminated, terminated or truncated
+        )
+        return self._observation(obs), shaped, terminated, truncated, {**info, "reward": paid}
+
+    @property
+    def samples(self) -> int:
+        """Samples fed since :meth:`reset`, its own included."""
+        return self._monitor.samples
+
+    @property
+    def stl_episodes(self) -> deque[dict[str, Any]]:
+        """The records of :class:`StlMonitor`."""
+        return self._monitor.stl_episodes
+
+    def _read(self) -> float:
+        return self._shaping.robustness([source.robustness for source in self._sources])
+
+    def _observation(self, obs: ObsType) -> Any:  # noqa: ANN401
+        if not self._observes:
+            return obs
+        sample = self._monitor.samples - 1
+        return append(
+            obs,
+            features(
+                self._shaping,
+                [source.robustness for source in self._sources],
+                [judge.lower for judge in self._judges],
+                [judge.upper for judge in self._judges],
+                [time_left(sample, judge.program.latency) for judge in self._judges],
+            ),
+        )
+
+
+def _find_monitor(env: gym.Env[Any, Any]) -> StlMonitor[Any, Any] | None:
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, StlMonitor):
+            return env
+        env = env.env
+    return None

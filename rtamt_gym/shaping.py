@@ -1,0 +1,314 @@
+"""From robustness to reward: pure functions of floats, and of arrays with one number for a lane.
+
+Let r be the environment's reward, x the robustness of the episode so far, clipped to
+[-clip, clip], and x' the same after the step:
+
+| mode | reward | keeps |
+|---|---|---|
+| ``add`` | r + weight * x' | |
+| ``replace`` | x' | |
+| ``potential`` | r + weight * (gamma * x' - x), x' = 0 after a termination | the optimal policy |
+| ``terminal`` | r, and weight * x' more in the last step, terminated or truncated | |
+| ``hierarchical`` | the level that was reached, below | the order of the specifications |
+
+``potential`` keeps x' at a truncation: that episode could have gone on, and the learner goes on
+with the value of its last state. A termination, be it by the environment or by the monitor, has no
+value behind it, so its potential must be 0 (Ng, Harada and Russell, "Policy invariance under
+reward transformations", ICML 1999). ``gamma`` must be the learner's discount.
+
+The other modes change what is optimal: that is their use. Where x is negative for long (a goal not
+yet reached), ``add``, ``replace`` and ``hierarchical`` pay a step less than nothing, and an episode
+that fails early may earn more than one that succeeds late; ``terminal`` and ``potential`` do not
+count steps.
+
+Functions that take several specifications take a sequence with an element for each: floats, or
+arrays of shape (lanes,). Flags (``ended``, ``terminated``) are 1 or 0, or True and False.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeVar, assert_never, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.arguments import check_choice, check_known, check_number
+
+__all__ = [
+    "Mode",
+    "Priority",
+    "Shaping",
+    "add",
+    "clip",
+    "hierarchical",
+    "least",
+    "potential",
+    "replace",
+    "terminal",
+]
+
+Mode = Literal["add", "replace", "potential", "terminal", "hierarchical"]
+"""How robustness becomes reward."""
+
+Priority = Literal["safety", "target", "comfort"]
+"""The levels of ``hierarchical``, the most important first."""
+
+Value = TypeVar("Value", float, NDArray[np.float64])
+"""A float, or an array with one float for each lane."""
+
+
+def clip(x: Value, bound: float) -> Value:
+    """``min(max(x, -bound), bound)``; the infinite become finite.
+
+    Example:
+        >>> clip(float("-inf"), 1.0), clip(0.25, 1.0)
+        (-1.0, 0.25)
+    """
+    if isinstance(x, np.ndarray):
+        return np.clip(x, -bound, bound)
+    return min(max(x, -bound), bound)
+
+
+def least(values: Sequence[Value], temperature: float | None = None) -> Value:
+    """The minimum; with a temperature T the smooth one, ``-T * log(sum(exp(-value / T)))``.
+
+    The smooth minimum of n values lies between ``min - T * log(n)`` and ``min``: where it is
+    positive, all values are. All values move it, the smallest most. That of one value is the
+    value. It is smooth over specifications; the robustness of each stays what its monitor says,
+    with exact minima and maxima inside of the formula.
+
+    Args:
+        values: Finite numbers, one or more.
+        temperature: T > 0; None takes the exact minimum.
+
+    Example:
+        >>> least([0.5, 0.25])
+        0.25
+        >>> round(least([0.5, 0.25], temperature=0.1), 3)
+        0.242
+    """
+    first = values[0]
+    if isinstance(first, np.ndarray):
+        lowest: NDArray[np.float64] = np.minimum.reduce(values)
+        if temperature is None:
+            return lowest
+        # Differences to the least, so that no exponential overflows.
+        powers = np.exp((lowest - np.asarray(values)) / temperature)
+        smooth: NDArray[np.float64] = lowest - temperature * np.log(powers.sum(axis=0))
+        return smooth
+    low = min(values)
+    if temperature is None:
+        return low
+    return low - temperature * math.log(sum(math.exp((low - v) / temperature) for v in values))
+
+
+def hierarchical(levels: Sequence[Value], bound: float) -> Value:
+    """The first negative level, else the last, raised by ``bound`` for every level before it.
+
+    With all levels in [-bound, bound] the bands do not overlap: whoever violates a level is below
+    everyone who violates only later ones, whatever the margins. The value is negative exactly
+    where the first level is, and never falls when a level rises. A margin beyond 0 counts for the
+    last level alone.
+
+    Args:
+        levels: Robustness of each level, the most important first.
+        bound: What the levels are clipped to.
+
+    Example:
+        >>> hierarchical([-0.5, 1.0, 1.0], 1.0), hierarchical([0.5, -0.5, 1.0], 1.0)
+        (-0.5, 0.5)
+        >>> hierarchical([0.5, 0.5, -0.5], 1.0), hierarchical([0.5, 0.5, 0.5], 1.0)
+        (1.5, 2.5)
+    """
+    last = len(levels) - 1
+    value = levels[last] + last * bound
+    for rank in range(last - 1, -1, -1):
+        level = levels[rank]
+        if isinstance(level, np.ndarray):
+            value = np.where(level < 0.0, level + rank * bound, value)
+        elif level < 0.0:
+            value = level + rank * bound
+    return value
+
+
+def add(reward: Value, after: Value, weight: float) -> Value:
+    """``reward + weight * after``.
+
+    Example:
+        >>> add(1.0, -0.5, weight=2.0)
+        0.0
+    """
+    return reward + weight * after
+
+
+def replace(after: Value) -> Value:
+    """``after``: the robustness is the reward.
+
+    Example:
+        >>> replace(-0.5)
+        -0.5
+    """
+    return after
+
+
+def potential(
+    reward: Value,
+    before: Value,
+    after: Value,
+    terminated: Value,
+    weight: float,
+    gamma: float,
+) -> Value:
+    """``reward + weight * (gamma * after - before)``, with ``after`` = 0 where terminated.
+
+    Example:
+        >>> potential(1.0, 0.5, 1.0, terminated=False, weight=2.0, gamma=0.5)
+        1.0
+        >>> potential(1.0, 0.5, 1.0, terminated=True, weight=2.0, gamma=0.5)
+        0.0
+    """
+    return reward + weight * (gamma * after * (1.0 - terminated) - before)
+
+
+def terminal(reward: Value, after: Value, ended: Value, weight: float) -> Value:
+    """``reward``, and where the episode ended ``weight * after`` more.
+
+    Example:
+        >>> terminal(1.0, -0.5, ended=False, weight=2.0)
+        1.0
+        >>> terminal(1.0, -0.5, ended=True, weight=2.0)
+        0.0
+    """
+    return reward + weight * (after * ended)
+
+
+@dataclass(frozen=True, slots=True)
+class Shaping:
+    """A mode and its numbers, for specifications in a known order; made by `of`.
+
+    Attributes:
+        mode: How robustness becomes reward.
+        weight: Factor of the robustness beside the environment's reward.
+        clip: Bound of the robustness.
+        gamma: Discount of the learner.
+        temperature: Of the smooth minimum over the specifications; None: exact.
+        weights: Factor of every specification's robustness.
+        levels: Indices of the specifications, level by level; a single level but for
+            ``hierarchical``.
+    """
+
+    mode: Mode
+    weight: float
+    clip: float
+    gamma: float
+    temperature: float | None
+    weights: tuple[float, ...]
+    levels: tuple[tuple[int, ...], ...]
+
+    @classmethod
+    def of(
+        cls,
+        names: Sequence[str],
+        *,
+        mode: Mode,
+        weight: float = 1.0,
+        clip: float = 1.0,
+        gamma: float = 0.99,
+        temperature: float | None = None,
+        weights: Mapping[str, float] | None = None,
+        priorities: Mapping[str, Priority] | None = None,
+    ) -> Shaping:
+        """The shaping of the specifications named; the arguments are those of `StlReward`.
+
+        Raises:
+            InputError: If an argument is none of its choices, out of its range, or speaks of
+                specifications that there are not.
+        """
+        check_choice("mode", mode, get_args(Mode))
+        if weights is not None:
+            check_known("weights", weights, names)
+        factors = [
+            check_number(f"weights[{name!r}]", value, 0.0)
+            for name, value in (weights or {}).items()
+        ]
+        factor = dict(zip(weights or (), factors, strict=True))
+        return cls(
+            mode=mode,
+            weight=check_number("weight", weight, 0.0),
+            clip=check_number("clip", clip, 0.0),
+            gamma=check_number("gamma", gamma, 0.0, 1.0),
+            temperature=(
+                None if temperature is None else check_number("temperature", temperature, 0.0)
+            ),
+            weights=tuple(factor.get(name, 1.0) for name in names),
+            levels=_levels(names, mode, priorities),
+        )
+
+    def scaled(self, values: Sequence[Value]) -> list[Value]:
+        """Values of the specifications, each times its weight and clipped."""
+        return [
+            clip(factor * value, self.clip)
+            for factor, value in zip(self.weights, values, strict=True)
+        ]
+
+    def robustness(self, values: Sequence[Value]) -> Value:
+        """The one number that the reward is made of, from the robustness of the specifications."""
+        scaled = self.scaled(values)
+        return hierarchical(
+            [
+                clip(least([scaled[i] for i in level], self.temperature), self.clip)
+                for level in self.levels
+            ],
+            self.clip,
+        )
+
+    def reward(
+        self, reward: Value, before: Value, after: Value, terminated: Value, ended: Value
+    ) -> Value:
+        """The shaped reward of a step.
+
+        Args:
+            reward: What the environment paid.
+            before: `robustness` before the step.
+            after: `robustness` after the step.
+            terminated: Whether the episode was terminated.
+            ended: Whether it was terminated or truncated.
+        """
+        match self.mode:
+            case "add":
+                return add(reward, after, self.weight)
+            case "replace" | "hierarchical":
+                return replace(after)
+            case "potential":
+                return potential(reward, before, after, terminated, self.weight, self.gamma)
+            case "terminal":
+                return terminal(reward, after, ended, self.weight)
+            case _ as never:
+                assert_never(never)
+
+
+def _levels(
+    names: Sequence[str], mode: Mode, priorities: Mapping[str, Priority] | None
+) -> tuple[tuple[int, ...], ...]:
+    if mode != "hierarchical":
+        if priorities is not None:
+            raise InputError(f"priorities= belongs to mode='hierarchical', got mode={mode!r}")
+        return (tuple(range(len(names))),)
+    if priorities is None:
+        return tuple((index,) for index in range(len(names)))
+    check_known("priorities", priorities, names)
+    for name in names:
+        if name not in priorities:
+            raise InputError(
+                f'specification {name!r} has no priority; give one: "{name}": "comfort"'
+            )
+        check_choice(f"priorities[{name!r}]", priorities[name], get_args(Priority))
+    levels = (
+        tuple(i for i, name in enumerate(names) if priorities[name] == priority)
+        for priority in get_args(Priority)
+    )
+    return tuple(level for level in levels if level)
