@@ -30,6 +30,7 @@ __all__ = [
     "DiscreteMachine",
     "EpisodeMachine",
     "Machine",
+    "Stateful",
     "choose",
     "discrete_machine",
     "episode_machine",
@@ -45,7 +46,17 @@ Snapshot = Any
 """State of a machine; only the machine of the same back-end knows what is in it."""
 
 
-class Machine(Protocol):
+class Stateful(Protocol):
+    """What can be stopped and continued elsewhere."""
+
+    def state(self) -> object:
+        """What ``restore`` needs to continue from here."""
+
+    def restore(self, state: Snapshot) -> None:
+        """Continue from where ``state`` was taken."""
+
+
+class Machine(Stateful, Protocol):
     """What the machines of both back-ends offer to a monitor."""
 
     @property
@@ -62,12 +73,6 @@ class Machine(Protocol):
 
     def reset(self) -> None:
         """Forget every sample."""
-
-    def state(self) -> object:
-        """What ``restore`` needs to continue from here."""
-
-    def restore(self, state: Snapshot) -> None:
-        """Continue from where ``state`` was taken."""
 
 
 class DiscreteMachine(Machine, Protocol):

@@ -7,8 +7,7 @@ import functools
 import math
 import operator
 from collections.abc import Callable
-from fractions import Fraction
-from typing import Any, Generic, Protocol, Self, TypeVar, cast
+from typing import Protocol, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,24 +17,19 @@ from rtamt.backend import (
     DiscreteMachine,
     EpisodeMachine,
     Machine,
-    choose,
     discrete_machine,
     episode_machine,
 )
 from rtamt.errors import InputError
-from rtamt.formula import Formula
 from rtamt.inputs import Columns, NanPolicy, SampleReader
 from rtamt.lowering import compile_program
 from rtamt.offline import run_offline
+from rtamt.online import Online, Spec
 from rtamt.parser import as_specification
 from rtamt.program import Program
-from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
 
 __all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict", "evaluate"]
-
-Spec = str | Formula | Specification
-"""A specification: text, a formula made of combinators, or a parsed specification."""
 
 
 _UPDATE = """Take in one sample{result}
@@ -54,10 +48,10 @@ Raises:
 _M = TypeVar("_M", bound=Machine)
 
 
-class _Online(Generic[_M]):
-    """What monitors of samples share: a specification, a machine, snapshots."""
+class _Single(Online[_M]):
+    """One signal: samples as arguments."""
 
-    __slots__ = ("_machine", "_period", "_reader", "backend", "program", "specification")
+    __slots__ = ("_reader",)
 
     update: Callable[..., float]
 
@@ -69,31 +63,15 @@ class _Online(Generic[_M]):
         backend: Backend = "auto",
         nan: NanPolicy = "raise",
     ) -> None:
-        self.specification = as_specification(spec)
-        self._period = as_period(period)
-        self.backend = choose(backend)
-        self.program = self._compiled()
-        self._reader = SampleReader(self.program, nan)
-        self._machine: _M = self._made()
+        super().__init__(spec, period, backend, nan)
         self.update = self._machine.update
 
-    def _compiled(self) -> Program:
-        """The program of the specification."""
-        raise NotImplementedError
-
     def _made(self) -> _M:
-        """The machine of the back-end."""
+        self._reader = SampleReader(self.program, self._nan)
+        return self._machine_of(self._reader)
+
+    def _machine_of(self, reader: SampleReader) -> _M:
         raise NotImplementedError
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables: in order of declaration, else of first appearance."""
-        return self.program.variables
-
-    @property
-    def period(self) -> Fraction | None:
-        """Seconds between samples, exactly; None: the bounds are numbers of samples."""
-        return self._period
 
     @property
     def samples(self) -> int:
@@ -104,24 +82,8 @@ class _Online(Generic[_M]):
         """Forget every sample."""
         self._machine.reset()
 
-    def __copy__(self) -> Self:
-        make, args, state = self.__reduce__()
-        twin = make(*args)
-        twin.__setstate__(state)
-        return twin
 
-    def __deepcopy__(self, memo: object) -> Self:
-        return self.__copy__()
-
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
-        make = functools.partial(type(self), backend=self.backend, nan=self._reader.nan)
-        return make, (self.specification, self._period), self._machine.state()
-
-    def __setstate__(self, state: object) -> None:
-        self._machine.restore(state)
-
-
-class Monitor(_Online[DiscreteMachine]):
+class Monitor(_Single[DiscreteMachine]):
     """Robustness at every sample, late by a known latency.
 
     At sample t, ``update`` gives the robustness at time ``t - latency``: positive, satisfied by
@@ -158,8 +120,8 @@ class Monitor(_Online[DiscreteMachine]):
     def _compiled(self) -> Program:
         return compile_program(self.specification, self._period, online=True)
 
-    def _made(self) -> DiscreteMachine:
-        return discrete_machine(self.backend, self.program, self._reader, (self.program.result,))
+    def _machine_of(self, reader: SampleReader) -> DiscreteMachine:
+        return discrete_machine(self.backend, self.program, reader, (self.program.result,))
 
     @property
     def latency(self) -> int:
@@ -223,7 +185,7 @@ class Verdict(enum.IntEnum):
     """No continuation can violate the specification: the lower bound is above 0."""
 
 
-class EpisodeMonitor(_Online[EpisodeMachine]):
+class EpisodeMonitor(_Single[EpisodeMachine]):
     """The robustness of a whole episode, and its bounds over all continuations, at every sample.
 
     Everything is about time 0 of the episode, as STL defines satisfaction; invariants are written
@@ -270,8 +232,8 @@ class EpisodeMonitor(_Online[EpisodeMachine]):
     def _compiled(self) -> Program:
         return compile_program(self.specification, self._period)
 
-    def _made(self) -> EpisodeMachine:
-        return episode_machine(self.backend, self.program, self._reader)
+    def _machine_of(self, reader: SampleReader) -> EpisodeMachine:
+        return episode_machine(self.backend, self.program, reader)
 
     # Read after every update: attrgetter needs half the time of a property in Python.
     robustness = _machine_value(

@@ -33,6 +33,7 @@ FLOORS = (
         "_native",
     ),
     ("backend", "offline"),
+    ("online",),
     ("monitor", "vector"),
     ("__init__",),
     ("compat",),
@@ -81,12 +82,14 @@ def edges() -> set[tuple[str, str]]:
 
 
 def test_every_module_has_its_floor() -> None:
-    assert {part_of(path) for path in modules("rtamt")} <= set(FLOOR)
+    new = {part_of(path) for path in modules("rtamt")} - set(FLOOR)
+    assert not new, f"say in FLOORS what {new} may import"
 
 
 def test_imports_go_down_and_close_no_circle() -> None:
     down = edges() - LATE
-    wrong = {(above, below) for above, below in down if FLOOR[above] < FLOOR[below]}
+    known = {edge for edge in down if set(edge) <= set(FLOOR)}
+    wrong = {(above, below) for above, below in known if FLOOR[above] < FLOOR[below]}
     assert not wrong
     graph: dict[str, set[str]] = {}
     for above, below in down:

@@ -1,0 +1,75 @@
+"""What monitors of samples share, of one signal or many: a specification, a machine, snapshots."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Generic, Self, TypeVar
+
+from rtamt.backend import Backend, Stateful, choose
+from rtamt.formula import Formula
+from rtamt.inputs import NanPolicy
+from rtamt.parser import as_specification
+from rtamt.program import Program
+from rtamt.specification import Specification
+from rtamt.timing import Period, as_period
+
+__all__ = ["Online", "Spec"]
+
+Spec = str | Formula | Specification
+"""A specification: text, a formula made of combinators, or a parsed specification."""
+
+_M = TypeVar("_M", bound=Stateful)
+
+
+class Online(Generic[_M]):
+    """A specification that a machine of some kind runs."""
+
+    __slots__ = ("_machine", "_nan", "_period", "backend", "program", "specification")
+
+    def __init__(self, spec: Spec, period: Period | None, backend: Backend, nan: NanPolicy) -> None:
+        self.specification = as_specification(spec)
+        self._period = as_period(period)
+        self.backend = choose(backend)
+        self._nan = nan
+        self.program = self._compiled()
+        self._machine: _M = self._made()
+
+    def _compiled(self) -> Program:
+        """The program of the specification."""
+        raise NotImplementedError
+
+    def _made(self) -> _M:
+        """The machine of the back-end."""
+        raise NotImplementedError
+
+    def _arguments(self) -> tuple[Any, ...]:
+        """What the constructor takes by position."""
+        return self.specification, self._period
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables: in order of declaration, else of first appearance."""
+        return self.program.variables
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples, exactly; None: the bounds are numbers of samples."""
+        return self._period
+
+    def __copy__(self) -> Self:
+        make, args, state = self.__reduce__()
+        twin = make(*args)
+        twin.__setstate__(state)
+        return twin
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
+        make = functools.partial(type(self), backend=self.backend, nan=self._nan)
+        return make, self._arguments(), self._machine.state()
+
+    def __setstate__(self, state: object) -> None:
+        self._machine.restore(state)
