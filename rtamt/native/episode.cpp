@@ -141,7 +141,7 @@ EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variab
     for (const auto& top : tops_) top->prepare();
     reset();
     for (const Look& look : looks_) look.stream->look(look.world, -1);
-    conclude(-1);
+    conclude(-1, terms_.registers().data());
     empty_ = values_;
     empty_[kNow] = std::nan("");
     reset();
@@ -197,15 +197,15 @@ bool EpisodeMachine::take() {
     const Time t = terms_.samples() - 1;
     if (t >= next_plan_) plan(t);
     if (open_) {
-        settle(t);
+        const double* terms = terms_.registers().data();
+        settle(t, terms);
         for (const Look& look : looks_) look.stream->look(look.world, t);
-        conclude(t);
+        conclude(t, terms);
     }
     return true;
 }
 
-void EpisodeMachine::settle(Time t) {
-    const double* terms = terms_.registers().data();
+void EpisodeMachine::settle(Time t, const double* terms) {
     for (const Settle& settle : settles_) {
         settle.stream->settle(t, terms);
         Endless* endless = settle.endless;
@@ -216,11 +216,10 @@ void EpisodeMachine::settle(Time t) {
         for (const auto& top : tops_) top->substitute(endless->unknown(), endless->value());
         endless->append();
     }
-    for (const auto& top : tops_) top->settle(t, terms);
 }
 
-void EpisodeMachine::conclude(Time t) {
-    for (const auto& top : tops_) top->conclude(t);
+void EpisodeMachine::conclude(Time t, const double* terms) {
+    for (const auto& top : tops_) top->advance(t, terms);
     for (World w : kAll) values_[w] = tops_.back()->value(w);
 }
 

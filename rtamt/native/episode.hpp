@@ -83,8 +83,8 @@ private:
 
     void demand();
     void plan(episode::Time t);
-    void settle(episode::Time t);
-    void conclude(episode::Time t);
+    void settle(episode::Time t, const double* terms);
+    void conclude(episode::Time t, const double* terms);
 
     Machine terms_;
     std::uint64_t fingerprint_;

@@ -77,10 +77,10 @@ public:
     bool summarises() const override {
         if ((lo_ != 0 && hi_ != 0) || M::kind == Kind::back || speaks_of() != 0) return false;
         for (World w : {kLower, kUpper}) {
-            if (!in_.certain(w) || in_.late() + in_.reach(w) > 0 || in_.floor(w) >= 0) return false;
+            if (!in_.certain(w) || in_.opens(w)) return false;
             if (M::kind == Kind::single && !in_.absorbs(w) && !neutral_[w]) return false;
         }
-        return in_.late() == 0;
+        return !in_.opens(kNow);
     }
     Extremes extremes(World w, Time t) const override {
         return end(w, t) <= last_ ? Extremes{} : kept_.extremes(in_.tail(w));

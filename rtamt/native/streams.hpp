@@ -127,6 +127,11 @@ public:
         return w == kNow ? t : std::max(t + outlook_[w].reach, outlook_[w].floor);
     }
 
+    // Whether there may be open values in a world.
+    bool opens(World w) const {
+        return w == kNow ? late_ > 0 : late_ + outlook_[w].reach > 0 || outlook_[w].floor >= 0;
+    }
+
     // What readers need: so many settled values, and the open ones of a world.
     void hold(Time count) { keep_ = std::max(keep_, static_cast<std::size_t>(count)); }
     void want(World w) { alive_ = wanted_[w] = true; }
@@ -172,10 +177,6 @@ public:
     virtual void load(Reader& in, Time t);
 
 protected:
-    // Whether there may be open values in a world.
-    bool opens(World w) const {
-        return w == kNow ? late_ > 0 : late_ + outlook_[w].reach > 0 || outlook_[w].floor >= 0;
-    }
     std::size_t corners() const { return history_.corners(); }
     void append(std::size_t corner, double value);
     double* open(World w, std::size_t count);
@@ -260,6 +261,10 @@ public:
     }
     bool certain(World w) const {
         return p_.outlook(w).certain && q_.outlook(w).certain;
+    }
+    // Whether there may be open elements in a world.
+    bool opens(World w) const {
+        return w == kNow ? late() > 0 : late() + reach(w) > 0 || floor(w) >= 0;
     }
     Time floor(World w) const { return std::max(p_.outlook(w).floor, q_.outlook(w).floor); }
     Time reach(World w) const { return std::max(p_.outlook(w).reach, q_.outlook(w).reach); }

@@ -28,10 +28,8 @@ public:
     virtual bool open(Time) const { return false; }
     virtual std::uint32_t speaks_of() const { return 0; }
 
-    // Takes in what sample t has settled.
-    virtual void settle(Time, const double*) {}
-    // Finds the value in every world.
-    virtual void conclude(Time) {}
+    // Takes in what sample t has settled, and finds the value in every world.
+    virtual void advance(Time t, const double* terms) = 0;
     virtual void substitute(std::size_t, const double*) {}
 
     virtual void reset() {}
@@ -52,7 +50,7 @@ public:
 
     Time demand(Time t) override { return t <= 0 ? 1 : kNever; }
     bool open(Time t) const override { return t < 0; }
-    void settle(Time t, const double* terms) override {
+    void advance(Time t, const double* terms) override {
         if (t == 0) values_.fill(terms[term_]);
     }
     void reset() override {
@@ -72,7 +70,7 @@ class TopMap final : public Top {
 public:
     TopMap(const Top& a, const Top& b) : a_(a), b_(b) {}
 
-    void conclude(Time) override {
+    void advance(Time, const double*) override {
         for (World w : kAll) values_[w] = M::combine(a_.value(w), b_.value(w));
     }
 
@@ -93,7 +91,10 @@ public:
           begin_(lo == -kNever ? 0 : std::max<Time>(0, lo)),
           end_(hi),
           total_(in_.speaks_of() == 0 ? 1 : std::size_t{1} << desk.unknowns.count) {
-        for (World w : {kLower, kUpper}) absorbs_[w] = in_.absorbs(w);
+        for (World w : kAll) {
+            absorbs_[w] = in_.absorbs(w);
+            quiet_[w] = begin_ == 0 && end_ == kNever && !in_.opens(w);
+        }
         if (begin_ == 0 && end_ == kNever && M::width == 1 && in_.only()->summarises())
             summary_ = in_.only();
         reset();
@@ -106,7 +107,11 @@ public:
         }
     }
     Time demand(Time t) override {
-        for (World w : kAll) wants_[w] = !decided(w, t);
+        // While the window reaches into a tail that alone decides, there is nothing to find.
+        for (World w : kAll) {
+            wants_[w] = !absorbs_[w] || end_ <= in_.end(w, t);
+            if (!wants_[w]) values_[w] = in_.tail_of_tails(w);
+        }
         if (t - in_.late() > end_) return kNever;
         in_.enliven();
         Time changes = end_ + in_.late() + 1;
@@ -125,35 +130,14 @@ public:
     }
     std::uint32_t speaks_of() const override { return in_.speaks_of(); }
 
-    void settle(Time t, const double*) override {
+    void advance(Time t, const double*) override {
         const Time time = t - in_.late();
-        if (time < begin_ || time > end_) return;
-        for (std::size_t c = 0; c < total_.size(); ++c)
-            total_[c] = M::combine(total_[c], in_.settled(time, c));
-    }
-
-    void conclude(Time t) override {
-        for (World w : kAll) {
-            if (decided(w, t)) {
-                values_[w] = in_.tail_of_tails(w);
-                continue;
-            }
-            Element x = total(w);
-            const Time begin = std::max(begin_, t - in_.late() + 1);
-            const Time last = in_.end(w, t);
-            const Time end = std::min(end_, last);
-            if (summary_ != nullptr) {
-                if constexpr (M::width == 1) {
-                    const Extremes open = summary_->extremes(w, t);
-                    x = M::combine(x, M::identity > 0 ? open.least : open.greatest);
-                }
-            } else if (begin <= end) {
-                x = fold<M>(x, in_.values(w, begin, end, &desk_.scratch[0]),
-                            static_cast<std::size_t>(end - begin + 1));
-            }
-            if (end_ > std::max(last, begin_ - 1)) x = M::combine(x, in_.tail(w));
-            values_[w] = M::result(x);
+        if (time >= begin_ && time <= end_) {
+            for (std::size_t c = 0; c < total_.size(); ++c)
+                total_[c] = M::combine(total_[c], in_.settled(time, c));
         }
+        for (World w : kAll)
+            if (wants_[w]) values_[w] = M::result(find(w, t));
     }
 
     void substitute(std::size_t unknown, const double* value) override {
@@ -195,14 +179,31 @@ private:
         return M::element(component_in_world(0), component_in_world(M::width - 1));
     }
 
-    // Whether the window still reaches into a tail that alone decides.
-    bool decided(World w, Time t) const { return absorbs_[w] && end_ > in_.end(w, t); }
+    Element find(World w, Time t) const {
+        Element x = total(w);
+        if (quiet_[w]) return M::combine(x, in_.tail(w));
+        const Time last = in_.end(w, t);
+        if (summary_ != nullptr) {
+            if constexpr (M::width == 1) {
+                const Extremes open = summary_->extremes(w, t);
+                x = M::combine(x, M::identity > 0 ? open.least : open.greatest);
+            }
+        } else {
+            const Time begin = std::max(begin_, t - in_.late() + 1);
+            const Time end = std::min(end_, last);
+            if (begin <= end)
+                x = fold<M>(x, in_.values(w, begin, end, &desk_.scratch[0]),
+                            static_cast<std::size_t>(end - begin + 1));
+        }
+        return end_ > std::max(last, begin_ - 1) ? M::combine(x, in_.tail(w)) : x;
+    }
 
     Desk& desk_;
     Operands<M> in_;
     Time begin_;
     Time end_;
     std::array<bool, kWorlds> absorbs_{};
+    std::array<bool, kWorlds> quiet_{};  // whether what has settled is followed by the tail
     Stream* summary_ = nullptr;
     std::vector<Element> total_;  // at every corner
 };
