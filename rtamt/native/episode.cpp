@@ -33,8 +33,9 @@ std::unique_ptr<Base> of_choice(const std::string& name, Args&&... args) {
     refuse("function '" + name + "' is not monotone");
 }
 
-std::uint64_t fingerprint_of(const std::vector<Formula>& formulas) {
+std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<Formula>& formulas) {
     Fingerprint print;
+    print.add(terms);
     for (const Formula& formula : formulas) {
         print.add(formula.kind);
         print.add(formula.name);
@@ -132,7 +133,7 @@ EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variab
                                const std::vector<std::size_t>& tops,
                                const std::vector<std::size_t>& streams)
     : terms_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
-      fingerprint_(fingerprint_of(formulas)) {
+      fingerprint_(fingerprint_of(terms_.fingerprint(), formulas)) {
     Builder(*this, terms, formulas).build(tops, streams);
     for (const auto& stream : streams_) stream->neglect();
     for (const auto& top : tops_) top->demand();

@@ -90,6 +90,8 @@ public:
         "expected a state that a native machine with this program gave; "
         "those of other programs, back-ends or processors do not fit";
 
+    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
+
     void reset();
     std::string state() const;
     // Throws std::invalid_argument on what is no state of this machine.

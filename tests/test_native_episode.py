@@ -1,0 +1,173 @@
+"""The episode machine in C++ against its definition in Python, where windows are long.
+
+Short windows, of every operator, are in test_episode.py.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import random
+from collections.abc import Callable, Iterator
+from typing import cast
+
+import pytest
+
+from rtamt import EpisodeMonitor
+from rtamt.backend import Snapshot
+
+native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+Rows = Callable[[int], Iterator[tuple[float, float]]]
+
+FOREIGN = r"^expected a state that a native machine with this program gave; "
+
+SHAPES = (
+    "always(x > 0)",
+    "always((x >= 1) implies eventually[0:70](y >= 1))",
+    "always((x >= 1) implies eventually[0:40] always[0:30](abs(x - y) < 1))",
+    "always((x >= 1) implies eventually[0:10] always[5:60](abs(x - y) < 1))",
+    "always eventually[0:3] always[0:90](x > y)",
+    "always((x > 0) until[0:75] (y > 0))",
+    "eventually((x > 0) until[0:75] (y > 0))",
+    "eventually not((x > 0) until[0:75] (y > 0))",
+    "always not((x > 0) until[0:75] (y > 0))",
+    "always((x > 0) until[30:75] (y > 0))",
+    "always(((x > 0) until[0:75] (y > 0)) or x > 1)",
+    "always[0:60]((x > 0) until[0:40] (y > 0))",
+    "always((always[0:40](x > -1)) until[0:60] (eventually[0:5](y > 1)))",
+    "always((x > 0) until[0:50] (next next y > 0))",
+    "always historically[0:80](x > 0)",
+    "always once[0:80](x > 0)",
+    "eventually once[0:80](x > 0)",
+    "eventually[0:200] historically[0:80](x > 0)",
+    "always[0:90] once[20:60](x > 0)",
+    "always[0:90]((x > 0) since[0:60] (y > 0))",
+    "eventually((x > 0) since[10:60] (y > 0))",
+    "always[40:90] eventually[5:50] historically[0:45](x > 0)",
+    "always((x > 0) implies eventually always[0:50](y > 0))",
+    "always[0:60] eventually((x > 0) and always[0:40](y > 0))",
+    "always eventually[0:40]((x > 0) until (y > 0))",
+)
+
+
+def ramps(n: int) -> Iterator[tuple[float, float]]:
+    """Every value moves all folds before it, then none."""
+    for i in range(n):
+        yield (i / 8 if i % 100 < 50 else -i / 8), (n - i) / 16 - 2
+
+
+def noise(n: int) -> Iterator[tuple[float, float]]:
+    """Few values, so that equal ones meet."""
+    rng = random.Random(n)
+    for _ in range(n):
+        yield rng.choice((-2.0, -0.5, 0.0, 0.5, 3.0)), rng.choice((-3.0, -1.0, 0.0, 2.0, math.inf))
+
+
+def bursts(n: int) -> Iterator[tuple[float, float]]:
+    """Long stretches of satisfaction and of violation."""
+    for i in range(n):
+        yield (1.0 + i % 7 / 8 if i // 40 % 2 else -1.0), (2.0 if i % 37 == 0 else -1.0 - i % 5)
+
+
+def feed(monitor: EpisodeMonitor, x: float, y: float) -> float:
+    return monitor.update({name: {"x": x, "y": y}[name] for name in monitor.variables})
+
+
+def offered(monitor: EpisodeMonitor) -> list[float]:
+    return [monitor.robustness, monitor.lower, monitor.upper]
+
+
+@pytest.mark.parametrize("rows", [ramps, noise, bursts], ids=["ramps", "noise", "bursts"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_long_windows_equal_their_definition(shape: str, rows: Rows) -> None:
+    expected, monitor = (EpisodeMonitor(shape, backend=b) for b in ("python", "native"))
+    for i, (x, y) in enumerate(rows(230)):
+        assert feed(monitor, x, y) == feed(expected, x, y)
+        assert offered(monitor) == offered(expected), i
+        if i in (0, 33, 150):
+            monitor = copy.copy(monitor)
+
+
+def size_of_state(monitor: EpisodeMonitor) -> int:
+    return len(cast("bytes", monitor.__reduce__()[2]))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_memory_is_bounded_by_the_horizon(shape: str) -> None:
+    monitor = EpisodeMonitor(shape, backend="native")
+    sizes = []
+    for i, (x, y) in enumerate(noise(2000)):
+        feed(monitor, x, y)
+        if i in (999, 1999):
+            sizes.append(size_of_state(monitor))
+    assert sizes[0] == sizes[1]
+
+
+def test_what_is_decided_is_forgotten() -> None:
+    monitor = EpisodeMonitor("always[0:10] eventually[0:100](x > 0)", backend="native")
+    sizes = []
+    for i in range(130):
+        monitor.update(x=i % 7 - 3.0)
+        sizes.append(size_of_state(monitor))
+    assert sizes[109] > sizes[10] > sizes[111] == sizes[129]
+    assert (monitor.robustness, monitor.lower, monitor.upper) == (3.0, 3.0, 3.0)
+
+
+def machine(monitor: EpisodeMonitor) -> Snapshot:
+    return monitor._machine
+
+
+def test_a_state_of_another_program_is_refused_and_changes_nothing() -> None:
+    monitor = EpisodeMonitor("always eventually[0:5](x > 0)", backend="native")
+    monitor.update(x=1.0)
+    before = machine(monitor).state()
+    others = ("always eventually[0:6](x > 0)", "always eventually[0:5](x > 1)", "x > 0")
+    states = [machine(EpisodeMonitor(other, backend="native")).state() for other in others]
+    for state in (*states, b"", [1, 2]):
+        with pytest.raises(ValueError, match=FOREIGN):
+            machine(monitor).restore(state)
+        assert machine(monitor).state() == before
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_damaged_state_is_refused_and_leaves_a_new_machine(shape: str) -> None:
+    monitor = EpisodeMonitor(shape, backend="native")
+    fresh = machine(monitor).state()
+    for x, y in noise(100):
+        feed(monitor, x, y)
+    state = machine(monitor).state()
+    for damaged in (
+        state[:-1],
+        state[: len(state) // 2],
+        state[:16],
+        state + b"\0",
+        state[:8] + b"\xff" * (len(state) - 8),
+    ):
+        with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
+            machine(monitor).restore(damaged)
+        assert machine(monitor).state() == fresh
+    machine(monitor).restore(state)
+    assert machine(monitor).state() == state
+
+
+TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("formulas", "tops", "streams", "message"),
+    [
+        ([("WINDOW", "mean", 0, 0, 0, 1)], [1], [0], "unknown monoid 'mean'"),
+        ([("MAP", "sub", 0, 0, None, None)], [0, 1], [], "function 'sub' is not monotone"),
+        ([("DELAY", "", 0, 0, 0, 1)], [1], [0], "unknown kind 'DELAY'"),
+        ([("WINDOW", "min", 0, 0, 0, 1)], [1], [], "register 0 is read before it is written"),
+        ([("WINDOW", "min", 9, 9, 0, 1)], [1], [0], "register 9 is read before it is written"),
+        ([], [], [], "expected a result, got none"),
+    ],
+)
+def test_rows_that_would_break_memory_are_refused(
+    formulas: list[tuple[object, ...]], tops: list[int], streams: list[int], message: str
+) -> None:
+    reader = EpisodeMonitor("x > 0")._reader
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        native.EpisodeMachine([TERM], formulas, tops, streams, ("x",), reader)
