@@ -105,7 +105,7 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
         (12,)
         >>> obs, info = env.reset(seed=123)
         >>> obs[4:].round(3).tolist()
-        [0.07..., -1.0, 0.07..., 1.0, -0.00..., -0.00..., 0.00..., 1.0]
+        [0.07..., -1.0, 0.07..., 1.0, -0.00..., -0.00..., 1.0, 1.0]
 
     Change logs:
      * v0.5.0 - Initially added

@@ -1,0 +1,244 @@
+"""The pure functions from robustness to reward: their laws, on floats and on arrays alike."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rtamt.errors import InputError
+from rtamt_gym import shaping
+from rtamt_gym.features import features, time_left
+from rtamt_gym.shaping import Mode, Priority, Shaping
+
+MODES: tuple[Mode, ...] = ("add", "replace", "potential", "terminal", "hierarchical")
+
+unit = st.floats(-1.0, 1.0)
+several = st.lists(unit, min_size=1, max_size=4)
+temperatures = st.sampled_from([0.01, 0.1, 1.0, 10.0])
+
+
+@given(several, temperatures)
+def test_the_smooth_minimum_is_below_the_minimum_by_a_known_margin(
+    values: list[float], temperature: float
+) -> None:
+    smooth = shaping.least(values, temperature)
+    margin = temperature * math.log(len(values))
+    assert min(values) - margin - 1e-12 <= smooth <= min(values)
+
+
+@given(unit, temperatures)
+def test_the_smooth_minimum_of_one_value_is_the_value(value: float, temperature: float) -> None:
+    assert shaping.least([value], temperature) == value
+
+
+def test_the_smooth_minimum_neither_overflows_nor_underflows() -> None:
+    assert shaping.least([-1e300, 1e300], 1e-3) == -1e300
+    assert shaping.least([np.array([-1e300]), np.array([1e300])], 1e-3) == -1e300
+
+
+def test_every_value_moves_the_smooth_minimum() -> None:
+    low, high = shaping.least([0.0, 1.0], 0.5), shaping.least([0.0, 2.0], 0.5)
+    assert low < high < 0.0
+
+
+@given(st.lists(unit, min_size=2, max_size=2), st.lists(unit, min_size=2, max_size=2), unit, unit)
+def test_who_violates_a_level_is_below_all_who_violate_only_later_ones(
+    left: list[float], right: list[float], bad: float, good: float
+) -> None:
+    bad, good = -abs(bad) - 1e-9, abs(good)
+    for rank in range(3):
+        # Both satisfy the levels before; then one violates this level, the other does not.
+        before = [abs(x) for x in left][:rank]
+        after = 2 - rank
+        worse = shaping.hierarchical([*before, max(bad, -1.0), *left[:after]], 1.0)
+        better = shaping.hierarchical([*before, good, *right[:after]], 1.0)
+        assert worse < better
+
+
+@given(several, st.integers(0, 3), unit)
+def test_the_hierarchy_never_falls_when_a_level_rises(
+    levels: list[float], index: int, other: float
+) -> None:
+    index %= len(levels)
+    low, high = (
+        shaping.hierarchical([*levels[:index], x, *levels[index + 1 :]], 1.0)
+        for x in sorted((levels[index], other))
+    )
+    assert low <= high
+
+
+@given(several)
+def test_the_hierarchy_is_negative_where_safety_is(levels: list[float]) -> None:
+    assert (shaping.hierarchical(levels, 1.0) < 0.0) == (levels[0] < 0.0)
+
+
+def test_the_hierarchy_of_one_level_is_the_level() -> None:
+    assert [shaping.hierarchical([x], 1.0) for x in (-0.5, 0.0, 0.5)] == [-0.5, 0.0, 0.5]
+
+
+def test_a_potential_pays_the_discounted_ends_alone() -> None:
+    x, gamma = [0.5, -0.25, 1.0, 0.75], 0.5
+
+    def paid(*, terminated: bool) -> float:
+        return sum(
+            gamma**t
+            * shaping.potential(
+                0.0, a, b, terminated=terminated and t == 2, weight=2.0, gamma=gamma
+            )
+            for t, (a, b) in enumerate(pairwise(x))
+        )
+
+    assert paid(terminated=True) == -2.0 * x[0]
+    assert paid(terminated=False) == 2.0 * (gamma**3 * x[-1] - x[0])
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("temperature", [None, 0.5])
+def test_arrays_are_floats_lane_by_lane(mode: Mode, temperature: float | None) -> None:
+    rng = np.random.default_rng(1)
+    names = ["a", "b", "c"]
+    priorities: dict[str, Priority] = {"a": "comfort", "b": "safety", "c": "safety"}
+    shape = Shaping.of(
+        names,
+        mode=mode,
+        weight=3.0,
+        clip=2.0,
+        gamma=0.9,
+        temperature=temperature,
+        weights={"b": 0.5},
+        priorities=priorities if mode == "hierarchical" else None,
+    )
+    lanes = 64
+    before, after = rng.normal(scale=3.0, size=(2, 3, lanes))
+    after[rng.random(after.shape) < 0.2] = math.inf
+    before[rng.random(before.shape) < 0.2] = -math.inf
+    reward = rng.normal(size=lanes)
+    terminated = rng.random(lanes) < 0.3
+    ended = terminated | (rng.random(lanes) < 0.3)
+    x, x_after = shape.robustness(list(before)), shape.robustness(list(after))
+    found = shape.reward(
+        reward, x, x_after, terminated.astype(np.float64), ended.astype(np.float64)
+    )
+    for i in range(lanes):
+        one = shape.robustness(before[:, i].tolist()), shape.robustness(after[:, i].tolist())
+        # numpy's exp and log may differ from those of math in the last digit.
+        assert (x[i], x_after[i]) == pytest.approx(one, rel=1e-12)
+        expected = shape.reward(float(reward[i]), *one, bool(terminated[i]), bool(ended[i]))
+        assert found[i] == pytest.approx(expected, rel=1e-12)
+        assert np.isfinite(expected)
+
+
+@given(st.lists(st.floats(allow_nan=False), min_size=3, max_size=3), temperatures)
+def test_the_robustness_of_a_reward_is_within_the_clip(
+    values: list[float], temperature: float
+) -> None:
+    shape = Shaping.of("abc", mode="add", clip=0.5, temperature=temperature)
+    assert -0.5 <= shape.robustness(values) <= 0.5
+
+
+def test_specifications_of_one_priority_count_as_their_minimum() -> None:
+    shape = Shaping.of(
+        ["gentle", "near", "wall", "speed"],
+        mode="hierarchical",
+        priorities={"wall": "safety", "near": "target", "gentle": "comfort", "speed": "safety"},
+    )
+    assert shape.levels == ((2, 3), (1,), (0,))
+    assert shape.robustness([1.0, 1.0, 0.5, -0.25]) == -0.25
+    assert shape.robustness([1.0, -1.0, 0.5, 0.25]) == 0.0
+    assert shape.robustness([0.5, 1.0, 0.5, 0.25]) == 2.5
+
+
+def test_without_priorities_the_order_of_the_specifications_is_the_hierarchy() -> None:
+    assert Shaping.of("abc", mode="hierarchical").levels == ((0,), (1,), (2,))
+
+
+def test_a_level_that_no_specification_has_is_no_level() -> None:
+    shape = Shaping.of("ab", mode="hierarchical", priorities={"a": "comfort", "b": "safety"})
+    assert shape.levels == ((1,), (0,))
+
+
+def test_weights_make_units_comparable() -> None:
+    shape = Shaping.of(["angle", "place"], mode="add", weights={"angle": 10.0})
+    assert shape.robustness([0.05, 0.6]) == 0.5
+    assert shape.robustness([0.08, 0.6]) == 0.6
+
+
+@pytest.mark.parametrize(
+    ("horizon", "expected"),
+    [(None, [1.0, 1.0, 1.0]), (4, [1.0, 0.25, 0.0]), (0, [0.0, 0.0, 0.0])],
+)
+def test_time_left_is_a_fraction_of_the_horizon(horizon: int | None, expected: list[float]) -> None:
+    assert [time_left(sample, horizon) for sample in (0.0, 3.0, 9.0)] == expected
+    assert time_left(np.array([0.0, 3.0, 9.0]), horizon).tolist() == expected
+
+
+def test_features_of_lanes_are_those_of_each() -> None:
+    shape = Shaping.of("ab", mode="add", clip=2.0, weights={"b": 0.5})
+    rng = np.random.default_rng(2)
+    now, low, high = rng.normal(scale=3.0, size=(3, 2, 5))
+    left = rng.random((2, 5))
+    lanes = features(shape, list(now), list(low), list(high), list(left))
+    assert lanes.shape == (5, 8)
+    assert lanes.dtype == np.float32
+    for i in range(5):
+        one = features(shape, *(column[:, i].tolist() for column in (now, low, high, left)))
+        assert np.array_equal(lanes[i], one)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"mode": "multiply"},
+            (
+                "expected mode='add' or 'replace' or 'potential' or 'terminal' or 'hierarchical', "
+                "got 'multiply'"
+            ),
+        ),
+        ({"weight": -1.0}, "expected weight= as a finite number above 0, got -1.0"),
+        ({"clip": math.inf}, "expected clip= as a finite number above 0, got inf"),
+        ({"clip": math.nan}, "expected clip= as a finite number above 0, got nan"),
+        ({"gamma": 1.5}, "expected gamma= as a finite number above 0 and at most 1, got 1.5"),
+        ({"temperature": 0}, "expected temperature= as a finite number above 0, got 0"),
+        ({"temperature": "hot"}, "expected temperature= as a finite number above 0, got 'hot'"),
+        ({"weights": {"slow": 0}}, "expected weights['slow']= as a finite number above 0, got 0"),
+        (
+            {"weights": {"slwo": 1}},
+            (
+                "weights= names 'slwo', which is no specification; the specifications are "
+                "'upright', 'slow'; did you mean 'slow'?"
+            ),
+        ),
+        (
+            {"priorities": {"upright": "safety", "slow": "comfort"}},
+            "priorities= belongs to mode='hierarchical', got mode='add'",
+        ),
+        (
+            {"mode": "hierarchical", "priorities": {"x": "safety"}},
+            (
+                "priorities= names 'x', which is no specification; the specifications are "
+                "'upright', 'slow'; leave it out"
+            ),
+        ),
+        (
+            {"mode": "hierarchical", "priorities": {"upright": "safety"}},
+            'specification \'slow\' has no priority; give one: "slow": "comfort"',
+        ),
+        (
+            {"mode": "hierarchical", "priorities": {"upright": 1, "slow": "comfort"}},
+            "expected priorities['upright']='safety' or 'target' or 'comfort', got 1",
+        ),
+    ],
+)
+def test_numbers_that_make_no_reward_are_refused(
+    arguments: dict[str, object], message: str
+) -> None:
+    given: dict[str, object] = {"mode": "add", **arguments}
+    with pytest.raises(InputError) as caught:
+        Shaping.of(["upright", "slow"], **given)  # type: ignore[arg-type] # wrong on purpose
+    assert str(caught.value) == message
