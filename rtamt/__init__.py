@@ -2,7 +2,8 @@
 
 Text becomes a formula, a formula a program of four instructions, and small machines run it: on
 samples as they come (`Monitor`), on a whole episode with bounds from the first sample on
-(`EpisodeMonitor`), on recorded traces (`evaluate`).
+(`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
+recorded traces (`evaluate`).
 """
 
 from rtamt.backend import BACKEND
@@ -19,6 +20,7 @@ from rtamt.interval import Interval
 from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
 from rtamt.parser import load, parse
 from rtamt.specification import Specification
+from rtamt.vector import VectorEpisodeMonitor, VectorMonitor
 
 __version__ = "0.5.0"
 
@@ -36,6 +38,8 @@ __all__ = [
     "SpecificationError",
     "StateError",
     "Term",
+    "VectorEpisodeMonitor",
+    "VectorMonitor",
     "Verdict",
     "__version__",
     "conjunction",

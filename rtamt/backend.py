@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from rtamt import discrete, episode
+from rtamt import bank, discrete, episode
 from rtamt.errors import InputError
 from rtamt.inputs import SampleReader
+from rtamt.lanes import LaneReader
 from rtamt.placement import place
 from rtamt.program import Program
 from rtamt.schedule import encoded
@@ -27,12 +28,17 @@ else:
 __all__ = [
     "BACKEND",
     "Backend",
+    "DiscreteBank",
     "DiscreteMachine",
+    "EpisodeBank",
     "EpisodeMachine",
+    "LaneMachine",
     "Machine",
     "Stateful",
     "choose",
+    "discrete_bank",
     "discrete_machine",
+    "episode_bank",
     "episode_machine",
 ]
 
@@ -111,6 +117,46 @@ class EpisodeMachine(Machine, Protocol):
         """End the trace."""
 
 
+class LaneMachine(Stateful, Protocol):
+    """Machines of many signals in lockstep; `rtamt.bank.Bank` says what each call means."""
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """Samples taken in by every lane since its reset."""
+
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Take in a sample in every lane that the mask chooses; the result of every lane."""
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        """Forget every sample of the lanes that the mask chooses."""
+
+
+DiscreteBank = LaneMachine
+
+
+class EpisodeBank(LaneMachine, Protocol):
+    """Bounds of an episode in every lane."""
+
+    @property
+    def robustness(self) -> NDArray[np.float64]:
+        """Robustness if the episodes ended now."""
+
+    @property
+    def lower(self) -> NDArray[np.float64]:
+        """The least over all continuations."""
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """The greatest over all continuations."""
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        """Whether the traces have ended."""
+
+    def finish(self, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+        """End the traces of the lanes that the mask chooses; the robustness of every lane."""
+
+
 def choose(backend: Backend) -> Literal["native", "python"]:
     """The back-end that is meant.
 
@@ -164,3 +210,17 @@ def episode_machine(backend: Backend, program: Program, reader: SampleReader) ->
         placement.program.variables,
         reader,
     )
+
+
+def discrete_bank(backend: Backend, program: Program, num: int, reader: LaneReader) -> DiscreteBank:
+    """The machines on samples of a back-end, in lockstep."""
+    choose(backend)
+    machines = [discrete.Machine(program, reader.lane(i), ()) for i in range(num)]
+    return bank.Bank(machines, reader)
+
+
+def episode_bank(backend: Backend, program: Program, num: int, reader: LaneReader) -> EpisodeBank:
+    """The machines of a back-end for the bounds of episodes, in lockstep."""
+    choose(backend)
+    machines = [episode.EpisodeMachine(program, reader.lane(i)) for i in range(num)]
+    return bank.EpisodeBank(machines, reader)

@@ -92,9 +92,15 @@ class Machine:
     def update(self, *args: object, **named: object) -> float:
         """Take in one sample; the robustness of time t - latency, nan before there is one."""
         values = self.reader.read(args, named, self.samples, self.inputs)
-        return self._step(self._terms(values, self.samples), values)
+        self.take(self.terms(values), values)
+        return self.result
 
-    def _step(self, terms: Registers, values: list[float]) -> float:
+    def terms(self, values: list[float]) -> Registers:
+        """The terms of the next sample, refused if one is nan; touches no state."""
+        return self._terms(values, self.samples)
+
+    def take(self, terms: Registers, values: list[float]) -> None:
+        """Take in a sample whose terms are known."""
         registers = self.registers
         known = self.program.terms
         registers[:known] = terms[:known]
@@ -102,7 +108,11 @@ class Machine:
             step(registers)
         self.inputs = values
         self.samples += 1
-        return registers[self._result] if self.samples > self._late else math.nan
+
+    @property
+    def result(self) -> float:
+        """The robustness of time t - latency, nan before there is one."""
+        return self.registers[self._result] if self.samples > self._late else math.nan
 
     def run(
         self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
@@ -133,12 +143,12 @@ class Machine:
 
     def _play(self, terms: list[Registers], rows: list[list[float]], more: int) -> Iterator[None]:
         for registers, row in zip(terms, rows, strict=True):
-            self._step(registers, row)
+            self.take(registers, row)
             yield
         if more:
             self._end = self.samples
             for _ in range(more):
-                self._step(self.registers, self.inputs)
+                self.take(self.registers, self.inputs)
                 yield
 
     def reset(self) -> None:

@@ -119,10 +119,22 @@ class EpisodeMachine:
         if self.finished:
             refuse_update()
         values = self.reader.read(args, named, self.samples, self.inputs)
-        terms = self._terms(values, self.samples)
+        self.take(self.terms(values), values)
+        return self.robustness
+
+    def terms(self, values: list[float]) -> Registers:
+        """The terms of the next sample, refused if one is nan; touches no state."""
+        return self._terms(values, self.samples)
+
+    def take(self, terms: Registers, values: list[float]) -> None:
+        """Take in a sample whose terms are known."""
         self.inputs = values
         self.samples += 1
         self._advance(terms)
+
+    @property
+    def result(self) -> float:
+        """The robustness if the episode ended now."""
         return self.robustness
 
     def _advance(self, terms: Registers) -> None:

@@ -18,7 +18,7 @@ from rtamt.algebra import FUNCTIONS
 from rtamt.errors import InputError, InputTypeError
 from rtamt.program import Const, Load, Map, Program
 
-__all__ = ["Columns", "NanPolicy", "SampleReader", "nearest"]
+__all__ = ["Columns", "NanPolicy", "SampleReader", "array_of_numbers", "nearest"]
 
 NanPolicy = Literal["raise", "hold"]
 Columns = Mapping[str, ArrayLike] | ArrayLike
@@ -36,11 +36,12 @@ class SampleReader:
     Args:
         program: Says which variables there are and which terms can fail.
         nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value.
+        lane: Which of many signals it is, for messages.
     """
 
-    __slots__ = ("_known", "nan", "program", "variables")
+    __slots__ = ("_known", "_where", "nan", "program", "variables")
 
-    def __init__(self, program: Program, nan: NanPolicy = "raise") -> None:
+    def __init__(self, program: Program, nan: NanPolicy = "raise", lane: int | None = None) -> None:
         if nan not in ("raise", "hold"):
             msg = f"expected nan='raise' or nan='hold', got {nan!r}"
             raise InputError(msg)
@@ -48,6 +49,7 @@ class SampleReader:
         self.variables = program.variables
         self.nan = nan
         self._known = frozenset(program.variables)
+        self._where = "" if lane is None else f" of lane {lane}"
 
     def read(
         self,
@@ -79,14 +81,19 @@ class SampleReader:
             values = self._row(args[0])
         else:
             values = args
+        return self._floats(self._counted(list(values)), sample, previous)
+
+    def _floats(
+        self, values: Sequence[object], sample: int, previous: Sequence[float]
+    ) -> list[float]:
         floats = [
             self._number(value, name, sample)
-            for name, value in zip(self.variables, self._counted(list(values)), strict=True)
+            for name, value in zip(self.variables, values, strict=True)
         ]
         for i, value in enumerate(floats):
             if value != value:  # noqa: PLR0124 - nan
                 if self.nan != "hold" or not previous:
-                    self._refuse_nan(self.variables[i], sample)
+                    self.refuse_nan(self.variables[i], sample)
                 floats[i] = previous[i]
         return floats
 
@@ -142,11 +149,16 @@ class SampleReader:
             msg = f"expected a number for '{name}' at sample {sample}, got {_kind(value)}"
             raise InputTypeError(msg) from None
 
-    def _refuse_nan(self, name: str, sample: int) -> NoReturn:
+    def refuse_nan(self, name: str, sample: int) -> NoReturn:
+        """Raise the error of a variable that is nan at a sample.
+
+        Raises:
+            InputError: Naming both.
+        """
         hint = "nan='hold' keeps the last value, which the first sample has not"
         if self.nan == "raise":
             hint = "pass nan='hold' to keep the last value instead"
-        msg = f"variable '{name}' is nan at sample {sample}; {hint}"
+        msg = f"variable '{name}' is nan at sample {sample}{self._where}; {hint}"
         raise InputError(msg)
 
     def block(
@@ -174,7 +186,7 @@ class SampleReader:
                 self._refuse_names(dict.fromkeys(names & self._known if extra else names))
             columns = [self._column(named[name], name) for name in self.variables]
         else:
-            table = self._array(data, "the block")
+            table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
                 msg = (
                     f"expected an array of shape (n, {len(self.variables)}), "
@@ -197,24 +209,11 @@ class SampleReader:
         return columns, lengths.pop()
 
     def _column(self, values: ArrayLike, name: str) -> NDArray[np.float64]:
-        column = self._array(values, f"'{name}'")
+        column = array_of_numbers(values, f"'{name}'")
         if column.ndim != 1:
             msg = f"expected a 1-D array for '{name}', got shape {column.shape}"
             raise InputError(msg)
         return np.ascontiguousarray(column)
-
-    @staticmethod
-    def _array(values: ArrayLike, what: str) -> NDArray[np.float64]:
-        try:
-            array = np.asarray(values)
-        except ValueError as ragged:
-            msg = f"expected an array of numbers for {what}, got {_kind(values)}"
-            raise InputTypeError(msg) from ragged
-        if array.dtype.kind not in "biuf" and array.size:
-            kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else _kind(values)
-            msg = f"expected an array of numbers for {what}, got {kind}"
-            raise InputTypeError(msg)
-        return array.astype(np.float64, copy=False)
 
     def _without_nan(
         self, column: NDArray[np.float64], name: str, sample: int, previous: Sequence[float]
@@ -223,7 +222,7 @@ class SampleReader:
         if not missing.any():
             return column
         if self.nan != "hold" or (missing[0] and not previous):
-            self._refuse_nan(name, sample + int(missing.argmax()))
+            self.refuse_nan(name, sample + int(missing.argmax()))
         held = np.concatenate([previous, column])
         offset = len(previous)
         places = np.where(np.isnan(held), 0, np.arange(len(held)))
@@ -251,10 +250,28 @@ class SampleReader:
                     for v, x in zip(self.variables, values, strict=True)
                     if v in source.variables
                 )
-                msg = f"'{source}' is not a number at sample {sample}, where {where}"
+                msg = f"'{source}' is not a number at sample {sample}{self._where}, where {where}"
                 raise InputError(msg)
         msg = f"no term is nan at sample {sample}"
         raise AssertionError(msg)
+
+
+def array_of_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    """An array of doubles, not copied if it is one.
+
+    Raises:
+        InputTypeError: On what holds no real numbers.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError as ragged:
+        msg = f"expected an array of numbers for {what}, got {_kind(values)}"
+        raise InputTypeError(msg) from ragged
+    if array.dtype.kind not in "biuf" and array.size:
+        kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else _kind(values)
+        msg = f"expected an array of numbers for {what}, got {kind}"
+        raise InputTypeError(msg)
+    return array.astype(np.float64, copy=False)
 
 
 def _kind(value: object) -> str:

@@ -23,6 +23,7 @@ FLOORS = (
     ("timing", "program", "lowering", "polarity"),
     (
         "inputs",
+        "lanes",
         "terms",
         "windows",
         "schedule",
@@ -30,6 +31,7 @@ FLOORS = (
         "placement",
         "discrete",
         "episode",
+        "bank",
         "_native",
     ),
     ("backend", "offline"),

@@ -1,0 +1,128 @@
+"""The reference machines in lockstep: a list of single ones, which take a sample all or none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.episode import EpisodeMachine
+from rtamt.lanes import Floats, LaneReader, Lanes
+from rtamt.terms import Registers
+from rtamt.windows import State
+
+__all__ = ["Bank", "EpisodeBank"]
+
+
+class _Machine(Protocol):
+    samples: int
+    inputs: list[float]
+
+    @property
+    def result(self) -> float: ...
+    def terms(self, values: list[float]) -> Registers: ...
+    def take(self, terms: Registers, values: list[float]) -> None: ...
+    def reset(self) -> None: ...
+    def state(self) -> State: ...
+    def restore(self, state: State) -> None: ...
+
+
+_M = TypeVar("_M", bound=_Machine)
+
+
+class Bank(Generic[_M]):
+    """Machines of one program, each with a time of its own.
+
+    Args:
+        machines: A new one for each lane.
+        reader: Turns arguments into samples, and refuses them.
+    """
+
+    def __init__(self, machines: Sequence[_M], reader: LaneReader) -> None:
+        self._machines = list(machines)
+        self._reader = reader
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """Samples taken in by every lane since its reset."""
+        return np.array([machine.samples for machine in self._machines], dtype=np.int64)
+
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
+        """Take in a sample in every lane that the mask chooses; the result of every lane."""
+        table, chosen = self._reader.values(values), self._reader.mask(mask)
+        lanes = self._chosen(chosen)
+        self._require_open(lanes)
+        inputs = np.array([m.inputs or [0.0] * table.shape[1] for m in self._machines])
+        table = self._reader.without_nan(table, chosen, self.samples.tolist(), inputs)
+        rows = table.tolist()
+        terms = [self._machines[lane].terms(rows[lane]) for lane in lanes]
+        for lane, known in zip(lanes, terms, strict=True):
+            self._machines[lane].take(known, rows[lane])
+        return self._each("result")
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        """Forget every sample of the lanes that the mask chooses."""
+        for lane in self._chosen(self._reader.mask(mask)):
+            self._machines[lane].reset()
+
+    def state(self) -> State:
+        """What `restore` needs to continue from here."""
+        return [machine.state() for machine in self._machines]
+
+    def restore(self, state: State) -> None:
+        """Continue from where ``state`` was taken."""
+        for machine, saved in zip(self._machines, state, strict=True):
+            machine.restore(saved)
+
+    def _require_open(self, lanes: Sequence[int]) -> None:
+        """Refuse lanes that take no samples any more."""
+
+    def _chosen(self, mask: Lanes | None) -> Sequence[int]:
+        if mask is None:
+            return range(len(self._machines))
+        lanes: list[int] = np.flatnonzero(mask).tolist()
+        return lanes
+
+    def _each(self, name: str) -> Floats:
+        return np.array([getattr(machine, name) for machine in self._machines], dtype=np.float64)
+
+
+class EpisodeBank(Bank[EpisodeMachine]):
+    """Bounds of an episode in every lane."""
+
+    @property
+    def robustness(self) -> Floats:
+        """Robustness if the episodes ended now."""
+        return self._each("robustness")
+
+    @property
+    def lower(self) -> Floats:
+        """The least over all continuations."""
+        return self._each("lower")
+
+    @property
+    def upper(self) -> Floats:
+        """The greatest over all continuations."""
+        return self._each("upper")
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        """Whether the traces have ended."""
+        return np.array([machine.finished for machine in self._machines])
+
+    def finish(self, mask: ArrayLike | None = None) -> Floats:
+        """End the traces of the lanes that the mask chooses; the robustness of every lane."""
+        lanes = self._chosen(self._reader.mask(mask))
+        for lane in lanes:
+            if self._machines[lane].samples == 0:
+                self._reader.refuse_finish(lane)
+        for lane in lanes:
+            self._machines[lane].finish()
+        return self.robustness
+
+    def _require_open(self, lanes: Sequence[int]) -> None:
+        for lane in lanes:
+            if self._machines[lane].finished:
+                self._reader.refuse_update(lane)
