@@ -133,7 +133,7 @@ EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variab
                                const std::vector<std::size_t>& tops,
                                const std::vector<std::size_t>& streams)
     : terms_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
-      fingerprint_(fingerprint_of(terms_.fingerprint(), formulas)) {
+      fingerprint_(fingerprint_of(terms_.mark(), formulas)) {
     Builder(*this, terms, formulas).build(tops, streams);
     for (const auto& stream : streams_) stream->neglect();
     for (const auto& top : tops_) top->demand();

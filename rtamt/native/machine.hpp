@@ -90,7 +90,7 @@ public:
         "expected a state that a native machine with this program gave; "
         "those of other programs, back-ends or processors do not fit";
 
-    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
+    std::uint64_t mark() const { return fingerprint_; }  // of the program
 
     void reset();
     std::string state() const;
