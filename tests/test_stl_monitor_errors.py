@@ -95,6 +95,11 @@ class Timeless(gym.Env[Any, Any]):
             InputError,
             "expected cost=None or 'indicator' or 'depth' or 'first', got 'square'",
         ),
+        (
+            {"buffer_length": -1},
+            InputError,
+            "expected buffer_length= as an integer, 0 or more, got -1",
+        ),
     ],
 )
 def test_what_cannot_be_monitored_is_refused_at_construction(

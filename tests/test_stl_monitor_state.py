@@ -133,3 +133,60 @@ def test_an_importable_callable_is_pickled_and_made_again_but_not_written_as_jso
             )
     finally:
         del gym.registry["Replay-v0"]
+
+
+def test_every_episode_that_ended_is_recorded() -> None:
+    specs = {"dry": "always(x > 1)", "there": "eventually(x > 4)"}
+    replay = Replay([3, 5, 0, 3])
+    env = StlMonitor(replay, specs, X)
+    run(env)
+    env.reset()
+    replay.values = [3, 2, 4]
+    replay.end = "truncated"
+    last = run(env)[-1]
+    # The episode that reset() gave up is no episode.
+    assert list(env.stl_episodes) == [
+        {
+            "samples": 3,
+            "terminated": True,
+            "truncated": False,
+            "specs": {
+                "dry": {
+                    "robustness": -1.0,
+                    "verdict": "VIOLATED",
+                    "satisfied": False,
+                    "decided_at": 2,
+                },
+                "there": {
+                    "robustness": 1.0,
+                    "verdict": "SATISFIED",
+                    "satisfied": True,
+                    "decided_at": 1,
+                },
+            },
+            "violated_by": "dry",
+            "violated_at": 2,
+        },
+        {
+            "samples": 3,
+            "terminated": False,
+            "truncated": True,
+            "specs": {
+                "dry": {"robustness": 1.0, "verdict": "UNDECIDED", "satisfied": False},
+                "there": {"robustness": 0.0, "verdict": "UNDECIDED", "satisfied": False},
+            },
+        },
+    ]
+    last["stl_episode"]["dry"].clear()
+    assert env.stl_episodes[-1]["specs"]["dry"]["robustness"] == 1.0
+
+
+def test_the_record_keeps_the_newest_episodes() -> None:
+    replay = Replay([3, 3])
+    env = StlMonitor(replay, "always(x > 0)", X, buffer_length=2)
+    for length in (2, 3, 4):
+        replay.values = [3] * length
+        run(env)
+    assert [episode["samples"] for episode in env.stl_episodes] == [3, 4]
+    assert list(deepcopy(env).stl_episodes) == list(env.stl_episodes)
+    assert list(pickle.loads(pickle.dumps(env)).stl_episodes) == list(env.stl_episodes)
