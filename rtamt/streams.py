@@ -407,7 +407,7 @@ class TopFold(_Polynomials):
         if begin <= end:
             elements = reader.seen(world, begin, end, t, unknowns)
             total = self.monoid.combine_arrays(total, fold_all(self.monoid, elements))
-        if self._end is None or self._end > max(last, self._begin - 1):
+        if self._end is None or self._end > last:
             total = self.monoid.combine_arrays(total, reader.tail(world))
         return total[-1].item()
 
