@@ -74,6 +74,9 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
     With ``view="step"`` x is the robustness of the newest instant whose horizon has passed, but
     ``mode="terminal"`` pays that of the whole episode, ``always(formula)``.
 
+    The ``compute_reward`` of a goal environment stays its own: goals cannot be exchanged in
+    hindsight where the reward speaks of the whole past.
+
     No vector version of the wrapper exists.
 
     Example:
