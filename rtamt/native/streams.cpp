@@ -28,10 +28,16 @@ Stream::Stream(Desk& desk, Time late, std::uint32_t speaks_of)
       speaks_of_(speaks_of),
       history_(speaks_of == 0 ? 1 : std::size_t{1} << desk.unknowns.count, 1) {}
 
-void Stream::remember(std::size_t corner, double value) {
+void Stream::append(std::size_t corner, double value) {
     Line& line = history_.line(corner);
-    if (line.size() == keep_) line.pop();
-    line.push(value);
+    if (line.size() < keep_) {
+        line.push(value);
+    } else if (keep_ == 1) {
+        line[0] = value;
+    } else {
+        line.pop();
+        line.push(value);
+    }
 }
 
 double* Stream::open(World w, std::size_t count) {
@@ -46,17 +52,13 @@ const double* Stream::values(World w, Time begin, Time end, Scratch& scratch) co
     const Time open_from = last_ + 1;
     const Time open_to = last_ + static_cast<Time>(view.size);
     if (begin >= open_from && end <= open_to) return view.data + (begin - open_from);
-    if (begin == last_ && end == last_ && corners() == 1) return &newest_;
     const Time first = open_from - static_cast<Time>(history_.size());
     if (end <= last_ && history_.corners() == 1) return history_.line(0).data() + (begin - first);
 
     double* const values = scratch.room(static_cast<std::size_t>(end - begin + 1));
     double* out = values;
-    for (Time i = begin; i <= std::min(end, last_); ++i) {
-        const bool newest = i == last_ && corners() == 1;
-        const auto place = static_cast<std::size_t>(i - first);
-        *out++ = newest ? newest_ : history_.at(place, 0, w, desk_.unknowns);
-    }
+    for (Time i = begin; i <= std::min(end, last_); ++i)
+        *out++ = history_.at(static_cast<std::size_t>(i - first), 0, w, desk_.unknowns);
     const Time from = std::max(begin, open_from);
     const Time to = std::min(end, open_to);
     if (from <= to) out = std::copy_n(view.data + (from - open_from), to - from + 1, out);
@@ -71,17 +73,12 @@ void Stream::reset() {
     for (World w : kAll) tail_[w] = outlook_[w].tail;
 }
 
-void Stream::save(Writer& out) const {
-    out.put(newest_);
-    history_.save(out);
-}
+void Stream::save(Writer& out) const { history_.save(out); }
 
 void Stream::load(Reader& in, Time t) {
     reset();
     last_ = std::max<Time>(-1, t - late_);
-    newest_ = in.get<double>();
-    const std::size_t kept = std::min(keep_, static_cast<std::size_t>(last_ + 1));
-    history_.load(in, keep_ > 1 || corners() > 1 ? kept : 0);
+    history_.load(in, std::min(keep_, static_cast<std::size_t>(last_ + 1)));
 }
 
 }  // namespace rtamt::episode

@@ -165,7 +165,6 @@ public:
     }
 
     double settled(Time time, std::size_t corner) const {
-        if (time == last_ && corners() == 1) return newest_;
         const Line& line = history_.line(history_.corners() == 1 ? 0 : corner);
         return line[line.size() - 1 - static_cast<std::size_t>(last_ - time)];
     }
@@ -179,10 +178,7 @@ public:
 
 protected:
     std::size_t corners() const { return history_.corners(); }
-    void append(std::size_t corner, double value) {
-        newest_ = value;
-        if (keep_ > 1 || corners() > 1) remember(corner, value);
-    }
+    void append(std::size_t corner, double value);
     double* open(World w, std::size_t count);
 
     struct View {
@@ -198,12 +194,9 @@ protected:
     std::array<View, kWorlds> open_;
 
 private:
-    void remember(std::size_t corner, double value);
-
     std::uint32_t speaks_of_;
     std::size_t keep_ = 1;
-    double newest_ = 0.0;  // the last settled value; of a polynomial, of no meaning
-    Polynomials history_;  // empty, where that is all
+    Polynomials history_;
     bool alive_ = false;
     std::array<bool, kWorlds> wanted_{};
     std::array<bool, kWorlds> summarised_{};
