@@ -220,6 +220,7 @@ def slide(monoid: Monoid, elements: Arrays, width: int) -> Arrays:
 
 
 def fold_all(monoid: Monoid, elements: Arrays) -> Arrays:
+    """The fold of all elements, as arrays of one."""
     return slide(monoid, elements, elements[0].shape[-1])
 
 
