@@ -1,4 +1,5 @@
-// Folds over arrays. Elements of a pair stand in two arrays; of a single number in one, named twice.
+// Folds over arrays. Elements that are pairs stand in two arrays; single numbers in one, which is
+// named twice.
 #pragma once
 
 #include <algorithm>

@@ -155,6 +155,9 @@ private:
         // The values up to time `to`, of what is settled and of newer elements: `newer` numbers
         // them from the first time that has no value yet.
         Time at = first;
+        const auto ahead = [&](Time offset) {
+            return static_cast<std::size_t>(at + offset - open_from);
+        };
         const auto upto = [&](Time to, auto newer) {
             if (to > end) to = end;
             if (to < at) return;
@@ -173,7 +176,7 @@ private:
             const auto used = static_cast<std::size_t>(prefix_to + hi_ - open_from + 1);
             const Room<M> room(desk_.scratch[4], desk_.scratch[5], used);
             prefixes<M>(in, used, room);
-            const Elements prefix = room.elements() + static_cast<std::size_t>(at + hi_ - open_from);
+            const Elements prefix = room.elements() + ahead(hi_);
             upto(prefix_to, [=](std::size_t i) { return get<M>(prefix.p, prefix.q, i); });
         }
         const Time whole_to = std::min(open_from - lo_, end);
@@ -185,14 +188,14 @@ private:
         if (at <= inside_to) {
             const Room<M> room(desk_.scratch[6], desk_.scratch[7], n);
             windows<M>(in, n, static_cast<std::size_t>(hi_ - lo_ + 1), room);
-            const Elements inside = room.elements() + static_cast<std::size_t>(at + lo_ - open_from);
+            const Elements inside = room.elements() + ahead(lo_);
             upto(inside_to, [=](std::size_t i) { return get<M>(inside.p, inside.q, i); });
         }
         const Time suffix_to = std::min(open_to - lo_, end);
         if (at <= suffix_to) {
             const Room<M> room(desk_.scratch[8], desk_.scratch[9], n);
-            suffixes<M>(in, static_cast<std::size_t>(at + lo_ - open_from), n, tail, room);
-            const Elements suffix = room.elements() + static_cast<std::size_t>(at + lo_ - open_from);
+            suffixes<M>(in, ahead(lo_), n, tail, room);
+            const Elements suffix = room.elements() + ahead(lo_);
             upto(suffix_to, [=](std::size_t i) { return get<M>(suffix.p, suffix.q, i); });
         }
         upto(end, [=](std::size_t) { return tail; });

@@ -149,7 +149,8 @@ public:
             const Element high = total_[c | bit];
             for (const std::size_t corner : {c, c | bit}) {
                 const auto at = [&](int k) {
-                    return greater(component<M>(low, k), lesser(component<M>(high, k), value[corner]));
+                    return greater(component<M>(low, k),
+                                   lesser(component<M>(high, k), value[corner]));
                 };
                 total_[corner] = M::element(at(0), at(M::width - 1));
             }
