@@ -214,13 +214,32 @@ def episode_machine(backend: Backend, program: Program, reader: SampleReader) ->
 
 def discrete_bank(backend: Backend, program: Program, num: int, reader: LaneReader) -> DiscreteBank:
     """The machines on samples of a back-end, in lockstep."""
-    choose(backend)
-    machines = [discrete.Machine(program, reader.lane(i), ()) for i in range(num)]
-    return bank.Bank(machines, reader)
+    if choose(backend) == "python":
+        machines = [discrete.Machine(program, reader.lane(i), ()) for i in range(num)]
+        return bank.Bank(machines, reader)
+    return _native.Bank(
+        encoded(program),
+        program.terms,
+        program.variables,
+        program.result,
+        program.latency or 0,
+        num,
+        reader,
+    )
 
 
 def episode_bank(backend: Backend, program: Program, num: int, reader: LaneReader) -> EpisodeBank:
     """The machines of a back-end for the bounds of episodes, in lockstep."""
-    choose(backend)
-    machines = [episode.EpisodeMachine(program, reader.lane(i)) for i in range(num)]
-    return bank.EpisodeBank(machines, reader)
+    if choose(backend) == "python":
+        machines = [episode.EpisodeMachine(program, reader.lane(i)) for i in range(num)]
+        return bank.EpisodeBank(machines, reader)
+    placement = place(program)
+    return _native.EpisodeBank(
+        placement.encoded_terms,
+        placement.encoded_formulas,
+        placement.tops,
+        placement.streams,
+        placement.program.variables,
+        num,
+        reader,
+    )

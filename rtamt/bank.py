@@ -55,7 +55,7 @@ class Bank(Generic[_M]):
         lanes = self._chosen(chosen)
         self._require_open(lanes)
         inputs = np.array([m.inputs or [0.0] * table.shape[1] for m in self._machines])
-        table = self._reader.without_nan(table, chosen, self.samples.tolist(), inputs)
+        table = self._reader.without_nan(table, chosen, self.samples, inputs)
         rows = table.tolist()
         terms = [self._machines[lane].terms(rows[lane]) for lane in lanes]
         for lane, known in zip(lanes, terms, strict=True):

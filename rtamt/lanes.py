@@ -75,7 +75,7 @@ class LaneReader:
         return np.ascontiguousarray(chosen)
 
     def without_nan(
-        self, table: Floats, chosen: Lanes | None, samples: Sequence[int], inputs: Floats
+        self, table: Floats, chosen: Lanes | None, samples: NDArray[np.int64], inputs: Floats
     ) -> Floats:
         """The samples as the nan policy has them; lanes that are not chosen may keep their nan.
 
@@ -95,7 +95,7 @@ class LaneReader:
             return table
         refused = missing
         if self._nan == "hold":
-            refused = missing & (np.asarray(samples) == 0)[:, None]
+            refused = missing & (samples == 0)[:, None]
         if refused.any():
             lane, variable = np.argwhere(refused)[0].tolist()
             reader = self.lane(lane)

@@ -37,7 +37,7 @@ class _Lockstep(Online[_B]):
     def __init__(
         self,
         spec: Spec,
-        num: int,
+        num: SupportsIndex,
         period: Period | None = None,
         *,
         backend: Backend = "auto",

@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "bound.hpp"
+#include "encoded.hpp"
+#include "view.hpp"
 
 namespace rtamt {
 namespace {
@@ -31,30 +33,6 @@ nb::list registers(const BoundMachine& bound) {
     return list_of(values.data(), values.size());
 }
 
-// A 1-D array of doubles whose memory stays where it is.
-class View {
-public:
-    View(nb::object array, std::size_t n, int flags) : array_(std::move(array)) {
-        if (PyObject_GetBuffer(array_.ptr(), &view_, flags | PyBUF_ND) != 0)
-            nb::raise_python_error();
-        if (view_.ndim != 1 || static_cast<std::size_t>(view_.shape[0]) != n) {
-            PyBuffer_Release(&view_);
-            throw nb::value_error("expected 1-D columns of n values");
-        }
-    }
-    View(View&& other) noexcept : array_(std::move(other.array_)), view_(other.view_) {
-        other.view_.obj = nullptr;  // of which PyBuffer_Release does nothing
-    }
-    ~View() { PyBuffer_Release(&view_); }
-
-    double* values() const { return static_cast<double*>(view_.buf); }
-    const nb::object& array() const { return array_; }
-
-private:
-    nb::object array_;
-    Py_buffer view_;
-};
-
 nb::list run(BoundMachine& bound, const nb::sequence& columns, std::size_t n, bool final) {
     require_idle(bound);
     Machine& machine = bound.machine;
@@ -66,14 +44,14 @@ nb::list run(BoundMachine& bound, const nb::sequence& columns, std::size_t n, bo
     std::vector<const double*> sources;
     std::vector<double*> targets;
     for (nb::handle column : columns) {
-        in.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_SIMPLE);
-        sources.push_back(in.back().values());
+        in.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
+        sources.push_back(in.back().data<double>());
     }
     if (in.size() != machine.variables())
         throw nb::value_error("expected a column for every variable");
     for (std::size_t i = 0; i < machine.observed(); ++i) {
-        out.emplace_back(numpy.attr("empty")(n), n, PyBUF_WRITABLE);
-        targets.push_back(out.back().values());
+        out.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
+        targets.push_back(out.back().data<double>());
     }
     require_idle(bound);
     std::size_t taken;
@@ -134,6 +112,7 @@ NB_MODULE(_native, m) {
              "        is damaged (then the machine is reset).");
 
     bind_episode(m);
+    bind_banks(m);
 
     nb::dict functions;
     nb::dict monoids;

@@ -6,34 +6,13 @@
 #include <vector>
 
 #include "bound.hpp"
+#include "encoded.hpp"
 #include "episode.hpp"
 
 namespace rtamt {
 namespace {
 
 using BoundEpisode = Bound<EpisodeMachine>;
-
-std::vector<episode::Formula> formulas_of(const nb::sequence& encoded) {
-    std::vector<episode::Formula> formulas;
-    formulas.reserve(nb::len(encoded));
-    for (nb::handle handle : encoded) {
-        const auto row = nb::cast<nb::tuple>(handle);
-        if (nb::len(row) != 6) throw nb::value_error("expected rows of 6");
-        const auto bound = [](nb::handle value, episode::Time none) {
-            return value.is_none() ? none : nb::cast<episode::Time>(value);
-        };
-        formulas.push_back({nb::cast<const char*>(row[0]), nb::cast<const char*>(row[1]),
-                            nb::cast<std::size_t>(row[2]), nb::cast<std::size_t>(row[3]),
-                            bound(row[4], -episode::kNever), bound(row[5], episode::kNever)});
-    }
-    return formulas;
-}
-
-std::vector<std::size_t> registers_of(const nb::sequence& numbers) {
-    std::vector<std::size_t> registers;
-    for (nb::handle number : numbers) registers.push_back(nb::cast<std::size_t>(number));
-    return registers;
-}
 
 void construct(BoundEpisode* self, const nb::sequence& terms,
                const nb::sequence& formulas, const nb::sequence& tops,

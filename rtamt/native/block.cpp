@@ -3,38 +3,14 @@
 #include <cmath>
 #include <limits>
 
+#include "columns.hpp"
 #include "machine.hpp"
-
-#ifdef __SSE2__
-#include <emmintrin.h>
-#endif
 
 namespace rtamt {
 namespace {
 
 constexpr std::size_t kMost = 256;  // samples in a block
 constexpr std::int64_t kForever = std::numeric_limits<std::int64_t>::max() / 2;
-
-// The place of the first nan, or n.
-std::size_t first_nan(const double* values, std::size_t n) {
-#ifdef __SSE2__  // compilers leave the loop below as it is
-    __m128d found = _mm_setzero_pd();
-    for (std::size_t i = 0; i + 2 <= n; i += 2) {
-        const __m128d pair = _mm_loadu_pd(values + i);
-        found = _mm_or_pd(found, _mm_cmpunord_pd(pair, pair));
-    }
-    if (_mm_movemask_pd(found) == 0 && (n % 2 == 0 || values[n - 1] == values[n - 1])) return n;
-#endif
-    return std::find_if(values, values + n, [](double x) { return x != x; }) - values;
-}
-
-#define RTAMT_BLOCK(name, arity, value)                                               \
-    void map_##name(const double* __restrict a, const double* __restrict b,           \
-                    double* __restrict out, std::size_t n) {                          \
-        for (std::size_t i = 0; i < n; ++i) out[i] = functions::name(a[i], b[i]);     \
-    }
-RTAMT_FUNCTIONS(RTAMT_BLOCK)
-#undef RTAMT_BLOCK
 
 }  // namespace
 
@@ -80,8 +56,8 @@ private:
     std::size_t checked_terms(std::size_t count) {
         for (const Step& step : machine_.terms_) execute(step, 0, count, kForever);
         std::size_t first = count;
-        for (const Load& load : machine_.loads_) first = first_nan(at_[load.out], first);
-        for (const Step& step : machine_.terms_) first = first_nan(at_[step.out], first);
+        for (const Load& load : machine_.loads_) first = columns::first_nan(at_[load.out], first);
+        for (const Step& step : machine_.terms_) first = columns::first_nan(at_[step.out], first);
         return first;
     }
 
@@ -92,7 +68,7 @@ private:
         switch (step.opcode) {
 #define RTAMT_CASE(name, arity, value)   \
     case Opcode::map_##name:             \
-        map_##name(a, b, out, count);    \
+        columns::map_##name(a, b, out, count); \
         break;
             RTAMT_FUNCTIONS(RTAMT_CASE)
 #undef RTAMT_CASE

@@ -22,20 +22,6 @@ struct Bound {
     bool running = false;  // without the lock of the interpreter
 };
 
-inline std::vector<Row> rows_of(const nb::sequence& encoded) {
-    std::vector<Row> rows;
-    rows.reserve(nb::len(encoded));
-    for (nb::handle handle : encoded) {
-        const auto row = nb::cast<nb::tuple>(handle);
-        if (nb::len(row) != 8) throw nb::value_error("expected rows of 8");
-        rows.push_back({nb::cast<std::size_t>(row[0]), nb::cast<const char*>(row[1]),
-                        nb::cast<const char*>(row[2]), nb::cast<std::size_t>(row[3]),
-                        nb::cast<std::size_t>(row[4]), nb::cast<double>(row[5]),
-                        nb::cast<std::size_t>(row[6]), nb::cast<std::int64_t>(row[7])});
-    }
-    return rows;
-}
-
 // Raises the error of a call that the state of a machine does not allow; its text is in Python.
 [[noreturn]] inline void refuse_state(const char* call) {
     nb::module_::import_("rtamt.episode").attr(call)();
@@ -186,7 +172,8 @@ PyType_Slot slots[] = {
     {0, nullptr},
 };
 
-// Adds a class to the module.
+// These add classes to the module.
 void bind_episode(nb::module_& m);
+void bind_banks(nb::module_& m);
 
 }  // namespace rtamt

@@ -195,6 +195,16 @@ void EpisodeMachine::plan(Time t) {
 
 bool EpisodeMachine::take() {
     if (!terms_.take()) return false;
+    advance();
+    return true;
+}
+
+void EpisodeMachine::take(const double* inputs, const double* terms, std::size_t stride) {
+    terms_.take(inputs, terms, stride);
+    advance();
+}
+
+void EpisodeMachine::advance() {
     const Time t = terms_.samples() - 1;
     if (t >= next_plan_) plan(t);
     if (open_) {
@@ -203,7 +213,6 @@ bool EpisodeMachine::take() {
         for (const Look& look : looks_) look.stream->look(look.world, t);
         conclude(t, terms);
     }
-    return true;
 }
 
 void EpisodeMachine::settle(Time t, const double* terms) {

@@ -55,6 +55,8 @@ public:
 
     double* pending() { return terms_.pending(); }
     bool take();
+    // The same, of a sample whose terms are known: registers that stand `stride` apart.
+    void take(const double* inputs, const double* terms, std::size_t stride);
     double result() const { return values_[episode::kNow]; }
 
     double lower() const { return values_[episode::kLower]; }
@@ -81,6 +83,7 @@ private:
         episode::World world;
     };
 
+    void advance();
     void demand();
     void plan(episode::Time t);
     void settle(episode::Time t, const double* terms);

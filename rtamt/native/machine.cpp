@@ -162,6 +162,15 @@ bool Machine::take() {
     return true;
 }
 
+void Machine::take(const double* inputs, const double* terms, std::size_t stride) {
+    std::copy_n(inputs, variables_, inputs_);
+    for (double& value : registers_) {
+        value = *terms;
+        terms += stride;
+    }
+    ++samples_;
+}
+
 double Machine::result() const {
     const Observed& result = observed_.front();
     return samples_ > result.latency ? registers_[result.slot] : std::nan("");

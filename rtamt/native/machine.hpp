@@ -77,6 +77,9 @@ public:
     // if a variable or a term is nan.
     double* pending() { return pending_; }
     bool take();
+    // The same, of a sample whose terms are known: registers that stand `stride` apart. There must
+    // be no formulas.
+    void take(const double* inputs, const double* terms, std::size_t stride);
     // The robustness of time t - latency, nan before there is one.
     double result() const;
 
@@ -99,6 +102,8 @@ public:
 
 private:
     class Block;
+    friend class Bank;
+    friend class LaneColumns;
 
     void compile(const Row& row, std::size_t terms);
     Step window(const Row& row);

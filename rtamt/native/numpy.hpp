@@ -4,6 +4,7 @@
 
 #include <nanobind/nanobind.h>
 
+#include <cstdint>
 #include <cstring>
 
 namespace rtamt {
@@ -27,6 +28,36 @@ public:
         return known_ && row_of(array, n, out);
     }
 
+    // The numbers of an aligned array of float64 of this shape, row behind row; null of any other.
+    const double* table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
+        if (!known_ || !is_array(array)) return nullptr;
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->ndim != 2 || fields->dtype != doubles_ || fields->shape[0] != rows ||
+            fields->shape[1] != columns || fields->strides[1] != sizeof(double) ||
+            fields->strides[0] != columns * static_cast<Py_ssize_t>(sizeof(double)) ||
+            reinterpret_cast<std::uintptr_t>(fields->data) % alignof(double) != 0)
+            return nullptr;
+        return reinterpret_cast<const double*>(fields->data);
+    }
+
+    // Where the n numbers of a new array of float64 go; null if that is not known.
+    double* column(PyObject* array, Py_ssize_t n) const {
+        if (!known_ || !is_array(array)) return nullptr;
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->ndim != 1 || fields->dtype != doubles_ || fields->shape[0] != n) return nullptr;
+        return reinterpret_cast<double*>(const_cast<char*>(fields->data));
+    }
+
+    // The n truth values of a 1-D array, one behind the other; null of any other.
+    const bool* mask(PyObject* array, Py_ssize_t n) const {
+        if (!known_ || !is_array(array)) return nullptr;
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->ndim != 1 || fields->dtype != bools_ || fields->shape[0] != n ||
+            fields->strides[0] != 1)
+            return nullptr;
+        return reinterpret_cast<const bool*>(fields->data);
+    }
+
 private:
     Numpy() : array_(named("ndarray")), float64_(named("float64")), float32_(named("float32")) {
         const auto numpy = nb::module_::import_("numpy");
@@ -34,6 +65,7 @@ private:
         if (size < sizeof(Fields)) return;
         doubles_ = nb::object(numpy.attr("dtype")("float64")).release().ptr();
         singles_ = nb::object(numpy.attr("dtype")("float32")).release().ptr();
+        bools_ = nb::object(numpy.attr("dtype")("bool")).release().ptr();
         const auto twice = nb::slice(nb::none(), nb::none(), nb::int_(-2));
         const nb::object row = numpy.attr("arange")(6.0)[twice];
         const nb::object thin = row.attr("astype")("float32");
@@ -88,6 +120,7 @@ private:
     PyTypeObject* float32_;
     PyObject* doubles_ = nullptr;
     PyObject* singles_ = nullptr;
+    PyObject* bools_ = nullptr;
     bool known_ = false;
 };
 
