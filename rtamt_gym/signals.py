@@ -31,7 +31,7 @@ from gymnasium import spaces
 
 from rtamt import InputError, InputTypeError
 
-__all__ = ["Read", "Signal", "SignalLike", "Step", "parse_signals"]
+__all__ = ["Read", "Signal", "SignalLike", "Step", "listing", "parse_signals"]
 
 SOURCES: Final = ("obs", "action", "reward", "info", "qpos", "qvel")
 """The words that a selector may begin with; the first four are what a step gives, in this order."""
@@ -45,7 +45,7 @@ Read = Callable[[Any, Any, Any, dict[str, Any]], float]
 
 
 class Step(NamedTuple):
-    """What a callable signal sees.
+    """What a callable signal sees; of a vector environment, all of it for all environments at once.
 
     Attributes:
         obs: The observation that `reset` or `step` returned.
@@ -59,7 +59,7 @@ class Step(NamedTuple):
     action: Any
     reward: Any
     info: dict[str, Any]
-    env: gym.Env[Any, Any]
+    env: Any
 
 
 SignalLike = str | Callable[[Step], float] | Sequence[Any]
@@ -131,10 +131,10 @@ class Signal:
             return self._bind_callable(self.source, env)
         match self.source:
             case "obs":
-                path = self._fit(env.observation_space, "the observation space")
+                path = self.fit(env.observation_space, "the observation space")
                 return _reader(0, path)
             case "action":
-                path = self._fit(env.action_space, "the action space")
+                path = self.fit(env.action_space, "the action space")
                 return _reader(1, path)
             case "qpos" | "qvel":
                 return self._bind_state(self.source, env)
@@ -148,8 +148,12 @@ class Signal:
         default = self.default
         return lambda *_: default
 
-    def _fit(self, space: spaces.Space[Any], what: str) -> tuple[Any, ...]:
-        """The path as indices into values of a space: one number, and in range."""
+    def fit(self, space: spaces.Space[Any], what: str) -> tuple[Any, ...]:
+        """The path as indices into values of a space: one number, and in range.
+
+        Raises:
+            InputError: If it is not.
+        """
         fitted: list[Any] = []
         whole, path = space, list(self.path)
         while path and isinstance(space, spaces.Dict | spaces.Tuple):
@@ -219,7 +223,7 @@ class Signal:
                     value = value[part]
                 except (KeyError, IndexError, TypeError):
                     held = (
-                        f"its keys are {_listing(value)}"
+                        f"its keys are {listing(value)}"
                         if isinstance(value, Mapping)
                         else f"it has {value!r} before {part!r}"
                     )
@@ -267,14 +271,14 @@ def parse_signals(
             near = _nearest(name, spare)
             way_out = f"did you mean {near!r}?" if near else f'give one: "{name}": "obs[0]"'
             raise InputError(
-                f"variable {name!r} has no signal; the signals are {_listing(signals)}; {way_out}"
+                f"variable {name!r} has no signal; the signals are {listing(signals)}; {way_out}"
             )
     for name in spare:
         near = _nearest(name, names)
         way_out = f"did you mean {near!r}?" if near else "leave it out"
         raise InputError(
             f"signal {name!r} is read by no specification; the variables are "
-            f"{_listing(names)}; {way_out}"
+            f"{listing(names)}; {way_out}"
         )
     return tuple(Signal.parse(name, signals[name]) for name in names)
 
@@ -349,7 +353,8 @@ def _nearest(name: str, names: Iterable[str]) -> str | None:
     return next(iter(difflib.get_close_matches(name, list(names), n=1)), None)
 
 
-def _listing(names: Iterable[Any]) -> str:
+def listing(names: Iterable[Any]) -> str:
+    """The names in an error message."""
     return ", ".join(repr(name) for name in names) or "none"
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium as gym
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
@@ -21,6 +22,7 @@ __all__ = [
     "SpecLike",
     "SpecsLike",
     "View",
+    "check_looks_ahead",
     "load_specs",
     "make_monitor",
     "read_period",
@@ -38,6 +40,9 @@ SpecsLike = SpecLike | Mapping[str, SpecLike]
 View = Literal["episode", "step"]
 """Whether a formula speaks of the episode from sample 0 on, or of every instant."""
 
+
+Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
+"""An environment, or a vector of them."""
 
 Feed = tuple[Callable[..., float], Sequence[str], rtamt.EpisodeMonitor]
 """What takes the samples of a specification, the variables it takes, and who judges them."""
@@ -107,14 +112,30 @@ def recordable(specs: SpecsLike) -> str | dict[str, str]:
     return _text(specs)
 
 
-def read_period(env: gym.Env[Any, Any]) -> float | None:
+def read_period(env: Env) -> float | None:
     """Seconds between two steps of an environment, or None if it does not say.
 
     ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
     ``unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
     ``metadata["render_fps"]``, is not the rate of the samples: Pendulum says 30 and makes 20.
+
+    A `SyncVectorEnv` says what its environments say; an `AsyncVectorEnv` says nothing: asked for
+    what its environments do not have, it would shut them down.
+
+    Raises:
+        InputError: If the environments of a `SyncVectorEnv` say different things.
     """
     simulation = env.unwrapped
+    if isinstance(simulation, AsyncVectorEnv):
+        return None
+    if isinstance(simulation, SyncVectorEnv):
+        periods = {read_period(each) for each in simulation.envs}
+        if len(periods) > 1:
+            raise InputError(
+                f"expected environments of one period, got {', '.join(sorted(map(str, periods)))} "
+                f"s in {simulation}; give period=, or period=1 to count steps"
+            )
+        return periods.pop()
     for name in ("dt", "tau"):
         period = _positive(getattr(simulation, name, None))
         if period is not None:
@@ -130,7 +151,7 @@ def read_period(env: gym.Env[Any, Any]) -> float | None:
 def resolve_period(
     specs: Mapping[str, rtamt.Specification],
     period: float | str | None,
-    env: gym.Env[Any, Any],
+    env: Env,
 ) -> float | str | None:
     """The period given, else the period of the environment.
 
@@ -162,13 +183,22 @@ def make_monitor(
     if view == "step":
         monitor = InstantMonitor(spec, period)
         return monitor, monitor.judge
+    check_looks_ahead(name, spec)
+    judge = rtamt.EpisodeMonitor(spec, period=period)
+    return judge, judge
+
+
+def check_looks_ahead(name: str, spec: rtamt.Specification) -> None:
+    """Refuses what the first sample alone decides, which no episode can be judged by.
+
+    Raises:
+        SpecificationError: If the formula looks at no later sample.
+    """
     if not spec.looks_ahead:
         raise SpecificationError(
             f"specification {name!r} speaks of the first sample only: {spec.formula}; "
             f"write always({spec.formula}) or view='step'"
         )
-    judge = rtamt.EpisodeMonitor(spec, period=period)
-    return judge, judge
 
 
 def sampler(names: Sequence[str], reads: Sequence[Read], feeds: Sequence[Feed]) -> Sample:

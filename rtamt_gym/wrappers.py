@@ -15,6 +15,7 @@ from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import EpisodeMonitor, InputError, StateError
 from rtamt_gym.arguments import check_choice, check_length
+from rtamt_gym.episodes import outcome, record
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     InstantMonitor,
@@ -258,7 +259,15 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         if terminated or truncated:
             self._running = False
             self._conclude(info)
-            self._record(info, terminated=terminated, truncated=truncated)
+            self.stl_episodes.append(
+                record(
+                    info["stl_episode"],
+                    self._violated_by,
+                    samples=self.samples,
+                    terminated=terminated,
+                    truncated=truncated,
+                )
+            )
         return obs, reward, terminated, truncated, info
 
     @property
@@ -348,16 +357,10 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     def _conclude(self, info: dict[str, Any]) -> None:
         """Adds to the last info of an episode what became of every specification."""
-        episode: dict[str, dict[str, Any]] = {}
-        for name, _, judge in self._monitors:
-            verdict = judge.verdict.name
-            episode[name] = {
-                "robustness": judge.robustness,
-                "verdict": verdict,
-                "satisfied": verdict == "SATISFIED",
-            }
-            if name in self._decided:
-                episode[name]["decided_at"] = self._decided[name]
+        episode = {
+            name: outcome(judge.robustness, judge.verdict.name, self._decided.get(name))
+            for name, _, judge in self._monitors
+        }
         info["stl_episode"] = episode
         if self._violated_by is not None:
             info["stl_violated_by"] = self._violated_by
@@ -365,16 +368,6 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             info.setdefault("is_success", False)
         elif len(self._decided) == len(episode):
             info.setdefault("is_success", True)
-
-    def _record(self, info: dict[str, Any], *, terminated: bool, truncated: bool) -> None:
-        record = {"samples": self.samples, "terminated": terminated, "truncated": truncated}
-        # Copies: a logger that empties the info leaves the record alone.
-        specs = {name: dict(outcome) for name, outcome in info["stl_episode"].items()}
-        violation: dict[str, Any] = {}
-        if self._violated_by is not None:
-            at = self._decided[self._violated_by]
-            violation = {"violated_by": self._violated_by, "violated_at": at}
-        self.stl_episodes.append({**record, "specs": specs, **violation})
 
 
 _UNPICKLED = frozenset({"_sample", "_sample_reset"})

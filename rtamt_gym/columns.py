@@ -1,0 +1,210 @@
+"""Signals of a vector environment: a column of numbers each, one for every environment.
+
+The selectors are those of `rtamt_gym.signals`. ``obs[2]`` reads column 2 of the batched
+observation, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
+hold for every environment that takes a sample. A callable is given the whole batch and gives an
+array with one number for every environment. Only ``qpos`` and ``qvel`` are read one by one, from
+the environments of a `SyncVectorEnv`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import SyncVectorEnv, VectorEnv
+from numpy.typing import NDArray
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.signals import Signal, Step, listing
+
+__all__ = ["Batch", "Columns", "Floats", "Lanes"]
+
+Batch = VectorEnv[Any, Any, Any]
+Floats = NDArray[np.float64]
+Lanes = NDArray[np.bool_]
+"""Which environments are meant."""
+
+_Read = Callable[[Step, Lanes], Any]
+"""Reads a column from a step of all environments; the mask says whose numbers matter."""
+
+
+class Columns:
+    """Reads the signals of all environments at once.
+
+    Args:
+        signals: What to read, in the order of the columns.
+        env: The vector environment.
+        same_step: Whether it resets an environment in the step that ends its episode.
+
+    Raises:
+        InputError: If a selector does not fit the environment.
+    """
+
+    def __init__(self, signals: Sequence[Signal], env: Batch, *, same_step: bool) -> None:
+        self._signals = signals
+        self._env = env
+        self._all: Lanes = np.ones(env.num_envs, np.bool_)
+        self._reads = [_bind(signal, env, same_step=same_step) for signal in signals]
+        sources = [signal.source for signal in signals]
+        self.reads_obs = any(source == "obs" or callable(source) for source in sources)
+        self.reads_info = any(source == "info" or callable(source) for source in sources)
+        self._observed = [i for i, source in enumerate(sources) if source == "obs"]
+
+    def step(
+        self,
+        obs: Any,  # noqa: ANN401
+        actions: Any,  # noqa: ANN401
+        rewards: Any,  # noqa: ANN401
+        infos: dict[str, Any],
+        begun: Lanes | None = None,
+    ) -> Floats:
+        """What a step shows: an array with a row for every environment.
+
+        Args:
+            obs: The observations.
+            actions: The actions of the step.
+            rewards: The rewards of the step.
+            infos: The infos of the step.
+            begun: The environments that began an episode instead: their row is that of a reset.
+        """
+        lanes = self._all if begun is None else ~begun
+        step = Step(obs, actions, rewards, infos, self._env)
+        table = np.empty((len(lanes), len(self._signals)))
+        for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
+            if begun is None or (signal.default is None and isinstance(signal.source, str)):
+                table[:, column] = read(step, lanes)
+                continue
+            if lanes.any():
+                table[:, column] = read(step, lanes)
+            table[begun, column] = (
+                read(step._replace(action=None, reward=None), begun)[begun]
+                if signal.default is None
+                else signal.default
+            )
+        return table
+
+    def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
+        """What a reset shows; rows that the mask leaves out mean nothing.
+
+        Args:
+            obs: The observations.
+            infos: The infos of the reset.
+            lanes: The environments that were reset.
+        """
+        step = Step(obs, None, None, infos, self._env)
+        table = np.empty((len(lanes), len(self._signals)))
+        for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
+            default = signal.default
+            table[:, column] = read(step, lanes) if default is None else default
+        return table
+
+    def differ(self, table: Floats, other: Floats, lanes: Lanes) -> Lanes:
+        """Those of the environments whose observations differ, as far as signals read them."""
+        changed = np.any(table[:, self._observed] != other[:, self._observed], axis=1)
+        return np.logical_and(lanes, changed)
+
+
+def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
+    match signal.source:
+        case "obs":
+            space = env.single_observation_space
+            pick = _picker(space, signal.fit(space, "the observation space of one environment"))
+            return lambda step, _: pick(step.obs)
+        case "action":
+            space = env.single_action_space
+            pick = _picker(space, signal.fit(space, "the action space of one environment"))
+            return lambda step, _: pick(step.action)
+        case "reward":
+            return lambda step, _: step.reward
+        case "info":
+            return lambda step, lanes: _from_infos(signal, step.info, lanes)
+        case str():
+            return _bind_simulations(signal, env, same_step=same_step)
+        case function:
+            return lambda step, _: _called(signal, function, step)
+
+
+def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], Any]:
+    """What finds the numbers of all environments in a batch, given where one has its own."""
+    parts: list[Any] = []
+    while isinstance(space, spaces.Dict | spaces.Tuple):
+        part, *rest = path
+        parts.append(part)
+        space, path = space.spaces[part], tuple(rest)
+    index = path[0] if path and isinstance(path[0], tuple) else path
+    where = (slice(None), *index)
+
+    def pick(batch: Any) -> Any:  # noqa: ANN401
+        for part in parts:
+            batch = batch[part]
+        return np.asarray(batch)[where]
+
+    return pick
+
+
+def _bind_simulations(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
+    way_out = (
+        "read obs[...], or wrap each environment: "
+        "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor"
+    )
+    base = env.unwrapped
+    if not isinstance(base, SyncVectorEnv):
+        raise InputError(
+            f"signal {signal.name!r}: {signal} reads the simulations of a SyncVectorEnv, got "
+            f"{base}; {way_out}"
+        )
+    if same_step:
+        raise InputError(
+            f"signal {signal.name!r}: {signal} reads the simulations, and with "
+            f"AutoresetMode.SAME_STEP they are reset before the end is seen; {way_out}"
+        )
+    reads = [signal.bind(each) for each in base.envs]
+    return lambda *_: np.array([read(None, None, None, {}) for read in reads])
+
+
+def _from_infos(signal: Signal, infos: dict[str, Any], lanes: Lanes) -> Any:  # noqa: ANN401
+    values: Any = infos
+    path = list(signal.path)
+    while path and isinstance(values, Mapping):
+        part = path.pop(0)
+        if part not in values:
+            keys = listing(key for key in values if not str(key).startswith("_"))
+            raise InputError(
+                f"signal {signal.name!r}: the infos have no {signal}; their keys are {keys}"
+            )
+        missing = lanes & ~np.asarray(values.get(f"_{part}", lanes), np.bool_)
+        if missing.any():
+            raise InputError(
+                f"signal {signal.name!r}: the info of environment {np.flatnonzero(missing)[0]} "
+                f"has no {signal}"
+            )
+        values = values[part]
+    found, where = np.asarray(values), tuple[Any, ...](path)
+    try:
+        if found.dtype == object:  # each environment has an object of its own: a list, a tuple
+            numbers = np.zeros(len(lanes))
+            for lane in np.flatnonzero(lanes):
+                numbers[lane] = np.asarray(found[lane])[where]
+            return numbers
+        found = found[(slice(None), *where)]
+    except (IndexError, TypeError, ValueError):
+        raise InputError(
+            f"signal {signal.name!r}: the infos have no number at {signal}; they have {values!r}"
+        ) from None
+    return _numbers(signal, found, len(lanes))
+
+
+def _called(signal: Signal, function: Callable[[Step], Any], step: Step) -> Any:  # noqa: ANN401
+    return _numbers(signal, np.asarray(function(step)), step.env.num_envs)
+
+
+def _numbers(signal: Signal, found: NDArray[Any], num: int) -> NDArray[Any]:
+    if found.shape != (num,) or found.dtype.kind not in "biuf":
+        raise InputTypeError(
+            f"signal {signal.name!r}: expected {num} numbers from {signal}, one for every "
+            f"environment, got shape {found.shape} and dtype {found.dtype}"
+        )
+    return found
