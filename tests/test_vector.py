@@ -4,7 +4,7 @@ import copy
 import math
 import pickle
 from collections.abc import Callable
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -16,10 +16,7 @@ from strategies import INFINITIES, QUARTERS, formulas
 from rtamt import (
     EpisodeMonitor,
     Formula,
-    InputError,
-    InputTypeError,
     Monitor,
-    StateError,
     VectorEpisodeMonitor,
     VectorMonitor,
 )
@@ -260,207 +257,6 @@ def test_arrays_handed_out_are_the_callers_own(kind: type[Vector], backend: Back
         array[:] = 7
     assert vector.samples.tolist() == [1, 1]
     assert vector.update([[0], [0]], [False, False]).tolist() == [-1.0, -2.0]
-
-
-# Errors. -----------------------------------------------------------------------------------------
-
-MASK = np.array([True, True, False])
-NEEDED = "expected an array of shape (3, 2), a row for each lane and a column for each of x, y, "
-REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
-    (
-        lambda v: v.update(np.zeros((2, 3))),
-        InputError,
-        NEEDED + "got shape (2, 3); lanes that a mask leaves out have rows too",
-    ),
-    (
-        lambda v: v.update(np.zeros((2, 2)), MASK),
-        InputError,
-        NEEDED + "got shape (2, 2); lanes that a mask leaves out have rows too",
-    ),
-    (
-        lambda v: v.update(np.zeros(6)),
-        InputError,
-        NEEDED + "got shape (6,); lanes that a mask leaves out have rows too",
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2), dtype=complex)),
-        InputTypeError,
-        "expected an array of numbers for the lanes, got complex128",
-    ),
-    (
-        lambda v: v.update([[1, 2], [3], [4, 5]]),
-        InputTypeError,
-        "expected an array of numbers for the lanes, got list [[1, 2], [3], [4, 5]]",
-    ),
-    (
-        lambda v: v.update({"x": 1}),  # type: ignore[arg-type]
-        InputTypeError,
-        "expected an array of numbers for the lanes, got dict {'x': 1}",
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2)), [0, 2]),
-        InputTypeError,
-        (
-            "expected a mask of 3 booleans, got dtype int64; "
-            "np.isin(range(3), [0, 2]) makes one of numbers of lanes"
-        ),
-    ),
-    (
-        lambda v: v.reset(np.array([1.0, 0.0, 1.0])),
-        InputTypeError,
-        (
-            "expected a mask of 3 booleans, got dtype float64; "
-            "np.isin(range(3), [0, 2]) makes one of numbers of lanes"
-        ),
-    ),
-    (
-        lambda v: v.update(np.zeros((3, 2)), [True, False]),
-        InputError,
-        (
-            "expected a mask of 3 booleans, one for each lane, got shape (2,); "
-            "without a mask all lanes are meant"
-        ),
-    ),
-    (
-        lambda v: v.reset(np.ones((3, 1), dtype=bool)),
-        InputError,
-        (
-            "expected a mask of 3 booleans, one for each lane, got shape (3, 1); "
-            "without a mask all lanes are meant"
-        ),
-    ),
-    (
-        lambda v: v.update([[1.0, 1.0], [1.0, NAN], [NAN, 1.0]]),
-        InputError,
-        "variable 'y' is nan at sample 2 of lane 1; pass nan='hold' to keep the last value instead",
-    ),
-    (
-        lambda v: v.update([[1.0, 1.0], [NAN, NAN], [1.0, 1.0]], MASK),
-        InputError,
-        "variable 'x' is nan at sample 2 of lane 1; pass nan='hold' to keep the last value instead",
-    ),
-    (
-        lambda v: v.update([[1, 1], [1, 1], [0, -1]]),
-        InputError,
-        "'sqrt(x + y)' is not a number at sample 1 of lane 2, where x = 0.0, y = -1.0",
-    ),
-    (
-        lambda v: v.update([[-1.0, 0.0], [1.0, 1.0], [NAN, 1.0]]),
-        InputError,
-        "variable 'x' is nan at sample 1 of lane 2; pass nan='hold' to keep the last value instead",
-    ),
-    (
-        lambda v: v.update([[-1, 0], [-2, 0], [-3, 0]], ~MASK),
-        InputError,
-        "'sqrt(x + y)' is not a number at sample 1 of lane 2, where x = -3.0, y = 0.0",
-    ),
-]
-
-
-@pytest.mark.parametrize("kind", CLASSES)
-@pytest.mark.parametrize(("call", "error", "message"), REFUSED, ids=[r[2] for r in REFUSED])
-def test_refused_input_says_why_and_changes_no_lane(
-    kind: type[Vector],
-    call: Callable[[Vector], object],
-    error: type[Exception],
-    message: str,
-    backend: Backend,
-) -> None:
-    text = "historically[0:3](sqrt(x + y) > 1) and once[0:2](x > y)"
-    vector, twin = (kind(text, 3, backend=backend) for _ in range(2))
-    for monitor in (vector, twin):
-        monitor.update([[1, 2], [3, 4], [5, 6]])
-        monitor.update([[5.0, 0.0], [7.0, 2.0], [NAN, 6.0]], MASK)
-    with pytest.raises(error) as caught:
-        call(vector)
-    assert str(caught.value) == message
-    assert vector.samples.tolist() == [2, 2, 1]
-    for rows in ([[9, 0], [8, 0], [7, 0]], [[1, 0], [2, 0], [3, 0]], [[1, 4], [2, 4], [3, 4]]):
-        assert same(vector.update(rows), twin.update(rows))
-
-
-def test_a_nan_that_cannot_be_held_is_refused(backend: Backend) -> None:
-    vector = VectorMonitor("x + y > 0", 2, backend=backend, nan="hold")
-    vector.update([[1, 2], [3, 4]], [True, False])
-    with pytest.raises(InputError) as caught:
-        vector.update([[NAN, 1.0], [NAN, 1.0]])
-    assert str(caught.value) == (
-        "variable 'x' is nan at sample 0 of lane 1; "
-        "nan='hold' keeps the last value, which the first sample has not"
-    )
-    assert vector.update([[NAN, 1.0], [1.0, 1.0]]).tolist() == [2.0, 2.0]
-    vector.reset([True, False])
-    with pytest.raises(InputError, match="variable 'y' is nan at sample 0 of lane 0; "):
-        vector.update([[1.0, NAN], [NAN, 1.0]])
-    with pytest.raises(InputError) as caught:
-        vector.update([[1.0, 1.0], [math.inf, -math.inf]])
-    assert str(caught.value).startswith("'x + y' is not a number at sample 1 of lane 1, where ")
-
-
-def test_a_finished_lane_takes_no_sample(backend: Backend) -> None:
-    vector = VectorEpisodeMonitor("always(x > 0)", 3, backend=backend)
-    vector.update(np.ones((3, 1)))
-    vector.finish([False, True, False])
-    with pytest.raises(StateError) as caught:
-        vector.update(np.full((3, 1), NAN))
-    assert str(caught.value) == (
-        "the episode of lane 1 is finished; "
-        "reset it before its next update, or leave it out with a mask"
-    )
-    assert vector.samples.tolist() == [1, 1, 1]
-    assert vector.update([[2.0], [NAN], [-1.0]], [True, False, True]).tolist() == [1.0, 1.0, -1.0]
-    vector.reset([False, True, False])
-    assert vector.update([[3], [3], [3]]).tolist() == [1.0, 3.0, -1.0]
-    assert vector.finished.tolist() == [False, False, False]
-
-
-def test_finish_needs_a_sample_in_every_lane_and_finishes_all_or_none(backend: Backend) -> None:
-    vector = VectorEpisodeMonitor("always(x > 0)", 3, backend=backend)
-    vector.update(np.ones((3, 1)), [True, True, False])
-    with pytest.raises(StateError) as caught:
-        vector.finish()
-    assert str(caught.value) == (
-        "finish() needs at least one sample, lane 2 has got none since its reset; "
-        "leave it out with a mask"
-    )
-    assert vector.finished.tolist() == [False, False, False]
-    for _ in range(2):
-        assert same(vector.finish([True, True, False]), [1.0, 1.0, NAN])
-        assert vector.finished.tolist() == [True, True, False]
-        assert vector.verdict.tolist() == [1, 1, 0]
-    with pytest.raises(InputTypeError, match=r"^expected a mask of 3 booleans, got dtype int64; "):
-        vector.finish([0, 1, 1])
-
-
-@pytest.mark.parametrize("kind", CLASSES)
-@pytest.mark.parametrize(
-    ("num", "error", "message"),
-    [
-        (0, InputError, "expected 1 or more lanes, got 0"),
-        (-3, InputError, "expected 1 or more lanes, got -3"),
-        (
-            cast("int", 2.5),
-            InputTypeError,
-            "expected a whole number of lanes, got 2.5; the period is the third argument",
-        ),
-        (
-            cast("int", "100ms"),
-            InputTypeError,
-            "expected a whole number of lanes, got '100ms'; the period is the third argument",
-        ),
-        (
-            True,
-            InputTypeError,
-            "expected a whole number of lanes, got True; the period is the third argument",
-        ),
-    ],
-)
-def test_the_number_of_lanes_is_checked(
-    kind: type[Vector], num: int, error: type[Exception], message: str, backend: Backend
-) -> None:
-    with pytest.raises(error) as caught:
-        kind("x > 0", num, backend=backend)
-    assert str(caught.value) == message
 
 
 # Snapshots. --------------------------------------------------------------------------------------
