@@ -127,6 +127,38 @@ def whole(run: Callable[[], object], n: int) -> Measure:
     return measure
 
 
+def lockstep(
+    case: Case,
+    step: Callable[[Any], object],
+    inputs: Callable[[Any], Any] = lambda rows: rows,
+) -> Measure:
+    """Nanoseconds for each lane of a step of many lanes.
+
+    Args:
+        case: ``kind`` of the trace, ``num`` lanes, steps to ``fill``, ``seconds`` for a measure.
+        step: Takes a sample in every lane.
+        inputs: Makes what it takes of an array of shape (num, variables).
+    """
+    import numpy as np
+
+    num, steps = case["num"], 64
+    trace = np.stack(list(traces.columns(case["kind"], 0, num * steps).values()), axis=1)
+    # each lane has a stretch of the trace of its own
+    data = [inputs(rows) for rows in trace.reshape(num, steps, -1).transpose(1, 0, 2).copy()]
+
+    def timed(n: int) -> float:
+        chunk = [data[i % steps] for i in range(n)]
+        begin = time.perf_counter_ns()
+        for rows in chunk:
+            step(rows)
+        return (time.perf_counter_ns() - begin) / (n * num)
+
+    for _ in range(0, case["fill"], steps):
+        each = timed(steps)
+    n = max(8, int(case["seconds"] * 1e9 / (each * num)))
+    return lambda: timed(n)
+
+
 def resident() -> int:
     """Bytes of memory that the process holds."""
     with open("/proc/self/statm") as file:  # noqa: PTH123 - peers' interpreters, short and plain

@@ -33,16 +33,38 @@ static int wedge_grow(Wedge *w) {
     return 0;
 }
 
-static PyObject *wedge_push(Wedge *w, PyObject *first, PyObject *second) {
-    double a = PyFloat_AsDouble(first), b = PyFloat_AsDouble(second);
-    if ((a == -1.0 || b == -1.0) && PyErr_Occurred()) return NULL;
+static inline int wedge_take(Wedge *w, double a, double b, double *least) {
     double value = a + b + 2.0;
     while (w->tail != w->head && w->ring[(w->tail - 1) & w->mask].value >= value) w->tail--;
-    if (w->tail - w->head == w->mask + 1 && wedge_grow(w) < 0) return NULL;
+    if (w->tail - w->head == w->mask + 1 && wedge_grow(w) < 0) return -1;
     w->ring[w->tail++ & w->mask] = (Entry){value, w->now};
     if (w->ring[w->head & w->mask].time < w->now - w->reach) w->head++;
     w->now++;
-    return PyFloat_FromDouble(w->ring[w->head & w->mask].value);
+    *least = w->ring[w->head & w->mask].value;
+    return 0;
+}
+
+static PyObject *wedge_push(Wedge *w, PyObject *first, PyObject *second) {
+    double a = PyFloat_AsDouble(first), b = PyFloat_AsDouble(second), least;
+    if ((a == -1.0 || b == -1.0) && PyErr_Occurred()) return NULL;
+    return wedge_take(w, a, b, &least) < 0 ? NULL : PyFloat_FromDouble(least);
+}
+
+/* lockstep(wedges, rows, out): a row of two numbers and a result for each of a list of wedges. */
+static PyObject *lockstep(PyObject *module, PyObject *args) {
+    PyObject *wedges;
+    Py_buffer rows, out;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "O!y*w*", &PyList_Type, &wedges, &rows, &out)) return NULL;
+    const double *row = rows.buf;
+    int failed = 0;
+    for (Py_ssize_t i = 0; i < PyList_GET_SIZE(wedges) && !failed; i++, row += 2)
+        failed = wedge_take((Wedge *)PyList_GET_ITEM(wedges, i), row[0], row[1],
+                            (double *)out.buf + i) < 0;
+    PyBuffer_Release(&rows);
+    PyBuffer_Release(&out);
+    if (failed) return NULL;
+    Py_RETURN_NONE;
 }
 
 static PyObject *wedge_update(PyObject *self, PyObject *const *args, Py_ssize_t n) {
@@ -182,7 +204,11 @@ static PyTypeObject wedge_type = {
     .tp_methods = wedge_methods,
 };
 
-static PyMethodDef functions[] = {{"offline", offline, METH_VARARGS, NULL}, {NULL, NULL, 0, NULL}};
+static PyMethodDef functions[] = {
+    {"offline", offline, METH_VARARGS, NULL},
+    {"lockstep", lockstep, METH_VARARGS, NULL},
+    {NULL, NULL, 0, NULL},
+};
 
 static struct PyModuleDef module = {
     PyModuleDef_HEAD_INIT, .m_name = "cfloor", .m_size = -1, .m_methods = functions};

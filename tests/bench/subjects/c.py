@@ -96,4 +96,21 @@ NUMPY: dict[str, Callable[..., Any]] = {
     "nested": nested,
 }
 
-worker.serve({"update": update, "worst": worst, "memory": memory, "offline": offline})
+
+def lockstep(case: worker.Case) -> worker.Measure:
+    if case["kind"] != "w1" or case["monitor"] != "step":
+        msg = "the floor of lockstep is the sliding minimum"
+        raise ValueError(msg)
+    wedges, out = [cfloor.Wedge(case["k"]) for _ in range(case["num"])], np.empty(case["num"])
+    return worker.lockstep(case, lambda rows: cfloor.lockstep(wedges, rows, out))
+
+
+worker.serve(
+    {
+        "update": update,
+        "worst": worst,
+        "memory": memory,
+        "offline": offline,
+        "lockstep": lockstep,
+    }
+)

@@ -101,4 +101,24 @@ def offline(case: worker.Case) -> worker.Measure:
     return worker.whole(lambda: rtamt.evaluate(spec, trace, backend=case["backend"]), case["n"])
 
 
-worker.serve({"update": update, "worst": worst, "memory": memory, "offline": offline})
+def lockstep(case: worker.Case) -> worker.Measure:
+    kinds = {"step": rtamt.VectorMonitor, "episode": rtamt.VectorEpisodeMonitor}
+    text = FORMULAS[case.get("formula", case["kind"])].format(k=case.get("k"))
+    lanes = kinds[case["monitor"]](text, case["num"], backend=case["backend"])
+
+    def verdicts(rows: Any) -> None:  # noqa: ANN401
+        lanes.update(rows)
+        lanes.lower, lanes.upper, lanes.verdict  # noqa: B018 - what is measured is reading
+
+    return worker.lockstep(case, verdicts if case.get("read") else lanes.update)
+
+
+worker.serve(
+    {
+        "update": update,
+        "worst": worst,
+        "memory": memory,
+        "offline": offline,
+        "lockstep": lockstep,
+    }
+)

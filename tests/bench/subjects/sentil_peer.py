@@ -80,4 +80,25 @@ def offline(case: worker.Case) -> worker.Measure:
     return worker.whole(lambda: parsed.robustness_signal(sentil.Trace(times, trace)), case["n"])
 
 
-worker.serve({"update": update, "worst": worst, "memory": memory, "offline": offline})
+def lockstep(case: worker.Case) -> worker.Measure:
+    updates = [sentil.OnlineMonitor(formula(case)).update_packed for _ in range(case["num"])]
+    order, now = np.argsort(traces.VARIABLES[case["kind"]]), 0.0
+
+    def step(rows: Any) -> None:  # noqa: ANN401
+        nonlocal now
+        now += 1.0
+        for update, row in zip(updates, rows, strict=True):
+            update(now, row).value  # noqa: B018 - what is measured is reading
+
+    return worker.lockstep(case, step, lambda rows: rows[:, order].tolist())
+
+
+worker.serve(
+    {
+        "update": update,
+        "worst": worst,
+        "memory": memory,
+        "offline": offline,
+        "lockstep": lockstep,
+    }
+)
