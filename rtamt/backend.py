@@ -150,6 +150,10 @@ class EpisodeBank(LaneMachine, Protocol):
         """The greatest over all continuations."""
 
     @property
+    def verdict(self) -> NDArray[np.int8]:
+        """1 where lower is above 0, -1 where upper is below, else 0."""
+
+    @property
     def finished(self) -> NDArray[np.bool_]:
         """Whether the traces have ended."""
 

@@ -108,6 +108,11 @@ class EpisodeBank(Bank[EpisodeMachine]):
         return self._each("upper")
 
     @property
+    def verdict(self) -> NDArray[np.int8]:
+        """1 where lower is above 0, -1 where upper is below, else 0."""
+        return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
+
+    @property
     def finished(self) -> NDArray[np.bool_]:
         """Whether the traces have ended."""
         return np.array([machine.finished for machine in self._machines])

@@ -214,8 +214,7 @@ class VectorEpisodeMonitor(_Lockstep[EpisodeBank]):
     @property
     def verdict(self) -> NDArray[np.int8]:
         """What is certain about each lane: -1 violated, 1 satisfied, 0 undecided."""
-        certain = self._machine.lower > 0.0, self._machine.upper < 0.0
-        return np.subtract(*certain, dtype=np.int8)
+        return self._machine.verdict
 
     @property
     def finished(self) -> NDArray[np.bool_]:

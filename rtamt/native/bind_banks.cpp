@@ -17,7 +17,6 @@ template <class B>
 struct BoundBank {
     B bank;
     nb::object reader;
-    nb::object empty = nb::module_::import_("numpy").attr("empty");
 };
 
 using BoundDiscrete = BoundBank<Bank>;
@@ -60,41 +59,70 @@ Held<double> table_of(const BoundBank<B>& bound, nb::handle values) {
     return {bound.reader.attr("values")(values), num * width};
 }
 
-// A fresh array, a number for each lane.
-template <class T, class B, class Value>
-nb::object array_of(const BoundBank<B>& bound, const char* dtype, Value value) {
-    const std::size_t num = bound.bank.num();
-    const View out(bound.empty(num, dtype), num, PyBUF_ND | PyBUF_WRITABLE);
-    for (std::size_t lane = 0; lane < num; ++lane) out.data<T>()[lane] = value(lane);
-    return out.array();
+// Makes the arrays that are handed out: fresh ones, a number for each lane.
+class Fresh {
+public:
+    explicit Fresh(const char* dtype)
+        : empty_(nb::object(numpy().attr("empty")).release().ptr()),
+          dtype_(nb::object(numpy().attr("dtype")(dtype)).release().ptr()) {}
+
+    template <class T, class Value>
+    nb::object operator()(std::size_t n, Value value) const {
+        const nb::int_ size(n);
+        PyObject* arguments[] = {size.ptr(), dtype_};
+        PyObject* made = PyObject_Vectorcall(empty_, arguments, 2, nullptr);
+        if (made == nullptr) nb::raise_python_error();
+        nb::object array = nb::steal(made);
+        auto* elements = static_cast<T*>(Numpy::instance().begin(made));
+        std::vector<View> view;
+        if (elements == nullptr) {
+            view.emplace_back(array, n, PyBUF_ND | PyBUF_WRITABLE);
+            elements = view.front().template data<T>();
+        }
+        for (std::size_t i = 0; i < n; ++i) elements[i] = value(i);
+        return array;
+    }
+
+private:
+    static nb::module_ numpy() { return nb::module_::import_("numpy"); }
+
+    // Borrowed for ever: numpy cannot be unloaded.
+    PyObject* empty_;
+    PyObject* dtype_;
+};
+
+nb::object doubles(const double* values, std::size_t n) {
+    static const Fresh fresh("float64");
+    return fresh.operator()<double>(n, [values](std::size_t i) { return values[i]; });
 }
 
-template <class B>
-nb::object doubles(const BoundBank<B>& bound, const double* values) {
-    const std::size_t num = bound.bank.num();
-    nb::object array = bound.empty(num);
-    double* fast = Numpy::instance().column(array.ptr(), static_cast<Py_ssize_t>(num));
-    if (fast == nullptr) {
-        const View out(array, num, PyBUF_ND | PyBUF_WRITABLE);
-        std::copy_n(values, num, out.data<double>());
-    } else {
-        std::copy_n(values, num, fast);
-    }
-    return array;
+nb::object finished(const BoundEpisodes& bound) {
+    static const Fresh fresh("bool");
+    return fresh.operator()<bool>(bound.bank.num(),
+                                  [&](std::size_t lane) { return bound.bank.finished(lane); });
+}
+
+nb::object verdicts(const BoundEpisodes& bound) {
+    static const Fresh fresh("int8");
+    const double* lower = bound.bank.lower();
+    const double* upper = bound.bank.upper();
+    return fresh.operator()<std::int8_t>(bound.bank.num(), [=](std::size_t lane) {
+        return static_cast<std::int8_t>((lower[lane] > 0.0) - (upper[lane] < 0.0));
+    });
 }
 
 template <class B>
 nb::object samples(const BoundBank<B>& bound) {
-    return array_of<std::int64_t>(bound, "int64",
-                                  [&](std::size_t lane) { return bound.bank.samples(lane); });
+    static const Fresh fresh("int64");
+    return fresh.template operator()<std::int64_t>(
+        bound.bank.num(), [&](std::size_t lane) { return bound.bank.samples(lane); });
 }
 
 template <class B>
 nb::object inputs(const BoundBank<B>& bound) {
-    const std::size_t n = bound.bank.num() * bound.bank.variables();
-    const View out(bound.empty(n), n, PyBUF_ND | PyBUF_WRITABLE);
-    std::copy_n(bound.bank.inputs(), n, out.data<double>());
-    return out.array().attr("reshape")(bound.bank.num(), bound.bank.variables());
+    const std::size_t num = bound.bank.num();
+    const std::size_t width = bound.bank.variables();
+    return doubles(bound.bank.inputs(), num * width).attr("reshape")(num, width);
 }
 
 template <class B>
@@ -129,7 +157,7 @@ nb::object update(BoundBank<B>& bound, nb::handle values, nb::handle mask) {
             throw std::runtime_error("the reader did not refuse a term that is nan");
         }
     }
-    return doubles(bound, bank.results());
+    return doubles(bank.results(), bank.num());
 }
 
 template <class B>
@@ -144,7 +172,7 @@ nb::object finish(BoundEpisodes& bound, nb::handle mask) {
         [](const EpisodeBank& bank, std::size_t lane) { return bank.samples(lane) > 0; },
         "refuse_finish");
     bound.bank.finish(chosen.data());
-    return doubles(bound, bound.bank.results());
+    return doubles(bound.bank.results(), bound.bank.num());
 }
 
 template <class B>
@@ -240,19 +268,20 @@ void bind_banks(nb::module_& m) {
              nb::arg("tops"), nb::arg("streams"), nb::arg("variables"), nb::arg("num"),
              nb::arg("reader"))
         .def_prop_ro("robustness",
-                     [](const BoundEpisodes& b) { return doubles(b, b.bank.results()); },
+                     [](const BoundEpisodes& b) { return doubles(b.bank.results(), b.bank.num()); },
                      "Robustness if the episodes ended now.")
-        .def_prop_ro("lower", [](const BoundEpisodes& b) { return doubles(b, b.bank.lower()); },
-                     "The least over all continuations.")
-        .def_prop_ro("upper", [](const BoundEpisodes& b) { return doubles(b, b.bank.upper()); },
-                     "The greatest over all continuations.")
-        .def_prop_ro("finished",
+        .def_prop_ro("lower",
                      [](const BoundEpisodes& b) {
-                         return array_of<bool>(b, "bool", [&](std::size_t lane) {
-                             return b.bank.finished(lane);
-                         });
+                         return doubles(b.bank.lower(), b.bank.num());
                      },
-                     "Whether the traces have ended.")
+                     "The least over all continuations.")
+        .def_prop_ro("upper",
+                     [](const BoundEpisodes& b) {
+                         return doubles(b.bank.upper(), b.bank.num());
+                     },
+                     "The greatest over all continuations.")
+        .def_prop_ro("verdict", verdicts, "1 where lower is above 0, -1 where upper is below.")
+        .def_prop_ro("finished", finished, "Whether the traces have ended.")
         .def("finish", finish, nb::arg("mask").none() = nb::none(),
              "End the traces of the lanes that the mask chooses; the robustness of every lane.");
 }

@@ -40,12 +40,10 @@ public:
         return reinterpret_cast<const double*>(fields->data);
     }
 
-    // Where the n numbers of a new array of float64 go; null if that is not known.
-    double* column(PyObject* array, Py_ssize_t n) const {
+    // Where the elements of a new 1-D array go; null if that is not known.
+    void* begin(PyObject* array) const {
         if (!known_ || !is_array(array)) return nullptr;
-        const auto* fields = reinterpret_cast<const Fields*>(array);
-        if (fields->ndim != 1 || fields->dtype != doubles_ || fields->shape[0] != n) return nullptr;
-        return reinterpret_cast<double*>(const_cast<char*>(fields->data));
+        return const_cast<char*>(reinterpret_cast<const Fields*>(array)->data);
     }
 
     // The n truth values of a 1-D array, one behind the other; null of any other.
