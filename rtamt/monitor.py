@@ -185,6 +185,10 @@ class Verdict(enum.IntEnum):
     """No continuation can violate the specification: the lower bound is above 0."""
 
 
+# Attributes of an enumeration cost more than the rest of what reads them.
+_VIOLATED, _UNDECIDED, _SATISFIED = Verdict
+
+
 class EpisodeMonitor(_Single[EpisodeMachine]):
     """The robustness of a whole episode, and its bounds over all continuations, at every sample.
 
@@ -246,8 +250,8 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
     def verdict(self) -> Verdict:
         """What is certain."""
         if self._machine.upper < 0.0:
-            return Verdict.VIOLATED
-        return Verdict.SATISFIED if self._machine.lower > 0.0 else Verdict.UNDECIDED
+            return _VIOLATED
+        return _SATISFIED if self._machine.lower > 0.0 else _UNDECIDED
 
     @property
     def finished(self) -> bool:
