@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rtamt_gym.rewards import StlReward
     from rtamt_gym.signals import Step
+    from rtamt_gym.vector import VectorStlMonitor
     from rtamt_gym.wrappers import StlMonitor
 
-__all__ = ["Step", "StlMonitor", "StlReward"]
+__all__ = ["Step", "StlMonitor", "StlReward", "VectorStlMonitor"]
 
 _MODULES = {
     "Step": "rtamt_gym.signals",
     "StlMonitor": "rtamt_gym.wrappers",
     "StlReward": "rtamt_gym.rewards",
+    "VectorStlMonitor": "rtamt_gym.vector",
 }
 
 

@@ -7,9 +7,12 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from numbers import Real
 
-from rtamt import InputError
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["check_choice", "check_known", "check_length", "check_number"]
+from rtamt import InputError, InputTypeError
+
+__all__ = ["check_choice", "check_known", "check_length", "check_mask", "check_number"]
 
 
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
@@ -44,3 +47,17 @@ def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None
                 f"{name}= names {key!r}, which is no specification; the specifications are "
                 f"{', '.join(map(repr, known))}; {way_out}"
             )
+
+
+def check_mask(mask: object, num: int) -> NDArray[np.bool_]:
+    """Refuses an ``options["reset_mask"]`` that is not what Gymnasium asks for."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        raise InputTypeError(
+            f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
+        )
+    if mask.shape != (num,) or not mask.any():
+        raise InputError(
+            f"expected options['reset_mask'] of shape ({num},), true for one environment or more, "
+            f"got {mask!r}"
+        )
+    return mask

@@ -1,0 +1,392 @@
+"""`VectorStlMonitor`: specifications of signal temporal logic watch a vector environment."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any, get_args
+
+import numpy as np
+from gymnasium.logger import warn
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import AutoresetMode, VectorWrapper
+from numpy.typing import NDArray
+
+from rtamt import InputError, StateError
+from rtamt_gym.arguments import check_choice, check_length, check_mask
+from rtamt_gym.columns import Batch, Columns, Floats, Lanes
+from rtamt_gym.infos import final_infos, final_observations, put
+from rtamt_gym.lockstep import Ended, Lockstep, Reading
+from rtamt_gym.signals import SignalLike, parse_signals
+from rtamt_gym.specs import (
+    SpecsLike,
+    View,
+    load_specs,
+    read_period,
+    recordable,
+    resolve_period,
+)
+from rtamt_gym.wrappers import Cost, OnViolation
+
+__all__ = ["VectorStlMonitor"]
+
+
+class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
+    """Monitors every environment of a vector environment against specifications.
+
+    What :class:`StlMonitor` says of an environment holds for each of them, as if each were wrapped
+    by itself: the same samples, and the same ``info``, in the form in which vector environments
+    gather it, an array for every key and a mask ``_key`` of the environments that have it. Numbers
+    are float64 arrays. Works with the vector environments of :func:`gymnasium.make_vec`, native,
+    synchronous and asynchronous, and with others that keep to their rules.
+
+    The end of an episode is seen in all of Gymnasium's modes of autoreset:
+
+    * ``NEXT_STEP``: a step after the end of an episode is the reset, its observation is sample 0
+    * ``SAME_STEP``: the terminal observation is read from ``final_obs``; what the last info of an
+      episode has is in ``final_info``
+    * ``DISABLED``: until ``reset(options={"reset_mask": mask})``, which begins new episodes in the
+      environments of the mask and touches no other
+
+    A wrapper around all environments cannot make one of them begin anew. So a violation is only
+    reported, unless the mode is ``DISABLED``, where the caller resets. Wrap each environment by
+    itself with :class:`StlMonitor` to end episodes in the other modes.
+
+    Signals are read for all environments at once: ``"obs[2]"`` is column 2 of the observations. A
+    callable gets the whole batch as a :class:`rtamt_gym.Step`, and returns an array with one number
+    for each environment; for those that begin an episode it is called with ``action`` and
+    ``reward`` None. ``"qpos[1]"`` needs a ``SyncVectorEnv``, whose environments are read one by
+    one.
+
+    Attributes:
+        stl_episodes: The records of the last ``buffer_length`` episodes that ended, as
+            :class:`StlMonitor` makes them, with ``"env"``, the number of the environment.
+
+    The scalar version of the wrapper is :class:`StlMonitor`.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> from rtamt_gym import VectorStlMonitor
+        >>> envs = gym.make_vec("CartPole-v1", num_envs=3, vectorization_mode="vector_entry_point")
+        >>> envs = VectorStlMonitor(envs, "always(abs(theta) < 0.1)", {"theta": "obs[2]"})
+        >>> _, infos = envs.reset(seed=123)
+        >>> infos["robustness"].round(3)
+        array([0.058, 0.078, 0.068])
+        >>> terminated = np.zeros(3, bool)
+        >>> while not terminated.any():
+        ...     _, _, terminated, _, infos = envs.step(np.array([1, 1, 0]))
+        >>> terminated, infos["stl_episode"]["spec"]["verdict"]
+        (array([False,  True,  True]), array([None, 'VIOLATED', 'VIOLATED'], dtype=object))
+        >>> infos["stl_violated_at"], infos["_stl_violated_at"]
+        (array([0, 6, 6]), array([False,  True,  True]))
+
+    Change logs:
+     * v0.5.0 - Initially added
+    """
+
+    def __init__(
+        self,
+        env: Batch,
+        specs: SpecsLike,
+        signals: Mapping[str, SignalLike],
+        *,
+        period: float | str | None = None,
+        on_violation: OnViolation = "report",
+        view: View = "episode",
+        details: bool = False,
+        cost: Cost | None = None,
+        buffer_length: int = 100,
+    ) -> None:
+        """Parses the specifications, binds the signals, and refuses what cannot be monitored.
+
+        Args:
+            env: The vector environment to apply the wrapper
+            specs: As for :class:`StlMonitor`
+            signals: Likewise; a callable speaks of all environments, see above
+            period: Likewise; an ``AsyncVectorEnv`` is not asked for it
+            on_violation: ``"report"`` a certain violation; with ``AutoresetMode.DISABLED`` also
+                ``"terminate"`` or ``"truncate"`` the episode
+            view: As for :class:`StlMonitor`
+            details: Likewise
+            cost: Likewise
+            buffer_length: Likewise
+
+        Raises:
+            SpecificationError: As :class:`StlMonitor` does
+            InputError: Likewise; and if the environment cannot do what ``on_violation`` asks
+        """
+        RecordConstructorArgs.__init__(
+            self,
+            specs=recordable(specs),
+            signals=signals,
+            period=period,
+            on_violation=on_violation,
+            view=view,
+            details=details,
+            cost=cost,
+            buffer_length=buffer_length,
+        )
+        VectorWrapper.__init__(self, env)
+        check_choice("on_violation", on_violation, get_args(OnViolation))
+        check_choice("view", view, get_args(View))
+        check_choice("cost", cost, (None, *get_args(Cost)))
+        self._buffer_length = check_length("buffer_length", buffer_length)
+        self._autoreset = _autoreset_mode(env)
+        if on_violation != "report" and self._autoreset is not AutoresetMode.DISABLED:
+            raise InputError(
+                f"on_violation={on_violation!r} needs an environment that resets when it is told, "
+                f"AutoresetMode.DISABLED, got {self._autoreset} of {env}; wrap each environment, "
+                "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
+                "take on_violation='report'"
+            )
+        self._on_violation = on_violation
+        self._details = details
+        self._cost = cost
+
+        loaded = load_specs(specs)
+        self._signals = parse_signals(
+            signals, [variable for spec in loaded.values() for variable in spec.variables]
+        )
+        self._period = resolve_period(loaded, period, env)
+        self._guards_period = period is None and any(spec.timed for spec in loaded.values())
+        names = [signal.name for signal in self._signals]
+        self._specs = Lockstep(loaded, env.num_envs, self._period, view, names)
+        self._bind_signals()
+        self._ended: deque[Ended] = deque()
+        self._charged = np.zeros(env.num_envs, np.bool_)
+        self._done = np.zeros(env.num_envs, np.bool_)
+        self._table = np.full((env.num_envs, len(names)), np.nan)
+        self._running = False
+        self.terminal: Reading | None = None
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Resets the environments and their monitors, with ``reset_mask`` those of the mask.
+
+        Raises:
+            InputError: If a signal is nan or cannot be read.
+            StateError: If the environment has changed its period since construction, if it has
+                reset others than those of the mask, or if the mask is given before any reset.
+        """
+        mask: Lanes | None = None
+        if options is not None and "reset_mask" in options:
+            mask = self._checked(options["reset_mask"])
+            # Gymnasium's environments take it out, and a wrapper around this one looks for it.
+            options = dict(options)
+        self._running = False
+        obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
+        if mask is None and self._guards_period and read_period(self.env) != self._period:
+            raise StateError(
+                f"expected the period of {self._period} s that {self.env.unwrapped} had at "
+                f"construction, got {read_period(self.env)} s; wrap it again, or give period="
+            )
+        lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        table = self._columns.reset(obs, infos, lanes)
+        if mask is not None:
+            self._check_untouched(table, ~mask)
+        infos = dict(infos)
+        self._begin(table, mask)
+        self._report(infos, mask)
+        self._done = self._done & ~lanes
+        self._running = True
+        return obs, infos
+
+    def step(
+        self,
+        actions: Any,  # noqa: ANN401
+    ) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Steps through the environments and feeds one sample of each.
+
+        Raises:
+            StateError: Before :meth:`reset`, after an error, and if an environment whose episode
+                has ended was to be reset by the caller.
+            InputError: If a signal is nan or cannot be read.
+        """
+        begun = self._begun()
+        obs, rewards, terminated, truncated, infos = self.env.step(actions)
+        # A monitor that misses a sample, because a signal cannot be read, would count wrong.
+        self._running = False
+        ended = np.logical_or(terminated, truncated)
+        resets = self._autoreset is AutoresetMode.SAME_STEP and bool(ended.any())
+        shown, said = self._at_end(obs, infos, ended) if resets else (obs, infos)
+        self._table = self._columns.step(shown, actions, rewards, said, begun)
+        if begun is not None:
+            self._specs.reset(begun)
+            self._charged &= ~begun
+        self._specs.feed(self._table)
+        if np.any(terminated):
+            self._specs.finish(np.asarray(terminated))
+        if self._on_violation != "report":
+            terminated, truncated = self._end(terminated, truncated)
+            ended = np.logical_or(terminated, truncated)
+        infos = dict(infos)
+        stepped = None if begun is None else ~begun
+        cost = self._charge(stepped)
+        self.terminal = None
+        if resets:
+            final = dict(infos.get("final_info", {}))
+            self._report(final, ended)
+            self._put_cost(final, cost, ended)
+            self._conclude(final, ended, terminated, truncated)
+            infos["final_info"], infos["_final_info"] = final, ended.copy()
+            self.terminal = self._specs.read()
+            self._begin(self._columns.reset(obs, infos, ended), ended)
+            self._report(infos, None)
+            self._put_cost(infos, cost, ~ended)
+        else:
+            self._report(infos, None)
+            self._put_cost(infos, cost, stepped)
+            if ended.any():
+                self._conclude(infos, ended, terminated, truncated)
+            self._done = ended
+        self._running = True
+        return obs, rewards, terminated, truncated, infos
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples; ``None`` if neither the argument nor the environment says."""
+        return self._specs.judges[0].period
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """Samples fed to every environment's monitors since its reset, that one included."""
+        return self._specs.samples
+
+    @property
+    def specs(self) -> Lockstep:
+        """The monitors."""
+        return self._specs
+
+    @property
+    def stl_episodes(self) -> deque[dict[str, Any]]:
+        """The records of the last episodes, the newest last; a fresh deque."""
+        length = self._buffer_length
+        records = (record for ended in self._ended for record in ended.records(length))
+        return deque(records, maxlen=length)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: self.__dict__[name] for name in self.__dict__ if name != "_columns"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind_signals()
+
+    def _bind_signals(self) -> None:
+        """Makes what pickle cannot carry: functions that read this environment."""
+        same_step = self._autoreset is AutoresetMode.SAME_STEP
+        self._columns = Columns(self._signals, self.env, same_step=same_step)
+
+    def _begun(self) -> Lanes | None:
+        """The environments that the next step resets; None if there are none."""
+        if not self._running:
+            raise StateError("expected running episodes, got step() before reset(); call reset()")
+        if not self._done.any():
+            return None
+        if self._autoreset is AutoresetMode.DISABLED:
+            raise StateError(
+                "expected running episodes, got step() after the end of that of environment "
+                f"{np.flatnonzero(self._done)[0]}; call reset(options={{'reset_mask': mask}}), "
+                "the mask true for all that have ended"
+            )
+        return self._done
+
+    def _end(self, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        """Ends the episodes that are violated, as `on_violation` asks."""
+        failed = self._specs.failed & ~np.asarray(terminated)
+        if self._on_violation == "terminate":
+            return np.logical_or(terminated, failed), truncated
+        return terminated, np.logical_or(truncated, failed)
+
+    def _at_end(self, obs: Any, infos: dict[str, Any], ended: Lanes) -> Any:  # noqa: ANN401
+        """Observations and infos of a step before the resets in it, as far as signals read them."""
+        if self._columns.reads_obs:
+            obs = final_observations(self.env.single_observation_space, obs, infos, ended)
+        return obs, final_infos(infos, ended) if self._columns.reads_info else infos
+
+    def _begin(self, table: Floats, lanes: Lanes | None) -> None:
+        """Begins episodes with sample 0 in the environments of the mask; None: in all."""
+        which = slice(None) if lanes is None else lanes
+        self._specs.reset(lanes)
+        self._charged[which] = False
+        self._specs.feed(table, lanes)
+        self._table[which] = table[which]
+
+    def _checked(self, mask: Any) -> Lanes:  # noqa: ANN401
+        lanes = check_mask(mask, self.num_envs)
+        if not self._running:
+            raise StateError(
+                "expected a reset of all environments before that of some, got "
+                "options={'reset_mask': ...}; call reset()"
+            )
+        return lanes
+
+    def _check_untouched(self, table: Floats, others: Lanes) -> None:
+        touched = self._columns.differ(table, self._table, others)
+        if touched.any():
+            raise StateError(
+                f"expected a reset of the environments of reset_mask alone, but {self.env} has "
+                f"reset others, such as {np.flatnonzero(touched)[0]}: it does not know reset_mask; "
+                "reset all, or take gym.make_vec(..., vectorization_mode='sync')"
+            )
+
+    def _report(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
+        put(infos, "robustness", self._specs.robustness, lanes)
+        put(infos, "stl_lower", self._specs.lower, lanes)
+        put(infos, "stl_upper", self._specs.upper, lanes)
+        put(infos, "stl_violated", self._specs.violated, lanes)
+        if self._details:
+            self._specs.describe(infos, lanes)
+
+    def _charge(self, stepped: Lanes | None) -> Floats | None:
+        if self._cost is None:
+            return None
+        violated = self._specs.violated
+        first = violated & ~self._charged
+        self._charged = violated.copy() if stepped is None else violated & stepped
+        match self._cost:
+            case "depth":
+                return np.asarray(np.maximum(0.0, -self._specs.upper))
+            case "first":
+                return first.astype(np.float64)
+            case _:
+                return violated.astype(np.float64)
+
+    def _put_cost(self, infos: dict[str, Any], cost: Floats | None, lanes: Lanes | None) -> None:
+        if cost is not None:
+            put(infos, "cost", cost, lanes)
+
+    def _conclude(
+        self,
+        infos: dict[str, Any],
+        ended: Lanes,
+        terminated: Any,  # noqa: ANN401
+        truncated: Any,  # noqa: ANN401
+    ) -> None:
+        """Adds to the last infos of episodes what became of every specification; records them."""
+        self._specs.conclude(infos, ended)
+        kept = self._ended
+        kept.append(self._specs.ended(ended, np.asarray(terminated), np.asarray(truncated)))
+        spare = sum(len(each.envs) for each in kept) - self._buffer_length
+        while kept and len(kept[0].envs) <= spare:
+            spare -= len(kept.popleft().envs)
+
+
+def _autoreset_mode(env: Batch) -> AutoresetMode:
+    mode = env.metadata.get("autoreset_mode")
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode is not None:
+        raise InputError(
+            f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
+        )
+    # As Gymnasium's own wrappers do.
+    warn(
+        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
+        "AutoresetMode.NEXT_STEP"
+    )
+    return AutoresetMode.NEXT_STEP

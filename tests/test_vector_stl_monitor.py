@@ -1,0 +1,282 @@
+"""`VectorStlMonitor` says of every environment what `StlMonitor` says of it, in every mode."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from environments import CASES, Case
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import DictInfoToList
+from replay import Replay, X
+from vectors import MODES, Envs, Make, difference, sync, trajectory
+
+from rtamt_gym import Step, StlMonitor, VectorStlMonitor
+from rtamt_gym.specs import View
+from rtamt_gym.wrappers import Cost, OnViolation
+
+modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
+
+
+def both(
+    makes: Sequence[Make],
+    mode: AutoresetMode,
+    specs: Any,  # noqa: ANN401
+    signals: dict[str, Any],
+    **options: Any,  # noqa: ANN401
+) -> tuple[VectorStlMonitor, Envs]:
+    """Monitored as one, and one by one."""
+    options = {"on_violation": "report", **options}
+
+    def wrapped(make: Make) -> gym.Env[Any, Any]:
+        return StlMonitor(make(), specs, signals, **options)
+
+    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
+    return VectorStlMonitor(sync(makes, mode), specs, signals, **options), singles
+
+
+# Of highway-env's environments the quick one will do.
+QUICK = [case for case in CASES if "highway-fast" not in case.env_id]
+
+
+def bare(case: Case) -> list[Make]:
+    """Episodes of different lengths, so that they do not end together."""
+    return [
+        functools.partial(gym.make, case.env_id, max_episode_steps=limit) for limit in (6, 40, 9)
+    ]
+
+
+@modes
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: case.env_id.split(":")[-1])
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_trajectories_and_infos_are_those_of_environments_wrapped_one_by_one(
+    case: Case, mode: AutoresetMode, view: View
+) -> None:
+    specs, signals = case.specs, case.signals
+    if case.env_id == "HalfCheetah-v5" and mode is AutoresetMode.SAME_STEP:
+        # The simulation has been reset when the terminal observation is shown.
+        signals = {"pitch": "obs[1]", "vz": "obs[9]", "v": signals["v"]}
+    if view == "step":
+        specs, name = {}, next(iter(signals))
+        specs = {"low": f"{name} < 0.5", "calms": f"{name} > 0 implies eventually[0:0.5]({name}<0)"}
+        signals = {name: signals[name]}
+    together, singles = both(
+        bare(case), mode, specs, signals, view=view, details=True, cost="depth", period=0.1
+    )
+    steps = 14 if "parking" in case.env_id else 30
+    expected = [strip(shown) for shown in trajectory(singles, steps)]
+    assert difference([strip(shown) for shown in trajectory(together, steps)], expected) == ""
+    assert len(together.stl_episodes) >= 2
+    together.close()
+    singles.close()
+
+
+def strip(shown: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Without the actions in highway-env's infos of a reset, which nobody took and no seed drew."""
+    infos = {key: value for key, value in shown[-1].items() if key.strip("_") != "action"}
+    return (*shown[:-1], infos)
+
+
+SERIES: list[Sequence[float]] = [
+    [3, 2, 0, 4, 4],
+    [3, 3],
+    [0, 3, 3],
+    [3, 3, 3, 3, 3, 3, 0, 3],
+    [2, 0.5, 3],
+]
+
+
+def replays(end: str = "terminated") -> list[Make]:
+    return [functools.partial(Replay, values, end) for values in SERIES]
+
+
+SPECS = {
+    "high": "always(x > 1)",
+    "response": "always(x < 1 implies eventually[0:1](x > 2))",
+    "peak": "eventually(x > 3.5)",
+    "effort": "always(u + p < 5)",
+}
+SIGNALS = {**X, "u": ("action[0]", 0.25), "p": ("reward", -1.0)}
+
+
+@modes
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+@pytest.mark.parametrize("cost", ["indicator", "depth", "first"])
+def test_every_outcome_of_several_specifications_is_that_of_single_environments(
+    mode: AutoresetMode, end: str, cost: Cost
+) -> None:
+    together, singles = both(replays(end), mode, SPECS, SIGNALS, cost=cost, details=True, period=1)
+    assert isinstance(singles, SyncVectorEnv)
+    assert difference(trajectory(together, 30), trajectory(singles, 30)) == ""
+    samples = [env.get_wrapper_attr("samples") for env in singles.envs]
+    assert together.samples.tolist() == samples
+    for lane, env in enumerate(singles.envs):
+        records = [record for record in together.stl_episodes if record["env"] == lane]
+        assert [{k: v for k, v in record.items() if k != "env"} for record in records] == list(
+            env.get_wrapper_attr("stl_episodes")
+        )[-len(records) :]
+        types = {type(value) for record in records for value in record.values()}
+        assert types <= {int, bool, str, dict}
+
+
+@pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
+def test_a_violation_ends_an_episode_where_the_caller_resets(on_violation: OnViolation) -> None:
+    together, singles = both(
+        replays(), AutoresetMode.DISABLED, SPECS, SIGNALS, on_violation=on_violation, period=1
+    )
+    assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
+    ends = [record for record in together.stl_episodes if record["env"] == 0]
+    assert {(end["samples"], end["terminated"], end["truncated"]) for end in ends} == {
+        (3, on_violation == "terminate", on_violation == "truncate")
+    }
+
+
+@modes
+def test_the_environments_own_success_is_kept(mode: AutoresetMode) -> None:
+    def make(values: Sequence[float]) -> gym.Env[Any, Any]:
+        env = Replay(values)
+        env.info = {"is_success": True, "speed": float(values[0])}
+        return env
+
+    makes = [functools.partial(make, values) for values in ((3, 0), (3, 3, 3))]
+    signals = {**X, "v": ("info['speed']", 0.0)}
+    together, singles = both(makes, mode, "always(x > 1 and v < 9)", signals)
+    assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
+
+
+def test_success_is_added_for_environments_that_do_not_report_their_own() -> None:
+    def make(values: Sequence[float]) -> gym.Env[Any, Any]:
+        env = Replay(values)
+        env.info = {"is_success": True} if len(values) == 2 else {}
+        return env
+
+    makes = [functools.partial(make, values) for values in ((3, 0), (3, 3, 0))]
+    together, singles = both(makes, AutoresetMode.NEXT_STEP, "always(x > 1)", X)
+    assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
+
+
+@modes
+def test_observations_and_infos_may_be_nested(mode: AutoresetMode) -> None:
+    signals = {
+        "x": "obs['pair'][0][1]",
+        "n": "obs['pair'][1]",
+        "a": ("action['push'][0]", 0.0),
+        "v": ("info['deep']['speed'][1]", 1.0),
+        "w": ("info['list'][0]", 0.5),
+    }
+    specs = "always(x + n + a + v + w < 9)"
+    together, singles = both([functools.partial(Nested, n) for n in (2, 3)], mode, specs, signals)
+    assert difference(trajectory(together, 9), trajectory(singles, 9)) == ""
+
+
+class Nested(gym.Env[Any, Any]):
+    """Dictionaries and tuples all the way."""
+
+    observation_space = spaces.Dict(
+        {"pair": spaces.Tuple([spaces.Box(-9, 9, (2,)), spaces.Discrete(9)]), "t": spaces.Text(3)}
+    )
+    action_space = spaces.Dict({"push": spaces.Box(-1, 1, (1,))})
+
+    def __init__(self, length: int) -> None:
+        self.length = length
+        self.at = 0
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+        super().reset(seed=seed, options=options)
+        self.at = 0
+        return self.shown(), {}
+
+    def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
+        self.at += 1
+        speed = np.array([0.0, self.at])
+        info = {"deep": {"speed": speed}, "list": [self.at, "x"]}
+        return self.shown(), 1.0, self.at == self.length, False, info
+
+    def shown(self) -> dict[str, Any]:
+        return {"pair": (np.array([0, self.at], np.float32), self.at), "t": "abc"}
+
+
+# ---- callables ----
+
+
+def height(step: Step) -> Any:  # noqa: ANN401
+    """Of one environment or of many."""
+    return step.obs[..., 0] + (0.0 if step.action is None else step.action[..., 0])
+
+
+def own(step: Step) -> Any:  # noqa: ANN401
+    return step.info["own"]
+
+
+@modes
+def test_a_callable_reads_all_environments_at_once(mode: AutoresetMode) -> None:
+    signals = {"h": height, "i": own, "r": (lambda step: step.reward, 0.0)}
+    together, singles = both(replays(), mode, "always(h + i + r > 1)", signals)
+    assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
+
+
+# ---- native and asynchronous environments ----
+
+
+def native(num: int, **options: Any) -> Envs:  # noqa: ANN401
+    return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point", **options)
+
+
+UPRIGHT = (
+    "always(abs(theta) > 0.1 implies eventually[0:0.2](abs(theta) < 0.05))",
+    CASES[0].signals,
+)
+
+
+def test_a_native_environment_is_monitored_as_recorded_traces_are() -> None:
+    """It draws its states from one generator: lane by lane, fed to scalar monitors."""
+    envs = VectorStlMonitor(native(5), *UPRIGHT, cost="first")
+    shown = trajectory(envs, 120)
+    for lane in range(5):
+        monitor = StlMonitor(
+            Played(shown, lane), *UPRIGHT, on_violation="report", cost="first", period=0.02
+        )
+        begins = True
+        for row in shown:
+            if begins:
+                _, info = monitor.reset()
+                ended = False
+            else:
+                _, _, terminated, truncated, info = monitor.step(0)
+                ended = terminated or truncated
+            begins = ended
+            mine = DictInfoToList._convert_info_to_list(DictInfoToList(envs), row[-1])[lane]
+            assert difference(plain(mine), plain(info)) == ""
+    assert len(envs.stl_episodes) >= 15
+
+
+def plain(info: dict[str, Any]) -> dict[str, Any]:
+    """With numbers of Python instead of numpy's."""
+    return {
+        key: plain(value) if isinstance(value, dict) else np.array([value]).tolist()[0]
+        for key, value in info.items()
+    }
+
+
+class Played(gym.Env[Any, Any]):
+    """One lane of a trajectory, as an environment."""
+
+    observation_space = spaces.Box(-9, 9, (4,), np.float32)
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, shown: list[tuple[Any, ...]], lane: int) -> None:
+        self.rows = iter(shown)
+        self.lane = lane
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401, ARG002
+        return next(self.rows)[0][self.lane], {}
+
+    def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
+        obs, rewards, terminated, truncated, _ = next(self.rows)
+        lane = self.lane
+        return obs[lane], rewards[lane], bool(terminated[lane]), bool(truncated[lane]), {}

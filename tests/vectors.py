@@ -1,0 +1,48 @@
+"""Vector environments of several kinds, monitored as one and each by itself, and their runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+Envs = gym.vector.VectorEnv[Any, Any, Any]
+Make = Callable[[], gym.Env[Any, Any]]
+MODES = list(AutoresetMode)
+
+
+def sync(makes: Sequence[Make], mode: AutoresetMode) -> Envs:
+    return SyncVectorEnv(list(makes), autoreset_mode=mode)
+
+
+def trajectory(envs: Envs, steps: int, seed: int = 7) -> list[tuple[Any, ...]]:
+    """Reset and random steps; the environments of `DISABLED` are reset where they ended."""
+    envs.action_space.seed(seed)
+    shown: list[tuple[Any, ...]] = [envs.reset(seed=seed)]
+    for _ in range(steps):
+        shown.append(envs.step(envs.action_space.sample()))
+        ended = np.logical_or(shown[-1][2], shown[-1][3])
+        if envs.metadata["autoreset_mode"] is AutoresetMode.DISABLED and ended.any():
+            shown.append(envs.reset(options={"reset_mask": ended}))
+    return shown
+
+
+def difference(left: object, right: object, at: str = "") -> str:
+    """Where two trajectories differ; nothing if they are equal, types included."""
+    if isinstance(left, dict) and isinstance(right, dict):
+        if left.keys() != right.keys():
+            return f"{at}: {sorted(left.keys() ^ right.keys())} in one of them alone"
+        parts = [difference(left[key], right[key], f"{at}[{key!r}]") for key in left]
+    elif isinstance(left, list | tuple) and isinstance(right, list | tuple):
+        if len(left) != len(right):
+            return f"{at}: {len(left)} and {len(right)} elements"
+        pairs = enumerate(zip(left, right, strict=True))
+        parts = [difference(a, b, f"{at}[{i}]") for i, (a, b) in pairs]
+    else:
+        same = data_equivalence(left, right, exact=True)
+        return "" if same else f"{at}: {left!r} and {right!r}"
+    return next(filter(None, parts), "")
