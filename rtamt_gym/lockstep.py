@@ -228,18 +228,16 @@ class Lockstep:
 
     def _look(self) -> None:
         """Reads the bounds, and notes the verdicts that they have decided."""
-        lowers = [judge.lower for judge in self.judges]
-        uppers = [judge.upper for judge in self.judges]
-        self.lower, self.upper = _least(lowers), _least(uppers)
-        self.violated = self.upper < 0.0
+        self.lower = _least([judge.lower for judge in self.judges])
+        self.upper = _least([judge.upper for judge in self.judges])
+        verdicts = [judge.verdict for judge in self.judges]
+        self.violated = _least(verdicts) < 0
         # Verdicts stay until the reset, so a count says whether one is new.
-        settled = sum(int(np.count_nonzero(lower > 0.0)) for lower in lowers)
-        settled += sum(int(np.count_nonzero(upper < 0.0)) for upper in uppers)
+        settled = sum(int(np.count_nonzero(verdict)) for verdict in verdicts)
         if settled == self._settled:
             return
         self._settled = settled
-        for place, judge in enumerate(self.judges):
-            verdict = judge.verdict
+        for place, (judge, verdict) in enumerate(zip(self.judges, verdicts, strict=True)):
             new = (verdict != 0) & (self._decided_at[place] < 0)
             self._decided_at[place, new] = judge.samples[new] - 1
             self._violated_by[new & (verdict < 0) & (self._violated_by < 0)] = place
@@ -294,7 +292,7 @@ class Ended(NamedTuple):
         return made
 
 
-def _least(values: Sequence[Floats]) -> Floats:
+def _least(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
     first, *others = values
     for other in others:
         first = np.minimum(first, other)

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium as gym
-from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv, VectorEnv
+from gymnasium.logger import warn
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
@@ -22,6 +23,7 @@ __all__ = [
     "SpecLike",
     "SpecsLike",
     "View",
+    "autoreset_mode",
     "check_looks_ahead",
     "load_specs",
     "make_monitor",
@@ -31,8 +33,8 @@ __all__ = [
     "sampler",
 ]
 
-SpecLike = str | os.PathLike[str] | rtamt.Specification
-"""The text of a specification, the path of a ``.stl`` file, or a parsed specification."""
+SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
+"""Text, the path of a ``.stl`` file, a formula built in Python, or a parsed specification."""
 
 SpecsLike = SpecLike | Mapping[str, SpecLike]
 """One specification, or several with their names."""
@@ -146,6 +148,27 @@ def read_period(env: Env) -> float | None:
         if frequency is not None:
             return 1.0 / frequency
     return None
+
+
+def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
+    """When a vector environment resets those whose episodes have ended.
+
+    Raises:
+        InputError: If it says something that is no mode.
+    """
+    mode = env.metadata.get("autoreset_mode")
+    if isinstance(mode, AutoresetMode):
+        return mode
+    if mode is not None:
+        raise InputError(
+            f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
+        )
+    # As Gymnasium's own wrappers do.
+    warn(
+        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
+        "AutoresetMode.NEXT_STEP"
+    )
+    return AutoresetMode.NEXT_STEP
 
 
 def resolve_period(
@@ -264,6 +287,8 @@ def _load(spec: SpecLike) -> rtamt.Specification:
     match spec:
         case rtamt.Specification():
             return spec
+        case rtamt.Formula():
+            return rtamt.Specification.of(spec)
         case os.PathLike():
             return rtamt.load(Path(spec))
         case str() if spec.endswith(".stl") and len(spec.split()) == 1:

@@ -8,7 +8,6 @@ from fractions import Fraction
 from typing import Any, get_args
 
 import numpy as np
-from gymnasium.logger import warn
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     SpecsLike,
     View,
+    autoreset_mode,
     load_specs,
     read_period,
     recordable,
@@ -132,7 +132,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         check_choice("view", view, get_args(View))
         check_choice("cost", cost, (None, *get_args(Cost)))
         self._buffer_length = check_length("buffer_length", buffer_length)
-        self._autoreset = _autoreset_mode(env)
+        self._autoreset = autoreset_mode(env)
         if on_violation != "report" and self._autoreset is not AutoresetMode.DISABLED:
             raise InputError(
                 f"on_violation={on_violation!r} needs an environment that resets when it is told, "
@@ -155,7 +155,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         self._bind_signals()
         self._ended: deque[Ended] = deque()
         self._charged = np.zeros(env.num_envs, np.bool_)
-        self._done = np.zeros(env.num_envs, np.bool_)
+        self._done: Lanes | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(names)), np.nan)
         self._running = False
         self.terminal: Reading | None = None
@@ -192,7 +192,8 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         infos = dict(infos)
         self._begin(table, mask)
         self._report(infos, mask)
-        self._done = self._done & ~lanes
+        if self._done is not None:
+            self._done = _some(self._done & ~lanes)
         self._running = True
         return obs, infos
 
@@ -211,37 +212,37 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         # A monitor that misses a sample, because a signal cannot be read, would count wrong.
         self._running = False
-        ended = np.logical_or(terminated, truncated)
-        resets = self._autoreset is AutoresetMode.SAME_STEP and bool(ended.any())
-        shown, said = self._at_end(obs, infos, ended) if resets else (obs, infos)
+        ended = _some(np.logical_or(terminated, truncated))
+        resets = ended if self._autoreset is AutoresetMode.SAME_STEP else None
+        shown, said = (obs, infos) if resets is None else self._at_end(obs, infos, resets)
         self._table = self._columns.step(shown, actions, rewards, said, begun)
         if begun is not None:
             self._specs.reset(begun)
             self._charged &= ~begun
         self._specs.feed(self._table)
-        if np.any(terminated):
+        if ended is not None:
             self._specs.finish(np.asarray(terminated))
         if self._on_violation != "report":
             terminated, truncated = self._end(terminated, truncated)
-            ended = np.logical_or(terminated, truncated)
+            ended = _some(np.logical_or(terminated, truncated))
         infos = dict(infos)
         stepped = None if begun is None else ~begun
         cost = self._charge(stepped)
         self.terminal = None
-        if resets:
+        if resets is not None:
             final = dict(infos.get("final_info", {}))
-            self._report(final, ended)
-            self._put_cost(final, cost, ended)
-            self._conclude(final, ended, terminated, truncated)
-            infos["final_info"], infos["_final_info"] = final, ended.copy()
+            self._report(final, resets)
+            self._put_cost(final, cost, resets)
+            self._conclude(final, resets, terminated, truncated)
+            infos["final_info"], infos["_final_info"] = final, resets.copy()
             self.terminal = self._specs.read()
-            self._begin(self._columns.reset(obs, infos, ended), ended)
+            self._begin(self._columns.reset(obs, infos, resets), resets)
             self._report(infos, None)
-            self._put_cost(infos, cost, ~ended)
+            self._put_cost(infos, cost, ~resets)
         else:
             self._report(infos, None)
             self._put_cost(infos, cost, stepped)
-            if ended.any():
+            if ended is not None:
                 self._conclude(infos, ended, terminated, truncated)
             self._done = ended
         self._running = True
@@ -285,9 +286,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         """The environments that the next step resets; None if there are none."""
         if not self._running:
             raise StateError("expected running episodes, got step() before reset(); call reset()")
-        if not self._done.any():
-            return None
-        if self._autoreset is AutoresetMode.DISABLED:
+        if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
             raise StateError(
                 "expected running episodes, got step() after the end of that of environment "
                 f"{np.flatnonzero(self._done)[0]}; call reset(options={{'reset_mask': mask}}), "
@@ -376,17 +375,6 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
             spare -= len(kept.popleft().envs)
 
 
-def _autoreset_mode(env: Batch) -> AutoresetMode:
-    mode = env.metadata.get("autoreset_mode")
-    if isinstance(mode, AutoresetMode):
-        return mode
-    if mode is not None:
-        raise InputError(
-            f"expected an AutoresetMode as metadata['autoreset_mode'] of {env}, got {mode!r}"
-        )
-    # As Gymnasium's own wrappers do.
-    warn(
-        f"{env} has no metadata['autoreset_mode']; VectorStlMonitor takes it for "
-        "AutoresetMode.NEXT_STEP"
-    )
-    return AutoresetMode.NEXT_STEP
+def _some(lanes: Lanes) -> Lanes | None:
+    """The environments of the mask; None if there are none."""
+    return lanes if np.count_nonzero(lanes) else None
