@@ -278,6 +278,9 @@ def variable(name: str) -> Term:
     Raises:
         SpecificationError: If the specification language could not read the name.
     """
+    if not isinstance(name, str):
+        msg = f"expected the name of a variable as text, got {type(name).__name__} {name!r}"
+        raise InputTypeError(msg)
     if not all(part.isidentifier() and part.isascii() for part in name.split(".")):
         msg = f"expected a name of letters, digits, '_' and dots, got '{name}'"
         raise SpecificationError(msg)
@@ -341,7 +344,7 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
 
 def _junction(name: str, formulas: tuple[Formula, ...]) -> Formula:
     if len(formulas) == 1:
-        return formulas[0]
+        return cast("Formula", _as_kind(OPERATORS[name], Formula, formulas[0]))
     return cast("Formula", make(name, formulas))
 
 

@@ -195,6 +195,9 @@ class SampleReader:
                 raise InputError(msg)
             columns = [np.ascontiguousarray(column) for column in table.T]
             n = table.shape[0]
+        if n is not None and not _is_count(n):
+            msg = f"expected a whole number of samples as n, got {n!r}"
+            raise InputError(msg)
         lengths = {len(c) for c in columns} | (set() if n is None else {n})
         if len(lengths) > 1:
             got = ", ".join(f"{v}: {len(c)}" for v, c in zip(self.variables, columns, strict=True))
@@ -257,11 +260,13 @@ class SampleReader:
 
 
 def array_of_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    """An array of doubles, not copied if it is one.
+    """An array of doubles, not copied if it is one; a masked value is nan.
 
     Raises:
         InputTypeError: On what holds no real numbers.
     """
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
         array = np.asarray(values)
     except ValueError as ragged:
@@ -272,6 +277,10 @@ def array_of_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
         msg = f"expected an array of numbers for {what}, got {kind}"
         raise InputTypeError(msg)
     return array.astype(np.float64, copy=False)
+
+
+def _is_count(n: object) -> bool:
+    return isinstance(n, int | np.integer) and not isinstance(n, bool) and int(n) >= 0
 
 
 def _kind(value: object) -> str:

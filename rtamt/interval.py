@@ -105,7 +105,7 @@ class Interval:
             if text.startswith("inf"):
                 digits, end = "inf", None
             else:
-                end = digits.strip()
+                end = digits.strip() or text
             unit = text[len(digits) :].strip() or None
         elif isinstance(end, float) and end == math.inf:
             end = None

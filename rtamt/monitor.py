@@ -66,6 +66,16 @@ class _Single(Online[_M]):
         super().__init__(spec, period, backend, nan)
         self.update = self._machine.update
 
+    def __init_subclass__(cls, **options: object) -> None:
+        """Refuse a subclass whose ``update`` nobody would call."""
+        super().__init_subclass__(**options)
+        if callable(cls.__dict__.get("update")):
+            msg = (
+                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
+                "its machine; hold a monitor instead of inheriting from it"
+            )
+            raise TypeError(msg)
+
     def _made(self) -> _M:
         self._reader = SampleReader(self.program, self._nan)
         return self._machine_of(self._reader)
@@ -146,8 +156,8 @@ class Monitor(_Single[DiscreteMachine]):
         """Take in a block of samples; what `update` gives for each, as an array.
 
         Args:
-            block: A mapping of every variable to its n values (a data frame too), or an array of
-                shape (n, variables).
+            block: A mapping of every variable to its n values (a data frame too), and of nothing
+                else, or an array of shape (n, variables).
 
         Returns:
             n values; those of the first ``latency`` samples since the reset are nan.

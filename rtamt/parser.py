@@ -73,11 +73,19 @@ def load(
 
     Raises:
         OSError: If the file cannot be read.
+        SpecificationError: As `parse` does, with a note that names the file; or if it is no UTF-8.
     """
     from pathlib import Path  # 5 ms of every import of the package
 
-    text = Path(path).read_text(encoding="utf-8-sig")
-    return parse(text, unit=unit, constants=constants, modules=modules)
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+        return parse(text, unit=unit, constants=constants, modules=modules)
+    except UnicodeDecodeError as error:
+        msg = f"expected UTF-8 text in {path}, got the byte {error.object[error.start]:#04x}"
+        raise SpecificationError(msg) from None
+    except SpecificationError as error:
+        error.add_note(f"in {path}")
+        raise
 
 
 def as_specification(spec: str | Formula | Specification) -> Specification:
@@ -87,6 +95,11 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
     if isinstance(spec, Formula):
         return Specification.of(spec)
     if isinstance(spec, str):
+        if spec.endswith(".stl") and len(spec.split()) == 1:
+            msg = (
+                f"expected the text of a specification, got the path {spec!r}; write load({spec!r})"
+            )
+            raise SpecificationError(msg)
         return parse(spec)
     msg = f"expected a specification as text, Formula or Specification, got {type(spec).__name__}"
     raise InputTypeError(msg)

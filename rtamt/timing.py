@@ -7,6 +7,8 @@ import numbers
 from collections.abc import Callable
 from fractions import Fraction
 
+import numpy as np
+
 from rtamt.errors import InputTypeError, RtamtError, SpecificationError
 from rtamt.interval import UNITS, Interval, decimal_text
 from rtamt.operators import Bounds
@@ -16,17 +18,18 @@ __all__ = ["MAX_WINDOW", "Period", "as_period", "samples", "seconds_text"]
 MAX_WINDOW = 2**31
 """The greatest bound in samples."""
 
-Period = str | float | Fraction
+Period = str | float | Fraction | np.floating
 """Seconds as a number, or text with a unit: ``0.1``, ``"100ms"``."""
 
 _TOLERANCE = Fraction(1, 10**12)
+_DOUBLE = np.dtype(np.float64).itemsize
 
 
 def as_period(period: Period | None) -> Fraction | None:
     """The period in seconds, exactly; None stays None.
 
     A float is the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and ``0.1``
-    mean what they say.
+    mean what they say; a float of numpy with less precision, within that.
 
     Raises:
         SpecificationError: If it is not a positive, finite time.
@@ -53,8 +56,10 @@ def as_period(period: Period | None) -> Fraction | None:
     elif isinstance(period, numbers.Real) and not isinstance(period, bool):
         if not math.isfinite(period) or period <= 0:
             raise wrong
-        near = Fraction(float(period))
-        value = _simplest(near * (1 - _TOLERANCE), near * (1 + _TOLERANCE))
+        near, within = Fraction(float(period)), _TOLERANCE
+        if isinstance(period, np.floating) and period.itemsize < _DOUBLE:
+            within = Fraction(float(np.finfo(type(period)).eps))
+        value = _simplest(near * (1 - within), near * (1 + within))
     else:
         msg = f'expected a period in seconds or as text such as "100ms", got {period!r}'
         raise InputTypeError(msg)

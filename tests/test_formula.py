@@ -361,3 +361,15 @@ def test_error_about_a_node_without_text_shows_the_node() -> None:
     assert type(error) is SpecificationError
     assert str(error) == "too long\n  in always[0:5](x > 0)\n  hint: use less"
     assert str(spec.error(q, "so")) == "so\n  in y > 0"
+
+
+def test_formulas_are_made_of_formulas_and_named_variables() -> None:
+    with pytest.raises(rtamt.SpecificationError) as caught:
+        rtamt.conjunction(["x > 0"])  # type: ignore[list-item]
+    assert str(caught.value) == "expected a formula as operand of 'and', got str 'x > 0'"
+    with pytest.raises(rtamt.InputTypeError) as unnamed:
+        rtamt.variable(3)  # type: ignore[arg-type]
+    assert str(unnamed.value) == "expected the name of a variable as text, got int 3"
+    with pytest.raises(rtamt.SpecificationError) as unbounded:
+        (rtamt.variable("x") > 0).always(0, "abc")
+    assert str(unbounded.value) == "expected a finite number for the end of an interval, got 'abc'"

@@ -266,6 +266,29 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
         "the formula has no variables: say how many samples with n=",
     ),
     (
+        lambda b: evaluate("true", {}, n=-1, backend=b),
+        InputError,
+        "expected a whole number of samples as n, got -1",
+    ),
+    (
+        lambda b: evaluate("true", {}, n=2.0, backend=b),  # type: ignore[arg-type]
+        InputError,
+        "expected a whole number of samples as n, got 2.0",
+    ),
+    (
+        lambda b: evaluate("x > 0", {"x": np.ma.array([1, 2], mask=[False, True])}, backend=b),
+        InputError,
+        "variable 'x' is nan at sample 1; pass nan='hold' to keep the last value instead",
+    ),
+    (
+        lambda b: Monitor("specs/response.stl", backend=b),
+        SpecificationError,
+        (
+            "expected the text of a specification, got the path 'specs/response.stl'; "
+            "write load('specs/response.stl')"
+        ),
+    ),
+    (
         lambda b: Monitor("x > 0", backend=b, nan="skip"),  # type: ignore[arg-type]
         InputError,
         "expected nan='raise' or nan='hold', got 'skip'",

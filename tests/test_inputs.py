@@ -191,3 +191,12 @@ def test_hold_has_nothing_to_hold_at_the_first_sample(backend: Backend) -> None:
     with pytest.raises(InputError, match="variable 'x' is nan at sample 0"):
         held.update(NAN)
     assert EpisodeMonitor("x > 0", nan="hold").update(2.0) == 2.0
+
+
+def test_a_subclass_whose_update_nobody_would_call_is_refused() -> None:
+    with pytest.raises(TypeError) as caught:
+        type("Logged", (Monitor,), {"update": lambda _, **values: values})
+    assert str(caught.value) == (
+        "Logged.update would never be called: a monitor's update is the method of its machine; "
+        "hold a monitor instead of inheriting from it"
+    )

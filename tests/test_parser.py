@@ -243,6 +243,18 @@ def test_a_specification_may_be_text_or_formula_or_itself() -> None:
         as_specification(None)  # type: ignore[arg-type]
 
 
+def test_errors_of_a_file_name_it(tmp_path: Path) -> None:
+    path = tmp_path / "bad.stl"
+    path.write_text("always(x >", encoding="utf-8")
+    with pytest.raises(rtamt.ParseError) as caught:
+        rtamt.load(path)
+    assert caught.value.__notes__ == [f"in {path}"]
+    path.write_bytes(b"x > 0 // \xe4")
+    with pytest.raises(rtamt.SpecificationError) as undecoded:
+        rtamt.load(path)
+    assert str(undecoded.value) == f"expected UTF-8 text in {path}, got the byte 0xe4"
+
+
 def test_the_package_loads_no_parser_before_it_is_needed() -> None:
     code = (
         "import sys, rtamt; assert not any('antlr4' in m for m in sys.modules);"

@@ -20,6 +20,14 @@ def verdict(info: dict[str, Any], name: str = "spec") -> str:
     return str(info["stl_episode"][name]["verdict"])
 
 
+def test_a_formula_built_in_python_is_a_specification() -> None:
+    formula = (abs(rtamt.variable("theta")) < 0.2).always()
+    env = StlMonitor(gym.make("CartPole-v1"), {"upright": formula}, {"theta": "obs[2]"})
+    assert env.spec is not None
+    remade = gym.make(env.spec)
+    assert env.reset(seed=1)[1]["robustness"] == remade.reset(seed=1)[1]["robustness"] > 0.1
+
+
 def test_a_fallen_pole_is_violated_though_only_the_terminal_observation_shows_it() -> None:
     upright = StlMonitor(
         gym.make("CartPole-v1"), "always(abs(theta) < 0.2095)", {"theta": "obs[2]"}

@@ -22,6 +22,8 @@ HORIZONS: list[tuple[str, Period | None, str, int]] = [
     ("always[0:0.5](x > 0)", 0.1, "s", 5),
     ("always[0:0.5](x > 0)", "0.1", "s", 5),
     ("always[0:0.5](x > 0)", np.float64(0.1), "s", 5),
+    ("always[0:0.5](x > 0)", np.float32(0.1), "s", 5),
+    ("always[0:2](x > 0)", np.float32(1 / 15), "s", 30),
     ("always[0:2](x > 0)", 1 / 15, "s", 30),
     ("always[0:2](x > 0)", Fraction(1, 15), "s", 30),
     ("always[0:1](x > 0)", 1 / 3, "s", 3),
