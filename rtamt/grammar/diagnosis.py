@@ -243,12 +243,21 @@ def _no_operand(text: str, before: Token, token: Token) -> ParseError:
     return fail(text, token, f"expected {what} after {place}, got {got(token)}", hint or _OPERAND)
 
 
+# What other tools call our operators, where the nearest word would be another one.
+_ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
+
+
 def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> ParseError:
     reason = f"expected an operator, got {got(token)}"
     hint = "write an operator there" + ("" if bracketed else ", or ';' between two statements")
     word = before.text if before.type == StlLexer.NAME else ""
     if token.type == StlLexer.EQUALS:
-        return fail(text, token, reason, "equality is written '=='")
+        implied = text[token.stop + 1 : token.stop + 2] == ">"
+        meant = "implication is written '->'" if implied else "equality is written '=='"
+        return fail(text, token, reason, meant)
+    if word.lower() in _ELSEWHERE:
+        here = _ELSEWHERE[word.lower()]
+        return fail(text, before, f"unknown operator '{word}'", f"write '{here}'")
     if token.type == StlLexer.OPEN and word:
         known = f"functions are {', '.join(_FUNCTIONS)}"
         hint = nearest(word, [*_FUNCTIONS, *_PREFIXES, *_INFIXES], known)
