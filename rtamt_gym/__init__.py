@@ -10,15 +10,17 @@ if TYPE_CHECKING:
     from rtamt_gym.rewards import StlReward
     from rtamt_gym.signals import Step
     from rtamt_gym.vector import VectorStlMonitor
+    from rtamt_gym.vector_rewards import VectorStlReward
     from rtamt_gym.wrappers import StlMonitor
 
-__all__ = ["Step", "StlMonitor", "StlReward", "VectorStlMonitor"]
+__all__ = ["Step", "StlMonitor", "StlReward", "VectorStlMonitor", "VectorStlReward"]
 
 _MODULES = {
     "Step": "rtamt_gym.signals",
     "StlMonitor": "rtamt_gym.wrappers",
     "StlReward": "rtamt_gym.rewards",
     "VectorStlMonitor": "rtamt_gym.vector",
+    "VectorStlReward": "rtamt_gym.vector_rewards",
 }
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, Literal, SupportsFloat, TypedDict, Unpack, get_args
+from typing import Any, Literal, SupportsFloat, TypedDict, TypeVar, Unpack, get_args
 
 import gymnasium as gym
 from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorWrapper
 
 from rtamt import InputError
 from rtamt_gym.arguments import check_choice
@@ -18,7 +19,16 @@ from rtamt_gym.signals import SignalLike
 from rtamt_gym.specs import SpecsLike, View
 from rtamt_gym.wrappers import Cost, OnViolation, StlMonitor
 
-__all__ = ["MonitorOptions", "Observe", "StlReward"]
+__all__ = [
+    "MonitorOptions",
+    "Observe",
+    "StlReward",
+    "expect_description",
+    "find_monitor",
+    "refuse_description",
+]
+
+_M = TypeVar("_M")
 
 Observe = Literal["state"]
 """What is appended to the observation."""
@@ -77,7 +87,7 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
     The ``compute_reward`` of a goal environment stays its own: goals cannot be exchanged in
     hindsight where the reward speaks of the whole past.
 
-    No vector version of the wrapper exists.
+    The vector version of the wrapper is :class:`VectorStlReward`.
 
     Example:
         >>> import gymnasium as gym
@@ -171,23 +181,12 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
             priorities=priorities,
             observe=observe,
         )
-        found = _find_monitor(env)
+        found = find_monitor(env, StlMonitor)
         if found is None:
-            if specs is None or signals is None:
-                raise InputError(
-                    f"expected {'specs' if specs is None else 'signals'}=, or an environment with "
-                    'an StlMonitor, got neither; such as specs="always(x > 0)", '
-                    'signals={"x": "obs[0]"}'
-                )
+            specs, signals = expect_description("an StlMonitor", specs, signals)
             env = found = StlMonitor(env, specs, signals, **monitor)
         else:
-            given = {"specs": specs, "signals": signals}
-            names = [*(name for name, value in given.items() if value is not None), *monitor]
-            if names:
-                raise InputError(
-                    f"{', '.join(f'{name}=' for name in names)} would describe another monitor, "
-                    "and the environment has an StlMonitor, which is used; give them to that one"
-                )
+            refuse_description("an StlMonitor", specs, signals, monitor)
         gym.Wrapper.__init__(self, env)
         self._monitor = found
         self._shaping = Shaping.of(
@@ -261,9 +260,46 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
         )
 
 
-def _find_monitor(env: gym.Env[Any, Any]) -> StlMonitor[Any, Any] | None:
-    while isinstance(env, gym.Wrapper):
-        if isinstance(env, StlMonitor):
+def find_monitor(env: object, kind: type[_M]) -> _M | None:
+    """The monitor of an environment, if it has one."""
+    while isinstance(env, gym.Wrapper | VectorWrapper):
+        if isinstance(env, kind):
             return env
         env = env.env
     return None
+
+
+def expect_description(
+    what: str, specs: SpecsLike | None, signals: Mapping[str, SignalLike] | None
+) -> tuple[SpecsLike, Mapping[str, SignalLike]]:
+    """What an environment without a monitor needs.
+
+    Raises:
+        InputError: If it is not given.
+    """
+    if specs is None or signals is None:
+        raise InputError(
+            f"expected {'specs' if specs is None else 'signals'}=, or an environment with {what}, "
+            'got neither; such as specs="always(x > 0)", signals={"x": "obs[0]"}'
+        )
+    return specs, signals
+
+
+def refuse_description(
+    what: str,
+    specs: SpecsLike | None,
+    signals: Mapping[str, SignalLike] | None,
+    options: MonitorOptions,
+) -> None:
+    """Refuses what describes another monitor than the one that an environment has.
+
+    Raises:
+        InputError: If any of it is given.
+    """
+    given = {"specs": specs, "signals": signals}
+    names = [*(name for name, value in given.items() if value is not None), *options]
+    if names:
+        raise InputError(
+            f"{', '.join(f'{name}=' for name in names)} would describe another monitor, and the "
+            f"environment has {what}, which is used; give them to that one"
+        )

@@ -158,7 +158,8 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(names)), np.nan)
         self._running = False
-        self.terminal: Reading | None = None
+        self.begun: Lanes | None = None  # the environments that the last step has reset instead
+        self.terminal: Reading | None = None  # what SAME_STEP showed before the resets
 
     def reset(
         self,
@@ -208,7 +209,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
                 has ended was to be reset by the caller.
             InputError: If a signal is nan or cannot be read.
         """
-        begun = self._begun()
+        begun = self.begun = self._begun()
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         # A monitor that misses a sample, because a signal cannot be read, would count wrong.
         self._running = False

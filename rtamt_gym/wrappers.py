@@ -79,7 +79,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             "terminated", "truncated", "specs", "violated_by", "violated_at"}``; ``specs`` is
             ``info["stl_episode"]``, the last two are absent without a violation.
 
-    No vector version of the wrapper exists.
+    The vector version of the wrapper is :class:`VectorStlMonitor`.
 
     Example:
         >>> import gymnasium as gym

@@ -14,7 +14,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import DictInfoToList
 from replay import Replay, X
-from vectors import MODES, Envs, Make, difference, sync, trajectory
+from vectors import MODES, Envs, Make, difference, native, sync, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 from rtamt_gym.specs import View
@@ -221,10 +221,6 @@ def test_a_callable_reads_all_environments_at_once(mode: AutoresetMode) -> None:
 
 
 # ---- native and asynchronous environments ----
-
-
-def native(num: int, **options: Any) -> Envs:  # noqa: ANN401
-    return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point", **options)
 
 
 UPRIGHT = (

@@ -10,13 +10,30 @@ import numpy as np
 from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from rtamt_gym import StlMonitor
+
 Envs = gym.vector.VectorEnv[Any, Any, Any]
 Make = Callable[[], gym.Env[Any, Any]]
 MODES = list(AutoresetMode)
+ANGLE = {"theta": "obs[2]"}
+TEXT = "always(abs(theta) > 0.1 implies eventually[0:0.2](abs(theta) < 0.05))"
+
+
+def make_pole() -> gym.Env[Any, Any]:
+    return gym.make("CartPole-v1", max_episode_steps=15)
+
+
+def make_monitored_pole() -> gym.Env[Any, Any]:
+    return StlMonitor(make_pole(), TEXT, ANGLE, on_violation="report")
 
 
 def sync(makes: Sequence[Make], mode: AutoresetMode) -> Envs:
     return SyncVectorEnv(list(makes), autoreset_mode=mode)
+
+
+def native(num: int) -> Envs:
+    """Gymnasium's own vector environment: one generator of random numbers for all."""
+    return gym.make_vec("CartPole-v1", num, vectorization_mode="vector_entry_point")
 
 
 def trajectory(envs: Envs, steps: int, seed: int = 7) -> list[tuple[Any, ...]]:

@@ -1,0 +1,216 @@
+"""`VectorStlReward`: the robustness of specifications becomes reward, in many environments."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, Unpack, get_args
+
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorWrapper
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from rtamt_gym.arguments import check_choice
+from rtamt_gym.columns import Batch, Floats, Lanes
+from rtamt_gym.features import append, appended_space, feature_box, features, time_left
+from rtamt_gym.infos import put
+from rtamt_gym.lockstep import Reading
+from rtamt_gym.rewards import (
+    MonitorOptions,
+    Observe,
+    expect_description,
+    find_monitor,
+    refuse_description,
+)
+from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.signals import SignalLike
+from rtamt_gym.specs import SpecsLike
+from rtamt_gym.vector import VectorStlMonitor
+
+__all__ = ["VectorStlReward"]
+
+
+class VectorStlReward(VectorWrapper, RecordConstructorArgs):
+    """Shapes the rewards of all environments with the robustness of specifications.
+
+    What :class:`StlReward` says of an environment holds for each of them. The wrapper takes the
+    arguments of :class:`VectorStlMonitor` and contains one, or uses the one that the environment
+    has already. The rewards are float64; those of the environments stay in ``infos["reward"]``. A
+    step that is the reset of an environment, in the autoreset mode ``NEXT_STEP``, pays what the
+    vector environment pays: 0. With ``SAME_STEP`` the reward of the last step of an episode is in
+    ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
+
+    The scalar version of the wrapper is :class:`StlReward`.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> from rtamt_gym import VectorStlReward
+        >>> envs = gym.make_vec("CartPole-v1", num_envs=3, vectorization_mode="vector_entry_point")
+        >>> envs = VectorStlReward(
+        ...     envs, "always(abs(theta) < 0.1)", {"theta": "obs[2]"}, mode="add", weight=10.0
+        ... )
+        >>> _, infos = envs.reset(seed=123)
+        >>> _, rewards, _, _, infos = envs.step(np.array([1, 1, 0]))
+        >>> rewards.round(2), infos["reward"], infos["robustness"].round(3)
+        (array([1.57, 1.78, 1.68]), array([1., 1., 1.]), array([0.057, 0.078, 0.068]))
+
+    Change logs:
+     * v0.5.0 - Initially added
+    """
+
+    def __init__(
+        self,
+        env: Batch,
+        specs: SpecsLike | None = None,
+        signals: Mapping[str, SignalLike] | None = None,
+        *,
+        mode: Mode,
+        weight: float = 1.0,
+        clip: float = 1.0,
+        gamma: float = 0.99,
+        temperature: float | None = None,
+        weights: Mapping[str, float] | None = None,
+        priorities: Mapping[str, Priority] | None = None,
+        observe: Observe | None = None,
+        **monitor: Unpack[MonitorOptions],
+    ) -> None:
+        """Finds the monitor of the environment or makes one, and checks the numbers.
+
+        Args:
+            env: The vector environment to apply the wrapper
+            specs: As for :class:`VectorStlMonitor`; ``None`` if the environment has one
+            signals: Likewise
+            mode: As for :class:`StlReward`
+            weight: Likewise
+            clip: Likewise
+            gamma: Likewise
+            temperature: Likewise
+            weights: Likewise
+            priorities: Likewise
+            observe: Likewise
+            **monitor: The keyword arguments of :class:`VectorStlMonitor`
+
+        Raises:
+            SpecificationError: As :class:`VectorStlMonitor` does
+            InputError: Likewise; and as :class:`StlReward` does
+        """
+        RecordConstructorArgs.__init__(
+            self,
+            mode=mode,
+            weight=weight,
+            clip=clip,
+            gamma=gamma,
+            temperature=temperature,
+            weights=weights,
+            priorities=priorities,
+            observe=observe,
+        )
+        found = find_monitor(env, VectorStlMonitor)
+        if found is None:
+            specs, signals = expect_description("a VectorStlMonitor", specs, signals)
+            env = found = VectorStlMonitor(env, specs, signals, **monitor)
+        else:
+            refuse_description("a VectorStlMonitor", specs, signals, monitor)
+        VectorWrapper.__init__(self, env)
+        self._monitor = found
+        self._judged = mode == "terminal"
+        self._shaping = Shaping.of(
+            found.specs.names,
+            mode=mode,
+            weight=weight,
+            clip=clip,
+            gamma=gamma,
+            temperature=temperature,
+            weights=weights,
+            priorities=priorities,
+        )
+        check_choice("observe", observe, (None, *get_args(Observe)))
+        self._observes = observe is not None
+        if self._observes:
+            space = appended_space(env.single_observation_space, feature_box(self._shaping))
+            self.single_observation_space = space
+            self.observation_space = batch_space(space, env.num_envs)
+        self._robustness = np.zeros(env.num_envs)
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Resets environments; the potential of a first state is that of its observation."""
+        obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
+        reading = self._monitor.specs.read()
+        self._robustness = self._potential(reading)
+        return self._observed(obs, reading), infos
+
+    def step(
+        self,
+        actions: Any,  # noqa: ANN401
+    ) -> tuple[Any, Floats, Any, Any, dict[str, Any]]:
+        """Steps through the environments and shapes the rewards."""
+        obs, rewards, terminated, truncated, infos = self.env.step(actions)
+        paid = np.array(rewards, np.float64)
+        ended = np.logical_or(terminated, truncated)
+        now = self._monitor.specs.read()
+        last = self._monitor.terminal or now
+        before, after = self._robustness, self._potential(last)
+        shaped = self._shaping.reward(
+            paid, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
+        )
+        infos = dict(infos)
+        if last is now:
+            self._robustness = after
+            begun = self._monitor.begun
+            if begun is not None:
+                shaped = np.where(begun, paid, shaped)
+            put(infos, "reward", paid, None if begun is None else ~begun)
+        else:
+            self._robustness = self._potential(now)
+            infos["final_info"] = dict(infos["final_info"])
+            put(infos["final_info"], "reward", paid, ended)
+            put(infos, "reward", paid, ~ended)
+            if self._observes and "final_obs" in infos:
+                infos["final_obs"] = self._observed_last(infos["final_obs"], last, ended)
+        return self._observed(obs, now), shaped, terminated, truncated, infos
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        """Samples fed to every environment's monitors since its reset, that one included."""
+        return self._monitor.samples
+
+    @property
+    def stl_episodes(self) -> deque[dict[str, Any]]:
+        """The records of :class:`VectorStlMonitor`."""
+        return self._monitor.stl_episodes
+
+    def _values(self, reading: Reading) -> list[Floats]:
+        return reading.judged if self._judged else reading.robustness
+
+    def _potential(self, reading: Reading) -> Floats:
+        return self._shaping.robustness(self._values(reading))
+
+    def _features(self, reading: Reading) -> NDArray[np.float32]:
+        samples = reading.samples.astype(np.float64) - 1.0
+        return features(
+            self._shaping,
+            self._values(reading),
+            reading.lower,
+            reading.upper,
+            [time_left(samples, judge.program.latency) for judge in self._monitor.specs.judges],
+        )
+
+    def _observed(self, obs: Any, reading: Reading) -> Any:  # noqa: ANN401
+        return append(obs, self._features(reading)) if self._observes else obs
+
+    def _observed_last(self, final: Any, reading: Reading, ended: Lanes) -> Any:  # noqa: ANN401
+        numbers = self._features(reading)
+        if not isinstance(final, np.ndarray) or final.dtype != object:
+            return append(final, numbers)
+        # An object for each environment, as Gymnasium has them.
+        shown = final.copy()
+        for lane in np.flatnonzero(ended):
+            shown[lane] = append(final[lane], numbers[lane])
+        return shown

@@ -1,0 +1,147 @@
+"""`VectorStlReward` pays and shows every environment what `StlReward` does, in every mode."""
+
+from __future__ import annotations
+
+import functools
+import pickle
+from collections.abc import Sequence
+from typing import Any, get_args
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from environments import CASES
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import DtypeObservation
+from replay import Replay, X
+from vectors import MODES, Make, difference, native, sync, trajectory
+
+from rtamt.errors import InputError
+from rtamt_gym import StlReward, VectorStlMonitor, VectorStlReward
+from rtamt_gym.shaping import Mode
+
+modes = pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+
+SERIES: list[Sequence[float]] = [[3, 2, 0, 4], [3, 3], [0, 3, 3], [3, 3, 3, 3, 0, 3], [2, 0.5, 3]]
+SPECS = {"high": "always(x > 1)", "calm": "eventually[0:3](x + u > 3.5)"}
+SIGNALS = {**X, "u": ("action[0]", 0.25)}
+
+
+def replays(end: str) -> list[Make]:
+    return [functools.partial(Replay, values, end) for values in SERIES]
+
+
+def compare(
+    makes: Sequence[Make],
+    autoreset: AutoresetMode,
+    specs: Any,  # noqa: ANN401
+    signals: dict[str, Any],
+    **options: Any,  # noqa: ANN401
+) -> str:
+    """Where the environments shaped as one differ from those shaped one by one."""
+    options = {"on_violation": "report", **options}
+
+    def wrapped(make: Make) -> gym.Env[Any, Any]:
+        return StlReward(make(), specs, signals, **options)
+
+    singles = sync([functools.partial(wrapped, make) for make in makes], autoreset)
+    together = VectorStlReward(sync(makes, autoreset), specs, signals, **options)
+    assert together.observation_space == singles.observation_space
+    assert together.single_observation_space == singles.single_observation_space
+    return difference(trajectory(together, 16), trajectory(singles, 16))
+
+
+@modes
+@pytest.mark.parametrize("mode", get_args(Mode))
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+def test_every_mode_pays_what_single_environments_are_paid(
+    mode: Mode, autoreset: AutoresetMode, end: str
+) -> None:
+    options: Any = {"mode": mode, "weight": 0.5, "weights": {"calm": 0.25}, "period": 1}
+    assert compare(replays(end), autoreset, SPECS, SIGNALS, **options) == ""
+    if autoreset is AutoresetMode.DISABLED:
+        options["on_violation"] = "terminate"
+        assert compare(replays(end), autoreset, SPECS, SIGNALS, **options) == ""
+
+
+@modes
+@pytest.mark.parametrize("mode", ["potential", "terminal"])
+@pytest.mark.parametrize("case", CASES[:2] + CASES[-1:], ids=lambda case: case.env_id[-12:])
+def test_the_state_of_the_monitor_is_observed_as_in_single_environments(
+    case: Any,  # noqa: ANN401
+    mode: Mode,
+    autoreset: AutoresetMode,
+) -> None:
+    makes: list[Make] = [
+        functools.partial(gym.make, case.env_id, max_episode_steps=n) for n in (5, 30)
+    ]
+    options: Any = {"mode": mode, "observe": "state", "period": 0.1}
+    if "parking" in case.env_id:
+        makes = [functools.partial(Still, make) for make in makes]
+    assert compare(makes, autoreset, case.specs, case.signals, **options) == ""
+
+
+class Still(gym.Wrapper[Any, Any, Any, Any]):
+    """Without the action in the info of highway-env's reset, which no seed draws."""
+
+    def __init__(self, make: Make) -> None:
+        super().__init__(make())
+
+    def reset(self, **options: Any) -> Any:  # noqa: ANN401
+        return self.env.reset(**options)[0], {}
+
+
+@modes
+def test_the_step_view_pays_every_instant(autoreset: AutoresetMode) -> None:
+    specs = {"a": "x > 1 implies eventually[0:1](x > 2)", "b": "x + u > 0"}
+    for mode in ("add", "terminal"):
+        options: Any = {"mode": mode, "view": "step", "period": 1, "observe": "state"}
+        assert compare(replays("terminated"), autoreset, specs, SIGNALS, **options) == ""
+
+
+def test_a_smooth_minimum_is_that_of_single_environments() -> None:
+    options: Any = {"mode": "replace", "temperature": 0.5, "period": 1}
+    make = functools.partial(Replay, [3, 2, 4])
+    single = StlReward(make(), SPECS, SIGNALS, **options)
+    together = VectorStlReward(sync([make], AutoresetMode.NEXT_STEP), SPECS, SIGNALS, **options)
+    single.reset()
+    together.reset()
+    for _ in range(2):
+        expected = single.step(np.array([0.5]))[1]
+        assert together.step(np.array([[0.5]]))[1] == pytest.approx(expected)
+
+
+def test_a_pickle_continues_as_the_original() -> None:
+    envs = VectorStlReward(
+        native(3), "always(abs(a) < 0.2)", {"a": "obs[2]"}, mode="potential", observe="state"
+    )
+    trajectory(envs, 12)
+    copy = pickle.loads(pickle.dumps(envs))
+    actions = np.ones(3, np.int64)
+    ahead = [envs.step(actions) for _ in range(9)]
+    assert difference([copy.step(actions) for _ in range(9)], ahead) == ""
+
+
+def test_a_monitor_that_is_there_is_used() -> None:
+    monitored = VectorStlMonitor(native(3), "always(abs(a) < 0.2)", {"a": "obs[2]"})
+    envs = VectorStlReward(DtypeObservation(monitored, np.float64), mode="replace")
+    _, infos = envs.reset(seed=1)
+    _, rewards, _, _, infos = envs.step(np.ones(3, np.int64))
+    assert rewards.tolist() == infos["robustness"].tolist()
+    assert infos["reward"].tolist() == [1.0, 1.0, 1.0]
+    assert envs.samples.tolist() == [2, 2, 2]
+    with pytest.raises(InputError) as caught:
+        VectorStlReward(monitored, "always(x > 0)", mode="add", period=1)
+    assert str(caught.value) == (
+        "specs=, period= would describe another monitor, and the environment has a "
+        "VectorStlMonitor, which is used; give them to that one"
+    )
+
+
+def test_a_reward_without_a_monitor_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        VectorStlReward(native(2), "always(x > 0)", mode="add")
+    assert str(caught.value) == (
+        "expected signals=, or an environment with a VectorStlMonitor, got neither; such as "
+        'specs="always(x > 0)", signals={"x": "obs[0]"}'
+    )
