@@ -1,0 +1,37 @@
+"""Around the step of a vector environment: what monitoring all of them adds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from controller import Setting, race
+from report import Row, Table
+
+TARGET = 20  # us, for one specification in 1,024 environments
+
+
+def measure(setting: Setting) -> Iterator[Table]:
+    """`VectorStlMonitor` beside the wrapper of Gymnasium that records returns and lengths."""
+    table = Table("VectorStlMonitor, added to a step of N CartPoles", "us")
+    table.notes["gymnasium"] = "its vector RecordEpisodeStatistics"
+    for num in (64, 1_024):
+        for ends in (False, True):
+            subjects = {who: setting.project("vectors") for who in ("bare", *WHO)}
+            entries = {
+                who: (subject, {"what": "steps", "num": num, "ends": ends, "who": who})
+                for who, subject in subjects.items()
+            }
+            found = race(entries, 3 if setting.quick else 9, table.notes)
+            for subject in subjects.values():
+                subject.stop()
+            if "bare" not in found:
+                continue
+            bare = found.pop("bare")[0]
+            when = "poles fall" if ends else "none falls"
+            added = {WHO[who]: (seen[0] - bare) / 1e3 for who, seen in found.items()}
+            target = TARGET if num == 1_024 and not ends else None
+            table.rows.append(Row(f"N={num}, {when}", added, target))
+    yield table
+
+
+WHO = {"one": "1 spec", "four": "4 specs", "gymnasium": "gymnasium"}
