@@ -19,18 +19,39 @@ from rtamt import InputError
 from rtamt_gym.columns import Lanes
 from rtamt_gym.signals import listing
 
-__all__ = ["final_infos", "final_observations", "put", "put_group", "who_has"]
+__all__ = [
+    "final_infos",
+    "final_observations",
+    "mask_of",
+    "put",
+    "put_at",
+    "put_group",
+    "who_has",
+]
 
 
 def put(infos: dict[str, Any], key: str, values: NDArray[Any], lanes: Lanes | None) -> None:
     """Gives the environments of the mask their values; None: all of them, and the array itself."""
     if lanes is None:
         infos[key], infos[f"_{key}"] = values, _all(len(values)).copy()
-    elif lanes.any():
-        empty = None if values.dtype == object else 0
-        held = np.full(len(values), empty, values.dtype)
-        held[lanes] = values[lanes]
-        infos[key], infos[f"_{key}"] = held, lanes.copy()
+    else:
+        at = np.flatnonzero(lanes)
+        put_at(infos, key, values[at], at, len(lanes))
+
+
+def put_at(
+    infos: dict[str, Any],
+    key: str,
+    values: NDArray[Any],
+    at: NDArray[np.integer[Any]],
+    num: int,
+) -> None:
+    """Gives the environments of these numbers, out of ``num``, a value each."""
+    if len(at) == 0:
+        return
+    held = np.full(num, None) if values.dtype == object else np.zeros(num, values.dtype)
+    held[at] = values
+    infos[key], infos[f"_{key}"] = held, mask_of(at, num)
 
 
 def put_group(
@@ -39,6 +60,13 @@ def put_group(
     """Gives the environments of the mask, None: all of them, a dictionary made by `put`."""
     infos[key] = group
     infos[f"_{key}"] = (_all(num) if lanes is None else lanes).copy()
+
+
+def mask_of(at: NDArray[np.integer[Any]], num: int) -> Lanes:
+    """The mask of the environments of these numbers."""
+    mask = np.zeros(num, np.bool_)
+    mask[at] = True
+    return mask
 
 
 @functools.cache

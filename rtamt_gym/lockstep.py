@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt_gym.columns import Floats, Lanes
 from rtamt_gym.episodes import outcome, record
-from rtamt_gym.infos import put, put_group, who_has
+from rtamt_gym.infos import mask_of, put, put_at, put_group, who_has
 from rtamt_gym.specs import View, check_looks_ahead
 
 __all__ = ["Ended", "InstantMonitors", "Lockstep", "Reading"]
@@ -76,6 +76,8 @@ class Lockstep:
     """Monitors of several specifications in every environment.
 
     Attributes:
+        names: Of the specifications.
+        judges: By specification who judges the episodes.
         robustness: The least over the specifications, of every environment.
         lower: Likewise the least that it can still become.
         upper: Likewise the greatest.
@@ -101,7 +103,7 @@ class Lockstep:
         columns: Sequence[str],
     ) -> None:
         self._num = num
-        self._names = np.array([*specs, None], dtype=object)
+        self.names = tuple(specs)
         self._sources: list[rtamt.VectorEpisodeMonitor | InstantMonitors] = []
         self.judges: list[rtamt.VectorEpisodeMonitor] = []
         self._picks: list[list[int] | None] = []
@@ -123,11 +125,6 @@ class Lockstep:
         self._settled = 0
         self.robustness = self.lower = self.upper = np.full(num, np.nan)
         self.violated = np.zeros(num, np.bool_)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the specifications."""
-        return tuple(self._names[:-1])
 
     @property
     def samples(self) -> NDArray[np.int64]:
@@ -180,51 +177,26 @@ class Lockstep:
             put_group(states, name, state, lanes, self._num)
         put_group(infos, "stl", states, lanes, self._num)
 
-    def conclude(self, infos: dict[str, Any], ended: Lanes) -> None:
-        """Adds what became of the episodes that ended, as the infos of their last step have it."""
-        episode: dict[str, Any] = {}
-        for name, judge, decided_at in zip(self.names, self.judges, self._decided_at, strict=True):
-            verdict = judge.verdict
-            said: dict[str, Any] = {}
-            put(said, "robustness", judge.robustness, ended)
-            put(said, "verdict", _WORDS[verdict], ended)
-            put(said, "satisfied", verdict > 0, ended)
-            put(said, "decided_at", decided_at, ended & (decided_at >= 0))
-            put_group(episode, name, said, ended, self._num)
-        put_group(infos, "stl_episode", episode, ended, self._num)
-        failed = self._violated_by >= 0
-        put(infos, "stl_violated_by", self._names[self._violated_by], ended & failed)
-        put(infos, "stl_violated_at", self._violated_at(), ended & failed)
-        known = ended & (failed | np.all(self._decided_at >= 0, axis=0))
-        own = who_has(infos, "is_success", self._num)
-        if not own.any():
-            put(infos, "is_success", ~failed, known)
-        elif (known & ~own).any():
-            held = np.array(infos["is_success"])
-            held[known & ~own] = ~failed[known & ~own]
-            put(infos, "is_success", held, own | known)
-
     def ended(self, lanes: Lanes, terminated: Lanes, truncated: Lanes) -> Ended:
-        """The episodes of the mask, which have ended, for `Ended.records`."""
+        """What became of the episodes of the mask, which have ended."""
+        at = np.flatnonzero(lanes)
         return Ended(
             self.names,
-            np.flatnonzero(lanes),
-            self.samples[lanes],
-            terminated[lanes],
-            truncated[lanes],
-            np.array([judge.robustness[lanes] for judge in self.judges]),
-            np.array([judge.verdict[lanes] for judge in self.judges]),
-            self._decided_at[:, lanes],
-            self._violated_by[lanes],
+            self._num,
+            at,
+            self.samples[at],
+            terminated[at],
+            truncated[at],
+            np.array([judge.robustness[at] for judge in self.judges]),
+            np.array([judge.verdict[at] for judge in self.judges]),
+            self._decided_at[:, at],
+            self._violated_by[at],
         )
 
     @property
     def failed(self) -> Lanes:
         """The environments in which a specification is violated."""
         return np.asarray(self._violated_by >= 0)
-
-    def _violated_at(self) -> NDArray[np.int64]:
-        return np.asarray(self._decided_at[self._violated_by, np.arange(self._num)])
 
     def _look(self) -> None:
         """Reads the bounds, and notes the verdicts that they have decided."""
@@ -238,16 +210,18 @@ class Lockstep:
             return
         self._settled = settled
         for place, (judge, verdict) in enumerate(zip(self.judges, verdicts, strict=True)):
-            new = (verdict != 0) & (self._decided_at[place] < 0)
+            new = np.flatnonzero((verdict != 0) & (self._decided_at[place] < 0))
             self._decided_at[place, new] = judge.samples[new] - 1
-            self._violated_by[new & (verdict < 0) & (self._violated_by < 0)] = place
+            first = new[(verdict[new] < 0) & (self._violated_by[new] < 0)]
+            self._violated_by[first] = place
 
 
 class Ended(NamedTuple):
-    """Episodes that ended in one step, an element each; `records` makes dictionaries of them.
+    """Episodes that ended in one step, an element each.
 
     Attributes:
         names: Of the specifications.
+        num: How many environments there are.
         envs: Numbers of the environments.
         samples: Samples of the episodes.
         terminated: How they ended.
@@ -259,6 +233,7 @@ class Ended(NamedTuple):
     """
 
     names: tuple[str, ...]
+    num: int
     envs: NDArray[np.int64]
     samples: NDArray[np.int64]
     terminated: Lanes
@@ -267,6 +242,36 @@ class Ended(NamedTuple):
     verdict: NDArray[np.int8]
     decided_at: NDArray[np.int64]
     violated_by: NDArray[np.int64]
+
+    def put(self, infos: dict[str, Any]) -> None:
+        """Adds what the infos of the last steps have more than others."""
+        at, num, failed = self.envs, self.num, self.violated_by >= 0
+        episode: dict[str, Any] = {}
+        everyone = mask_of(at, num)
+        for name, robustness, verdict, decided_at in zip(
+            self.names, self.robustness, self.verdict, self.decided_at, strict=True
+        ):
+            decided = decided_at >= 0
+            said: dict[str, Any] = {}
+            put_at(said, "robustness", robustness, at, num)
+            put_at(said, "verdict", _WORDS[verdict], at, num)
+            put_at(said, "satisfied", verdict > 0, at, num)
+            put_at(said, "decided_at", decided_at[decided], at[decided], num)
+            put_group(episode, name, said, everyone, num)
+        put_group(infos, "stl_episode", episode, everyone, num)
+        by, violated = self.violated_by[failed], at[failed]
+        names = np.array(self.names, dtype=object)
+        put_at(infos, "stl_violated_by", names[by], violated, num)
+        put_at(infos, "stl_violated_at", self.decided_at[by, np.flatnonzero(failed)], violated, num)
+        known = failed | np.all(self.decided_at >= 0, axis=0)
+        own = who_has(infos, "is_success", num)
+        if own.any():  # the environment's word stands
+            known &= ~own[at]
+            held = np.array(infos["is_success"])
+            held[at[known]] = ~failed[known]
+            put(infos, "is_success", held, own | mask_of(at[known], num))
+        else:
+            put_at(infos, "is_success", ~failed[known], at[known], num)
 
     def records(self, newest: int) -> list[dict[str, Any]]:
         """What `StlMonitor.stl_episodes` has of the newest of them, and ``"env"``, the number."""

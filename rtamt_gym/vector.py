@@ -368,9 +368,10 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         truncated: Any,  # noqa: ANN401
     ) -> None:
         """Adds to the last infos of episodes what became of every specification; records them."""
-        self._specs.conclude(infos, ended)
+        found = self._specs.ended(ended, np.asarray(terminated), np.asarray(truncated))
+        found.put(infos)
         kept = self._ended
-        kept.append(self._specs.ended(ended, np.asarray(terminated), np.asarray(truncated)))
+        kept.append(found)
         spare = sum(len(each.envs) for each in kept) - self._buffer_length
         while kept and len(kept[0].envs) <= spare:
             spare -= len(kept.popleft().envs)
