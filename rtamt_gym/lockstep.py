@@ -200,12 +200,14 @@ class Lockstep:
 
     def _look(self) -> None:
         """Reads the bounds, and notes the verdicts that they have decided."""
+        verdicts = [judge.verdict for judge in self.judges]
         self.lower = _least([judge.lower for judge in self.judges])
         self.upper = _least([judge.upper for judge in self.judges])
-        verdicts = [judge.verdict for judge in self.judges]
         self.violated = _least(verdicts) < 0
         # Verdicts stay until the reset, so a count says whether one is new.
-        settled = sum(int(np.count_nonzero(verdict)) for verdict in verdicts)
+        settled = 0
+        for verdict in verdicts:
+            settled += int(np.count_nonzero(verdict))
         if settled == self._settled:
             return
         self._settled = settled
@@ -298,7 +300,7 @@ class Ended(NamedTuple):
 
 
 def _least(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    first, *others = values
-    for other in others:
-        first = np.minimum(first, other)
-    return first
+    least = values[0]
+    for other in values[1:]:
+        least = np.minimum(least, other)
+    return least
