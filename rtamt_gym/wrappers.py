@@ -67,6 +67,8 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     final. An episode cut short, by a time limit or by this wrapper, could have gone on: a verdict
     that is open then stays ``"UNDECIDED"``, neither success nor failure. Place time limits inside
     of this wrapper; it does not see the truncation of a wrapper around it.
+    A copy or a pickle of a MuJoCo environment is a new simulation, as Gymnasium makes it, with the
+    monitors of the old one: reset it.
 
     The last ``buffer_length`` episodes that ended are in :attr:`stl_episodes`.
 
