@@ -280,13 +280,7 @@ def _read_spec(argument: str) -> rtamt.Specification:
     """The specification that an argument means: a path has no blank, bracket or comparison."""
     if re.search(r"[\s(<>=!]", argument) and not Path(argument).is_file():
         return rtamt.parse(argument)
-    try:
-        return rtamt.load(argument)
-    except UnicodeDecodeError:
-        raise InputError(f"{argument}: expected UTF-8 text") from None
-    except RtamtError as error:
-        error.add_note(f"in {argument}")
-        raise
+    return rtamt.load(argument)
 
 
 def _read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:

@@ -110,7 +110,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         ("monitor no.stl trace.csv", "cannot open no.stl: No such file or directory"),
         ("monitor spec.stl no.csv", "cannot open no.csv: No such file or directory"),
-        ("monitor latin.csv trace.csv", "latin.csv: expected UTF-8 text"),
+        (
+            "monitor latin.csv trace.csv",
+            "expected UTF-8 text in latin.csv, got the byte 0xe4",
+        ),
         ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
         (
             "monitor bad.stl trace.csv",
