@@ -42,9 +42,9 @@ from rtamt.streams import (
     Running,
     Sliding,
     Stream,
-    TopFold,
 )
 from rtamt.terms import Registers, Terms
+from rtamt.top import TopFold
 from rtamt.windows import State
 
 __all__ = ["EpisodeMachine", "refuse_finish", "refuse_update"]

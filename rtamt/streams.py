@@ -22,15 +22,18 @@ __all__ = [
     "NOW",
     "UPPER",
     "WORLDS",
+    "Array",
     "Constant",
     "Endless",
     "Keeper",
+    "Operands",
     "Pointwise",
+    "Polynomials",
     "Predicate",
     "Running",
     "Sliding",
     "Stream",
-    "TopFold",
+    "in_world",
 ]
 
 Array = NDArray[np.float64]
@@ -40,7 +43,7 @@ NOW, LOWER, UPPER = WORLDS = range(3)
 _NOTHING: Array = np.zeros(0)
 
 
-def _in_world(settled: Array, unknowns: Array) -> Array:
+def in_world(settled: Array, unknowns: Array) -> Array:
     """The lattice polynomials at a value of every unknown."""
     for u in unknowns:
         settled = np.maximum(settled[0], np.minimum(settled[1], u))
@@ -63,7 +66,7 @@ class Keeper(Protocol):
         """Become what ``state`` was taken from."""
 
 
-class _Polynomials:
+class Polynomials:
     """Arrays of settled values, an axis of length 2 an unknown in front."""
 
     kept: Arrays = ()
@@ -76,7 +79,7 @@ class _Polynomials:
         )
 
 
-class Stream(_Polynomials):
+class Stream(Polynomials):
     """A register that is read at all times.
 
     Attributes:
@@ -123,7 +126,7 @@ class Stream(_Polynomials):
         parts = []
         if begin <= self.last:
             known = self.settled(begin, min(end, self.last))
-            parts.append(_in_world(known, unknowns[world]))
+            parts.append(in_world(known, unknowns[world]))
         open_from = self.last + 1
         here = self.open[world]
         parts.append(here[max(0, begin - open_from) : max(0, end - open_from + 1)])
@@ -184,7 +187,7 @@ class Constant(Stream):
         self.tail = [self._value] * 3
 
 
-class _Reader:
+class Operands:
     """Operands of a fold, read as elements of its monoid."""
 
     def __init__(self, monoid: Monoid, streams: Sequence[Stream]) -> None:
@@ -226,10 +229,10 @@ class _Reader:
 class _Windowed(Stream):
     """A stream of folds."""
 
-    def __init__(self, reader: _Reader, late: int, past: int) -> None:
+    def __init__(self, operands: Operands, late: int, past: int) -> None:
         super().__init__(late, past)
-        self.reader = reader
-        self.monoid = reader.monoid
+        self.operands = operands
+        self.monoid = operands.monoid
 
     def look(self, t: int, unknowns: Array) -> None:
         """Find the open values and the tail of every world after sample t."""
@@ -247,22 +250,22 @@ class Sliding(_Windowed):
     """The fold over offsets lo to hi."""
 
     def __init__(self, monoid: Monoid, lo: int, hi: int, streams: Sequence[Stream]) -> None:
-        reader = _Reader(monoid, streams)
-        super().__init__(reader, max(0, reader.late + hi), max(0, reader.past - lo))
-        reader.hold(self.late, lo)
+        operands = Operands(monoid, streams)
+        super().__init__(operands, max(0, operands.late + hi), max(0, operands.past - lo))
+        operands.hold(self.late, lo)
         self._lo, self._hi = lo, hi
 
     def _settled(self, time: int) -> Array:
-        elements = self.reader.settled(time + self._lo, time + self._hi)
+        elements = self.operands.settled(time + self._lo, time + self._hi)
         return fold_all(self.monoid, elements)[-1][..., 0]
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        tail = self.reader.tail(world)
+        tail = self.operands.tail(world)
         self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
         if count == 0:
             return _NOTHING
         end = begin + count - 1 + self._hi
-        elements = self.reader.seen(world, begin + self._lo, end, t, unknowns)
+        elements = self.operands.seen(world, begin + self._lo, end, t, unknowns)
         return slide(self.monoid, elements, self._hi - self._lo + 1)[-1]
 
 
@@ -273,7 +276,7 @@ class Pointwise(Sliding):
         super().__init__(monoid, 0, 0, streams)
 
     def _settled(self, time: int) -> Array:
-        return self._across([s.settled(time, time)[..., 0] for s in self.reader.streams])
+        return self._across([s.settled(time, time)[..., 0] for s in self.operands.streams])
 
     def _open(
         self,
@@ -283,7 +286,7 @@ class Pointwise(Sliding):
         t: int,  # noqa: ARG002 - the operands know where the trace ends
         unknowns: Array,
     ) -> Array:
-        streams = self.reader.streams
+        streams = self.operands.streams
         self.tail[world] = self._across([np.array(s.tail[world]) for s in streams]).item()
         if count == 0:
             return _NOTHING
@@ -300,27 +303,27 @@ class Running(_Windowed):
     """The fold over all offsets up to hi."""
 
     def __init__(self, monoid: Monoid, hi: int, streams: Sequence[Stream]) -> None:
-        reader = _Reader(monoid, streams)
-        super().__init__(reader, max(0, reader.late + hi), reader.past - hi)
-        reader.hold(self.late, hi)
+        operands = Operands(monoid, streams)
+        super().__init__(operands, max(0, operands.late + hi), operands.past - hi)
+        operands.hold(self.late, hi)
         self._hi = hi
-        self._total = _Polynomials()
+        self._total = Polynomials()
 
     def _settled(self, time: int) -> Array:
-        newest = self.reader.settled(time + self._hi, time + self._hi)
+        newest = self.operands.settled(time + self._hi, time + self._hi)
         self._total.kept = self.monoid.combine_arrays(self._total.kept, newest)
         return self._total.kept[-1][..., 0]
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         combine = self.monoid.combine_arrays
-        total = tuple(_in_world(a, unknowns[world]) for a in self._total.kept)
-        elements = self.reader.seen(
+        total = tuple(in_world(a, unknowns[world]) for a in self._total.kept)
+        elements = self.operands.seen(
             world, begin + self._hi, begin + count - 1 + self._hi, t, unknowns
         )
         elements = tuple(np.concatenate(pair) for pair in zip(total, elements, strict=True))
         prefixes = slide(self.monoid, padded(self.monoid, elements, count, 0), count + 1)
         last = tuple(a[-1:] for a in prefixes)
-        self.tail[world] = combine(last, self.reader.tail(world))[-1].item()
+        self.tail[world] = combine(last, self.operands.tail(world))[-1].item()
         return prefixes[-1][1:]
 
     def substitute(self, axis: int, value: Array) -> None:
@@ -352,13 +355,13 @@ class Endless(_Windowed):
     """
 
     def __init__(self, monoid: Monoid, axis: int, streams: Sequence[Stream]) -> None:
-        reader = _Reader(monoid, streams)
-        super().__init__(reader, reader.late, reader.past)
-        reader.hold(self.late, 0)
+        operands = Operands(monoid, streams)
+        super().__init__(operands, operands.late, operands.past)
+        operands.hold(self.late, 0)
         self.axis = axis
 
     def _settled(self, time: int) -> Array:
-        newest = tuple(a[..., 0] for a in self.reader.settled(time, time))
+        newest = tuple(a[..., 0] for a in self.operands.settled(time, time))
         shape = [1] * newest[0].ndim
         shape[self.axis] = 2
         unknown = np.array([-INF, INF]).reshape(shape)
@@ -366,60 +369,10 @@ class Endless(_Windowed):
         return np.broadcast_to(self.monoid.combine_arrays(newest, rest)[-1], newest[0].shape)
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        tail = self.reader.tail(world)
+        tail = self.operands.tail(world)
         self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
-        elements = self.reader.seen(world, begin, begin + count - 1, t, unknowns)
+        elements = self.operands.seen(world, begin, begin + count - 1, t, unknowns)
         elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
         suffixes = slide(self.monoid, padded(self.monoid, elements, 0, count), count + 1)[-1]
         unknowns[world, self.axis] = suffixes[0]
         return suffixes[:count]
-
-
-class TopFold(_Polynomials):
-    """The fold over offsets lo to hi from time 0, read at time 0 alone."""
-
-    def __init__(
-        self, monoid: Monoid, lo: int | None, hi: int | None, streams: Sequence[Stream]
-    ) -> None:
-        self._reader = _Reader(monoid, streams)
-        self._reader.hold(self._reader.late, 0)
-        self.monoid = monoid
-        self._begin = max(0, lo or 0)
-        self._end = hi
-
-    def _inside(self, time: int) -> bool:
-        return self._begin <= time and (self._end is None or time <= self._end)
-
-    def settle(self, t: int) -> None:
-        """Fold in what settled with sample t."""
-        time = t - self._reader.late
-        if self._inside(time):
-            newest = self._reader.settled(time, time)
-            self.kept = self.monoid.combine_arrays(self.kept, newest)
-
-    def value(self, world: int, t: int, unknowns: Array) -> float:
-        """The fold over settled, open and all later values in a world."""
-        reader = self._reader
-        total = tuple(_in_world(a, unknowns[world]) for a in self.kept)
-        begin = max(self._begin, t - reader.late + 1)
-        last = t if world == NOW else t + reader.past
-        end = last if self._end is None else min(last, self._end)
-        if begin <= end:
-            elements = reader.seen(world, begin, end, t, unknowns)
-            total = self.monoid.combine_arrays(total, fold_all(self.monoid, elements))
-        if self._end is None or self._end > last:
-            total = self.monoid.combine_arrays(total, reader.tail(world))
-        return total[-1].item()
-
-    def reset(self, unknowns: int) -> None:
-        """Forget every sample."""
-        shape = (2,) * unknowns + (1,)
-        self.kept = tuple(np.full(shape, e) for e in self.monoid.identity)
-
-    def state(self) -> list[Any]:
-        """The fold."""
-        return list(self.kept)
-
-    def restore(self, state: list[Any]) -> None:
-        """Take over the fold."""
-        self.kept = tuple(state)

@@ -28,6 +28,7 @@ FLOORS = (
         "windows",
         "schedule",
         "streams",
+        "top",
         "placement",
         "discrete",
         "episode",

@@ -1,0 +1,67 @@
+"""Folds of the episode machine that are read at time 0 alone.
+
+See `rtamt.episode` for the words, and `rtamt.streams` for what is folded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rtamt.algebra import Monoid
+from rtamt.streams import NOW, Array, Operands, Polynomials, Stream, in_world
+from rtamt.windows import fold_all
+
+__all__ = ["TopFold"]
+
+
+class TopFold(Polynomials):
+    """The fold over offsets lo to hi from time 0, read at time 0 alone."""
+
+    def __init__(
+        self, monoid: Monoid, lo: int | None, hi: int | None, streams: Sequence[Stream]
+    ) -> None:
+        self._operands = Operands(monoid, streams)
+        self._operands.hold(self._operands.late, 0)
+        self.monoid = monoid
+        self._begin = max(0, lo or 0)
+        self._end = hi
+
+    def _inside(self, time: int) -> bool:
+        return self._begin <= time and (self._end is None or time <= self._end)
+
+    def settle(self, t: int) -> None:
+        """Fold in what settled with sample t."""
+        time = t - self._operands.late
+        if self._inside(time):
+            newest = self._operands.settled(time, time)
+            self.kept = self.monoid.combine_arrays(self.kept, newest)
+
+    def value(self, world: int, t: int, unknowns: Array) -> float:
+        """The fold over settled, open and all later values in a world."""
+        operands = self._operands
+        total = tuple(in_world(a, unknowns[world]) for a in self.kept)
+        begin = max(self._begin, t - operands.late + 1)
+        last = t if world == NOW else t + operands.past
+        end = last if self._end is None else min(last, self._end)
+        if begin <= end:
+            elements = operands.seen(world, begin, end, t, unknowns)
+            total = self.monoid.combine_arrays(total, fold_all(self.monoid, elements))
+        if self._end is None or self._end > last:
+            total = self.monoid.combine_arrays(total, operands.tail(world))
+        return total[-1].item()
+
+    def reset(self, unknowns: int) -> None:
+        """Forget every sample."""
+        shape = (2,) * unknowns + (1,)
+        self.kept = tuple(np.full(shape, e) for e in self.monoid.identity)
+
+    def state(self) -> list[Any]:
+        """The fold."""
+        return list(self.kept)
+
+    def restore(self, state: list[Any]) -> None:
+        """Take over the fold."""
+        self.kept = tuple(state)
