@@ -78,6 +78,15 @@ def _max(x: float, y: float) -> float:
     return x if x >= y or x != x else y  # noqa: PLR0124
 
 
+def _holds(comparison: Callable[[float, float], bool]) -> Callable[[float, float], float]:
+    def holds(x: float, y: float) -> float:
+        if x != x or y != y:  # noqa: PLR0124
+            return math.nan
+        return INF if comparison(x, y) else -INF
+
+    return holds
+
+
 FUNCTIONS: Mapping[str, Function] = {
     f.name: f
     for f in (
@@ -94,6 +103,11 @@ FUNCTIONS: Mapping[str, Function] = {
         Function("log", 2, _log),
         Function("min", 2, _min),
         Function("max", 2, _max),
+        # Whether a comparison holds, as +inf or -inf.
+        Function("ge", 2, _holds(operator.ge)),
+        Function("gt", 2, _holds(operator.gt)),
+        Function("eq", 2, _holds(operator.eq)),
+        Function("ne", 2, _holds(operator.ne)),
     )
 }
 

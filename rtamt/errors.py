@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+
 __all__ = [
     "InputError",
     "InputTypeError",
@@ -9,6 +12,7 @@ __all__ = [
     "RtamtError",
     "SpecificationError",
     "StateError",
+    "nearest",
 ]
 
 
@@ -66,3 +70,9 @@ class InputTypeError(RtamtError, TypeError):
 
 class StateError(RtamtError, RuntimeError):
     """A call that the object's state does not allow, such as ``update`` after ``finish``."""
+
+
+def nearest(name: str, names: Collection[str]) -> str:
+    """A hint with the most similar name, or an empty string."""
+    close = difflib.get_close_matches(name, names, 1)
+    return f"; did you mean '{close[0]}'?" if close else ""

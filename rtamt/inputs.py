@@ -6,28 +6,21 @@ that it does not take itself and for every message.
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, NoReturn, SupportsFloat, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.algebra import FUNCTIONS
-from rtamt.errors import InputError, InputTypeError
+from rtamt.errors import InputError, InputTypeError, nearest
 from rtamt.program import Const, Load, Map, Program
 
 __all__ = ["Columns", "NanPolicy", "SampleReader", "array_of_numbers", "nearest"]
 
 NanPolicy = Literal["raise", "hold"]
 Columns = Mapping[str, ArrayLike] | ArrayLike
-
-
-def nearest(name: str, names: Collection[str]) -> str:
-    """A hint with the most similar name, or an empty string."""
-    close = difflib.get_close_matches(name, names, 1)
-    return f"; did you mean '{close[0]}'?" if close else ""
 
 
 class SampleReader:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import cast
+from typing import assert_never, cast
 
 from rtamt.algebra import FUNCTIONS
 from rtamt.formula import Formula, Node, Term
-from rtamt.operators import Bounds
+from rtamt.interface import STANDARD, Interface
+from rtamt.operators import Bounds, Meaning
 from rtamt.program import (
     Const,
     Instruction,
@@ -29,9 +30,12 @@ __all__ = ["compile_program"]
 class _Builder:
     """Writes instructions; equal ones share a register."""
 
-    def __init__(self, specification: Specification, period: Fraction | None) -> None:
+    def __init__(
+        self, specification: Specification, period: Fraction | None, interface: Interface
+    ) -> None:
         self.specification = specification
         self.period = period
+        self.interface = interface
         self.instructions: list[Instruction] = []
         self.latencies: list[int | None] = []
         self.sources: list[Node] = []
@@ -53,7 +57,20 @@ class _Builder:
             error = functools.partial(self.specification.error, node)
             bounds = samples(node.interval, self.period, self.specification.unit, error)
             return node.op.meaning(self, bounds, *args)
+        if node.op.holds is not None:
+            return self._predicate(node, node.op.meaning, node.op.holds, args)
         return node.op.meaning(self, *args)
+
+    def _predicate(self, node: Node, value: Meaning, sign: Meaning, args: Sequence[int]) -> int:
+        match self.interface.reading(node):
+            case "value":
+                return value(self, *args)
+            case "sign":
+                return sign(self, *args)
+            case "zero":
+                return self.constant(0.0)
+            case _ as never:
+                assert_never(never)
 
     def _emit(self, instruction: Instruction, *, term: bool) -> int:
         # A term and a formula of the same shape stay apart: at an unseen sample the one is
@@ -111,13 +128,18 @@ class _Builder:
 
 
 def compile_program(
-    specification: Specification, period: Fraction | None = None, *, online: bool = False
+    specification: Specification,
+    period: Fraction | None = None,
+    *,
+    interface: Interface = STANDARD,
+    online: bool = False,
 ) -> Program:
     """The program of a specification.
 
     Args:
         specification: What to compile.
         period: Seconds between samples; None: bounds are in samples.
+        interface: Which robustness is meant; see `rtamt.interface`.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:
@@ -125,7 +147,7 @@ def compile_program(
             or if ``online`` on a future without end.
     """
     # Equal specifications may differ in their text, at which errors point.
-    return _cached(specification, specification.text, period, online)
+    return _cached(specification, specification.text, period, interface, online)
 
 
 @functools.lru_cache(maxsize=512)
@@ -133,11 +155,12 @@ def _cached(
     specification: Specification,
     text: str,
     period: Fraction | None,
+    interface: Interface,
     online: bool,  # noqa: FBT001 - a key of the cache
 ) -> Program:
     if online:
-        return _cached(specification, text, period, online=False).online()
-    builder = _Builder(specification, period)
+        return _cached(specification, text, period, interface, online=False).online()
+    builder = _Builder(specification, period, interface)
     known: dict[Node, int] = {}
     formulas: Iterable[Formula] = (
         *specification.formulas.values(),

@@ -20,6 +20,7 @@ __all__ = [
     "SPELLINGS",
     "Bounds",
     "Builder",
+    "Meaning",
     "Operator",
 ]
 
@@ -69,6 +70,7 @@ class Operator:
             left, ``none`` does not chain.
         timed: Whether an interval may follow the operator.
         future: Whether the value depends on later samples.
+        holds: For predicates: +inf where they hold, -inf where not; over a builder and registers.
         meaning: The robustness, over a builder and the operands' registers (after the bounds).
         doc: The robustness at sample i, in one line.
     """
@@ -85,6 +87,7 @@ class Operator:
     grouping: Grouping = "none"
     timed: bool = False
     future: bool = False
+    holds: Meaning | None = None
 
     def __post_init__(self) -> None:
         """Check the row against itself."""
@@ -123,6 +126,10 @@ def _fold(function: str) -> Meaning:
         return first
 
     return meaning
+
+
+def _swapped(function: str) -> Meaning:
+    return lambda b, x, y: b.map(function, y, x)
 
 
 def _ahead(monoid: str) -> Meaning:
@@ -187,13 +194,20 @@ def _term(
     )
 
 
-def _atom(name: str, arity: tuple[int, int], meaning: Meaning, doc: str) -> Operator:
+def _atom(
+    name: str, arity: tuple[int, int], meaning: Meaning, doc: str, holds: Meaning | None = None
+) -> Operator:
     spellings = (name,) if arity == (0, 0) else ("",)
-    return Operator(name, spellings, "atom", 14, "term", "formula", arity, meaning, doc)
+    return Operator(
+        name, spellings, "atom", 14, "term", "formula", arity, meaning, doc, holds=holds
+    )
 
 
-def _compare(name: str, meaning: Meaning, doc: str, *others: str) -> Operator:
-    return Operator(name, (name, *others), "infix", 9, "term", "formula", (2, 2), meaning, doc)
+def _compare(name: str, meaning: Meaning, holds: Meaning, doc: str, *others: str) -> Operator:
+    spellings = (name, *others)
+    return Operator(
+        name, spellings, "infix", 9, "term", "formula", (2, 2), meaning, doc, holds=holds
+    )
 
 
 def _temporal(name: str, others: str, meaning: Meaning, doc: str, *, future: bool) -> Operator:
@@ -270,7 +284,13 @@ OPERATORS: Mapping[str, Operator] = {
         _atom("true", (0, 0), lambda b: b.constant(math.inf), "+inf"),
         _atom("false", (0, 0), lambda b: b.constant(-math.inf), "-inf"),
         # A term by itself is a formula; it has no symbol of its own.
-        _atom("value", (1, 1), lambda _, x: x, "the value of the term"),
+        _atom(
+            "value",
+            (1, 1),
+            lambda _, x: x,
+            "the value of the term",
+            lambda b, x: b.map("ge", x, b.constant(0.0)),
+        ),
         # terms
         _term("abs", 13, (1, 1), _unary("abs"), "absolute value"),
         _term("sqrt", 13, (1, 1), _unary("sqrt"), "square root"),
@@ -294,12 +314,12 @@ OPERATORS: Mapping[str, Operator] = {
         _term("+", 10, (2, None), _fold("add"), "sum", "infix", "left-flat"),
         _term("-", 10, (2, 2), _fold("sub"), "difference", "infix", "left"),
         # comparisons: terms to a formula
-        _compare(">=", _fold("sub"), "x - y"),
-        _compare(">", _fold("sub"), "x - y"),
-        _compare("<=", lambda b, x, y: b.map("sub", y, x), "y - x"),
-        _compare("<", lambda b, x, y: b.map("sub", y, x), "y - x"),
-        _compare("==", lambda b, x, y: b.map("neg", _apart(b, x, y)), "-abs(x - y)"),
-        _compare("!=", _apart, "abs(x - y)", "!=="),
+        _compare(">=", _fold("sub"), _fold("ge"), "x - y"),
+        _compare(">", _fold("sub"), _fold("gt"), "x - y"),
+        _compare("<=", _swapped("sub"), _swapped("ge"), "y - x"),
+        _compare("<", _swapped("sub"), _swapped("gt"), "y - x"),
+        _compare("==", lambda b, x, y: b.map("neg", _apart(b, x, y)), _fold("eq"), "-abs(x - y)"),
+        _compare("!=", _apart, _fold("ne"), "abs(x - y)", "!=="),
         # Boolean
         Operator(
             "not",

@@ -20,7 +20,7 @@ FLOORS = (
     ("formula", "printing"),
     ("specification",),
     ("grammar", "parser"),
-    ("timing", "program", "lowering", "polarity"),
+    ("interface", "timing", "program", "lowering", "polarity"),
     (
         "inputs",
         "lanes",

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 // name, arity, value of x and y. A function of one operand is handed it twice.
 // Nothing raises; a nan of either operand is kept, so that the machine finds it.
@@ -18,9 +19,20 @@
     X(pow, 2, std::pow(x, y))                              \
     X(log, 2, std::log(x) / std::log(y))                   \
     X(min, 2, (y < x) | (y != y) ? y : x)                  \
-    X(max, 2, (y > x) | (y != y) ? y : x)
+    X(max, 2, (y > x) | (y != y) ? y : x)                  \
+    X(ge, 2, holds(x >= y, x, y))                          \
+    X(gt, 2, holds(x > y, x, y))                           \
+    X(eq, 2, holds(x == y, x, y))                          \
+    X(ne, 2, holds(x != y, x, y))
 
 namespace rtamt::functions {
+
+// Whether a comparison holds, as +inf or -inf.
+inline double holds(bool comparison, double x, double y) {
+    constexpr double inf = std::numeric_limits<double>::infinity();
+    if (x != x || y != y) return std::numeric_limits<double>::quiet_NaN();
+    return comparison ? inf : -inf;
+}
 
 #define RTAMT_DEFINE(name, arity, value) \
     inline double name([[maybe_unused]] double x, [[maybe_unused]] double y) { return value; }
