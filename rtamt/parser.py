@@ -15,7 +15,7 @@ from rtamt.formula import Formula, Term, variable
 from rtamt.interval import UNITS, Exact, exact
 from rtamt.specification import Specification
 
-__all__ = ["as_specification", "load", "parse"]
+__all__ = ["as_specification", "load", "parse", "parse_as"]
 
 _NONE: Mapping[str, object] = MappingProxyType({})
 
@@ -48,18 +48,43 @@ def parse(
         >>> spec.variables, spec.horizon
         (('req', 'gnt'), inf)
     """
+    return parse_as(text, unit, constants or {}, modules or {}, chains=False)
+
+
+def parse_as(
+    text: str,
+    unit: str,
+    constants: Mapping[str, Exact],
+    modules: Mapping[str, object],
+    *,
+    chains: bool,
+) -> Specification:
+    """The specification of a text in a dialect of the language.
+
+    Args:
+        text: As for `parse`.
+        unit: As for `parse`.
+        constants: As for `parse`.
+        modules: As for `parse`.
+        chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
+            ``since`` and ``unless`` alike; in the language itself that is an error.
+
+    Raises:
+        ParseError: As `parse` does.
+        SpecificationError: As `parse` does.
+    """
     if not isinstance(text, str):
         msg = f"expected the text of a specification, got {type(text).__name__} {text!r}"
         raise InputTypeError(msg)
     if unit not in UNITS:
         msg = f"expected a unit out of {', '.join(UNITS)}, got {unit!r}"
         raise SpecificationError(msg)
-    for name in constants or ():
+    for name in constants:
         variable(name)  # what can be read as a name, and is no word of the language
-    given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in (constants or {}).items())
+    given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())
     if modules:
-        return _parse.__wrapped__(text, unit, given, modules)
-    return _parse(text, unit, given)
+        return _parse.__wrapped__(text, unit, given, chains, modules)
+    return _parse(text, unit, given, chains)
 
 
 def load(
@@ -118,18 +143,25 @@ def _formula_from_text(text: str) -> Formula:
 
 
 def _specification_from_text(
-    text: str, unit: str, given: dict[str, Fraction], imports: dict[str, str]
+    text: str,
+    unit: str,
+    given: dict[str, Fraction],
+    imports: dict[str, str],
+    chains: bool,  # noqa: FBT001 - in a pickle arguments have no names
 ) -> Specification:
     # The types were there when the text was first parsed; their names are all that is kept.
     modules = {m: SimpleNamespace(**dict.fromkeys(imports)) for m in imports.values()}
-    return parse(text, unit=unit, constants=given, modules=modules)
+    return parse_as(text, unit, given, modules, chains=chains)
 
 
 copyreg.pickle(Term, lambda term: (_term_from_text, (str(term),)))
 copyreg.pickle(Formula, lambda formula: (_formula_from_text, (str(formula),)))
 copyreg.pickle(
     Specification,
-    lambda s: (_specification_from_text, (s.text, s.unit, dict(s.given), dict(s.imports))),
+    lambda s: (
+        _specification_from_text,
+        (s.text, s.unit, dict(s.given), dict(s.imports), s.chains),
+    ),
 )
 
 
@@ -138,8 +170,9 @@ def _parse(
     text: str,
     unit: str,
     given: tuple[tuple[str, Fraction], ...],
+    chains: bool,  # noqa: FBT001 - a key of the cache
     modules: Mapping[str, object] = _NONE,
 ) -> Specification:
     from rtamt.grammar.statements import read_specification
 
-    return read_specification(text, unit, dict(given), modules)
+    return read_specification(text, unit, dict(given), modules, chains=chains)

@@ -55,6 +55,7 @@ class Specification:
         imports: Imported type to its module.
         unit: Unit of the bounds that have none.
         given: Exact values of the constants that were given to `parse`.
+        chains: Whether the text was read with operators that group to the left where they chain.
         positions: Line and column in the text of a node's interval, operator or name.
     """
 
@@ -68,6 +69,7 @@ class Specification:
     imports: Mapping[str, str] = field(default_factory=dict)
     unit: str = "s"
     given: Mapping[str, Fraction] = field(default_factory=dict)
+    chains: bool = False
     positions: Mapping[Node, tuple[int, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

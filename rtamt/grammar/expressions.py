@@ -39,6 +39,14 @@ class _Frame:
 class TreeBuilder:
     """Builds the trees of a text whose syntax the grammar has found right.
 
+    Args:
+        text: The text.
+        tokens: Its tokens.
+        constants: Values of the names that bounds may have.
+        resolve: The node of a name.
+        chains: Whether ``implies``, ``until``, ``since`` and ``unless`` group to the left where
+            they chain; else that is an error.
+
     Attributes:
         positions: Line and column of each node's interval, operator or name.
     """
@@ -49,11 +57,14 @@ class TreeBuilder:
         tokens: Sequence[Token],
         constants: Mapping[str, Fraction],
         resolve: Callable[[Token], Node],
+        *,
+        chains: bool = False,
     ) -> None:
         self.text = text
         self.tokens = tokens
         self.constants = constants
         self.resolve = resolve
+        self.chains = chains
         self.positions: dict[Node, tuple[int, int]] = {}
         self._values: list[Node] = []
         self._frames: list[_Frame] = []
@@ -112,7 +123,8 @@ class TreeBuilder:
             # A run of one operator becomes one node. A chain that has no meaning is collected as
             # well: its error shows the operands.
             run = frame.row is row and row.grouping in ("flat", "left-flat")
-            if run or row.grouping == "none":
+            left = self.chains and row.operands == "formula"
+            if run or (row.grouping == "none" and not left):
                 frame.tokens.append(token)
                 return
             self._reduce(strength)

@@ -18,15 +18,20 @@ __all__ = ["read_specification"]
 
 
 def read_specification(
-    text: str, unit: str, given: Mapping[str, Fraction], modules: Mapping[str, object]
+    text: str,
+    unit: str,
+    given: Mapping[str, Fraction],
+    modules: Mapping[str, object],
+    *,
+    chains: bool,
 ) -> Specification:
-    """The specification of a text; the arguments are those of `parse`, checked.
+    """The specification of a text; the arguments are those of `parse_as`, checked.
 
     Raises:
         ParseError: If the text is no specification.
     """
     statements, tokens = read(text)
-    return _Reader(text, tokens, given, modules).specification(statements, unit)
+    return _Reader(text, tokens, given, modules, chains=chains).specification(statements, unit)
 
 
 class _Reader:
@@ -36,6 +41,8 @@ class _Reader:
         tokens: Sequence[Token],
         given: Mapping[str, Fraction],
         modules: Mapping[str, object],
+        *,
+        chains: bool,
     ) -> None:
         self.text = text
         self.tokens = tokens
@@ -48,7 +55,7 @@ class _Reader:
         self.topics: dict[str, str] = {}
         self.formulas: dict[str, Formula] = {}
         self.used: set[str] = set()
-        self.builder = TreeBuilder(text, tokens, self.constants, self._resolve)
+        self.builder = TreeBuilder(text, tokens, self.constants, self._resolve, chains=chains)
 
     def specification(self, statements: Statements, unit: str) -> Specification:
         if not statements.definitions:
@@ -85,6 +92,7 @@ class _Reader:
             imports=self.imports,
             unit=unit,
             given=self.given,
+            chains=self.builder.chains,
             positions=self.builder.positions,
         )
 
