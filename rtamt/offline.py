@@ -18,7 +18,7 @@ from rtamt.algebra import MONOIDS
 from rtamt.inputs import SampleReader
 from rtamt.program import Instruction, Load, Program, Window, latencies_of
 
-__all__ = ["RunMachine", "run_offline"]
+__all__ = ["RunMachine", "run_offline", "run_outputs"]
 
 Array = NDArray[np.float64]
 
@@ -45,9 +45,17 @@ def run_offline(
         columns: For every variable its n values.
         n: Length of the trace, 1 or more.
     """
-    program = program.restricted(program.result, {}).clamped(n)
+    alone = program.restricted(program.result, {"": program.result})
+    return run_outputs(alone, reader, machine, columns, n)[""]
+
+
+def run_outputs(
+    program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
+) -> dict[str, Array]:
+    """The named formulas at every sample of a trace of n samples; the arguments are the same."""
+    program = program.clamped(n)
     known = dict(zip(program.variables, columns, strict=True))
-    while program.latency is None:
+    while None in program.latencies:
         # Everything before the first window without end has a latency.
         cut = next(
             r for r, i in enumerate(program.instructions) if isinstance(i, Window) and i.hi is None
@@ -58,7 +66,8 @@ def run_offline(
         name = f"#{len(known)}"  # no variable of a specification is named so
         known[name] = _reversed_fold(program, machine, window, args, n)
         program = _with_variable(program, cut, name)
-    return _run(program, reader, machine, (program.result,), known, n)[0]
+    values = _run(program, reader, machine, tuple(program.outputs.values()), known, n)
+    return dict(zip(program.outputs, values, strict=True))
 
 
 def _run(
