@@ -22,6 +22,7 @@ from rtamt.backend import (
 )
 from rtamt.errors import InputError
 from rtamt.inputs import Columns, NanPolicy, SampleReader
+from rtamt.interface import Names, Semantics, as_interface
 from rtamt.lowering import compile_program
 from rtamt.offline import run_offline
 from rtamt.online import Online, Spec
@@ -62,8 +63,19 @@ class _Single(Online[_M]):
         *,
         backend: Backend = "auto",
         nan: NanPolicy = "raise",
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
     ) -> None:
-        super().__init__(spec, period, backend, nan)
+        super().__init__(
+            spec,
+            period,
+            backend=backend,
+            nan=nan,
+            semantics=semantics,
+            inputs=inputs,
+            outputs=outputs,
+        )
         self.update = self._machine.update
 
     def __init_subclass__(cls, **options: object) -> None:
@@ -110,6 +122,12 @@ class Monitor(_Single[DiscreteMachine]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
+            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
+            ``"output-vacuity"``.
+        inputs: Variables that the system reads; a message stands for its fields. None: those that
+            the text declares ``input``. Only interface-aware semantics ask for them.
+        outputs: Variables that the system sets; likewise.
 
     Raises:
         SpecificationError: On text that is no specification, bounds that are no whole number of
@@ -128,7 +146,9 @@ class Monitor(_Single[DiscreteMachine]):
     __slots__ = {"update": _UPDATE.format(result=" and give the robustness at time t - latency.")}
 
     def _compiled(self) -> Program:
-        return compile_program(self.specification, self._period, online=True)
+        return compile_program(
+            self.specification, self._period, interface=self.interface, online=True
+        )
 
     def _machine_of(self, reader: SampleReader) -> DiscreteMachine:
         return discrete_machine(self.backend, self.program, reader, (self.program.result,))
@@ -222,6 +242,12 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the fastest machine that there is.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
+            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
+            ``"output-vacuity"``.
+        inputs: Variables that the system reads; a message stands for its fields. None: those that
+            the text declares ``input``. Only interface-aware semantics ask for them.
+        outputs: Variables that the system sets; likewise.
 
     Raises:
         SpecificationError: On text that is no specification, bounds that are no whole number of
@@ -244,7 +270,7 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
     }
 
     def _compiled(self) -> Program:
-        return compile_program(self.specification, self._period)
+        return compile_program(self.specification, self._period, interface=self.interface)
 
     def _machine_of(self, reader: SampleReader) -> EpisodeMachine:
         return episode_machine(self.backend, self.program, reader)
@@ -292,6 +318,9 @@ def evaluate(
     n: int | None = None,
     backend: Backend = "auto",
     nan: NanPolicy = "raise",
+    semantics: Semantics = "standard",
+    inputs: Names | None = None,
+    outputs: Names | None = None,
 ) -> NDArray[np.float64]:
     """Robustness at every sample of a whole trace.
 
@@ -306,6 +335,12 @@ def evaluate(
         n: The length, for a formula without variables.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
+            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
+            ``"output-vacuity"``.
+        inputs: Variables that the system reads; a message stands for its fields. None: those that
+            the text declares ``input``. Only interface-aware semantics ask for them.
+        outputs: Variables that the system sets; likewise.
 
     Returns:
         n values, one for each sample.
@@ -319,7 +354,9 @@ def evaluate(
         >>> evaluate("always(x > 1)", {"x": [5, 4, 3]}).tolist()
         [2.0, 2.0, 2.0]
     """
-    program = compile_program(as_specification(spec), as_period(period))
+    specification = as_specification(spec)
+    interface = as_interface(specification, semantics, inputs, outputs)
+    program = compile_program(specification, as_period(period), interface=interface)
     reader = SampleReader(program, nan)
     columns, length = reader.block(data, 0, (), n=n, extra=True)
     if length == 0:

@@ -10,6 +10,7 @@ from typing import Any, Generic, Self, TypeVar
 from rtamt.backend import Backend, Stateful, choose
 from rtamt.formula import Formula
 from rtamt.inputs import NanPolicy
+from rtamt.interface import Names, Semantics, as_interface
 from rtamt.parser import as_specification
 from rtamt.program import Program
 from rtamt.specification import Specification
@@ -26,10 +27,29 @@ _M = TypeVar("_M", bound=Stateful)
 class Online(Generic[_M]):
     """A specification that a machine of some kind runs."""
 
-    __slots__ = ("_machine", "_nan", "_period", "backend", "program", "specification")
+    __slots__ = (
+        "_machine",
+        "_nan",
+        "_period",
+        "backend",
+        "interface",
+        "program",
+        "specification",
+    )
 
-    def __init__(self, spec: Spec, period: Period | None, backend: Backend, nan: NanPolicy) -> None:
+    def __init__(
+        self,
+        spec: Spec,
+        period: Period | None,
+        *,
+        backend: Backend,
+        nan: NanPolicy,
+        semantics: Semantics,
+        inputs: Names | None,
+        outputs: Names | None,
+    ) -> None:
         self.specification = as_specification(spec)
+        self.interface = as_interface(self.specification, semantics, inputs, outputs)
         self._period = as_period(period)
         self.backend = choose(backend)
         self._nan = nan
@@ -68,7 +88,14 @@ class Online(Generic[_M]):
         return self.__copy__()
 
     def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
-        make = functools.partial(type(self), backend=self.backend, nan=self._nan)
+        make = functools.partial(
+            type(self),
+            backend=self.backend,
+            nan=self._nan,
+            semantics=self.interface.semantics,
+            inputs=self.interface.inputs,
+            outputs=self.interface.outputs,
+        )
         return make, self._arguments(), self._machine.state()
 
     def __setstate__(self, state: object) -> None:

@@ -18,6 +18,7 @@ from rtamt.backend import (
 )
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs import NanPolicy
+from rtamt.interface import Names, Semantics
 from rtamt.lanes import LaneReader
 from rtamt.lowering import compile_program
 from rtamt.online import Online, Spec
@@ -42,9 +43,20 @@ class _Lockstep(Online[_B]):
         *,
         backend: Backend = "auto",
         nan: NanPolicy = "raise",
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
     ) -> None:
         self.num = _counted(num)
-        super().__init__(spec, period, backend, nan)
+        super().__init__(
+            spec,
+            period,
+            backend=backend,
+            nan=nan,
+            semantics=semantics,
+            inputs=inputs,
+            outputs=outputs,
+        )
 
     def _made(self) -> _B:
         return self._machine_of(LaneReader(self.program, self.num, self._nan))
@@ -83,6 +95,12 @@ class VectorMonitor(_Lockstep[DiscreteBank]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value in that lane.
+        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
+            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
+            ``"output-vacuity"``.
+        inputs: Variables that the system reads; a message stands for its fields. None: those that
+            the text declares ``input``. Only interface-aware semantics ask for them.
+        outputs: Variables that the system sets; likewise.
 
     Raises:
         SpecificationError: As `Monitor` does.
@@ -105,7 +123,9 @@ class VectorMonitor(_Lockstep[DiscreteBank]):
     __slots__ = ()
 
     def _compiled(self) -> Program:
-        return compile_program(self.specification, self._period, online=True)
+        return compile_program(
+            self.specification, self._period, interface=self.interface, online=True
+        )
 
     def _machine_of(self, reader: LaneReader) -> DiscreteBank:
         return discrete_bank(self.backend, self.program, self.num, reader)
@@ -153,6 +173,12 @@ class VectorEpisodeMonitor(_Lockstep[EpisodeBank]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value in that lane.
+        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
+            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
+            ``"output-vacuity"``.
+        inputs: Variables that the system reads; a message stands for its fields. None: those that
+            the text declares ``input``. Only interface-aware semantics ask for them.
+        outputs: Variables that the system sets; likewise.
 
     Raises:
         SpecificationError: As `EpisodeMonitor` does.
@@ -172,7 +198,7 @@ class VectorEpisodeMonitor(_Lockstep[EpisodeBank]):
     __slots__ = ()
 
     def _compiled(self) -> Program:
-        return compile_program(self.specification, self._period)
+        return compile_program(self.specification, self._period, interface=self.interface)
 
     def _machine_of(self, reader: LaneReader) -> EpisodeBank:
         return episode_bank(self.backend, self.program, self.num, reader)
