@@ -5,6 +5,7 @@ Only the atoms are shared with the oracle of robustness: positive holds, negativ
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 from oracle import Trace, bounds, predicate
@@ -12,12 +13,22 @@ from oracle import Trace, bounds, predicate
 from rtamt.formula import Node
 
 
-def holds(f: Node, trace: Trace, n: int, i: int) -> bool:  # noqa: C901 - a table
+def positive(f: Node, trace: Trace, i: int) -> bool:
+    """Whether an atom is away from its bound, on the side where it holds."""
+    return predicate(f, trace, i)[0] > 0
+
+
+Atom = Callable[[Node, Trace, int], bool]
+
+
+def holds(  # noqa: C901 - a table
+    f: Node, trace: Trace, n: int, i: int, atom: Atom = positive
+) -> bool:
     """Whether the formula is true at sample i; a window that the trace cuts away is empty."""
     assert f.op is not None
     if f.op.operands == "term":
-        return predicate(f, trace, i)[0] > 0
-    p, q = (partial(holds, g, trace, n) for g in (f.args[0], f.args[-1]))
+        return atom(f, trace, i)
+    p, q = (partial(holds, g, trace, n, atom=atom) for g in (f.args[0], f.args[-1]))
     a, b = bounds(f)
     ahead = [j for j in range(i, n) if a <= j - i <= b]
     back = [j for j in range(i + 1) if a <= i - j <= b]
@@ -25,9 +36,9 @@ def holds(f: Node, trace: Trace, n: int, i: int) -> bool:  # noqa: C901 - a tabl
         case "not":
             return not p(i)
         case "and":
-            return all(holds(g, trace, n, i) for g in f.args)
+            return all(holds(g, trace, n, i, atom) for g in f.args)
         case "or":
-            return any(holds(g, trace, n, i) for g in f.args)
+            return any(holds(g, trace, n, i, atom) for g in f.args)
         case "implies":
             return not p(i) or q(i)
         case "iff":

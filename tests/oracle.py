@@ -19,18 +19,32 @@ from rtamt.formula import Node
 INF = math.inf
 Value = tuple[float, float]
 Trace = Mapping[str, Sequence[float]]
+Read = Callable[[Node, Trace, int | None], Value]
+"""The value of a predicate at a sample; None is an unseen one."""
 
 
-def robustness(formula: Node, trace: Trace, n: int) -> list[float]:
+def predicate(f: Node, trace: Trace, i: int | None) -> Value:
+    """The value of a predicate; at an unseen sample any, if it has variables."""
+    if i is None:
+        if f.variables:
+            return -INF, INF
+        i = 0
+    value = difference(f, trace, i)
+    return value, value
+
+
+def robustness(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[float]:
     """The robustness at every sample of a trace of n samples."""
-    at = _meaning(trace, n, n - 1, open_end=False)
+    at = _meaning(trace, n, n - 1, read, open_end=False)
     return [at(formula, i)[0] for i in range(n)]
 
 
-def episode(formula: Node, trace: Trace, n: int) -> tuple[float, float, float]:
+def episode(
+    formula: Node, trace: Trace, n: int, read: Read = predicate
+) -> tuple[float, float, float]:
     """After n samples: robustness at 0 if the trace ended now, and its bounds otherwise."""
-    now = robustness(formula, trace, n)[0] if n else math.nan
-    low, high = _meaning(trace, n, n + settled(formula), open_end=True)(formula, 0)
+    now = robustness(formula, trace, n, read)[0] if n else math.nan
+    low, high = _meaning(trace, n, n + settled(formula), read, open_end=True)(formula, 0)
     return now, low, high
 
 
@@ -90,7 +104,7 @@ def any_(values: Iterable[Value]) -> Value:
 
 
 def _meaning(  # noqa: C901
-    trace: Trace, n: int, last: int, *, open_end: bool
+    trace: Trace, n: int, last: int, read: Read, *, open_end: bool
 ) -> Callable[[Node, int], Value]:
     @functools.cache
     def at(f: Node, i: int) -> Value:  # noqa: C901 - a table
@@ -98,7 +112,7 @@ def _meaning(  # noqa: C901
             i = min(i, last)
         assert f.op is not None
         if f.op.operands == "term":
-            return predicate(f, trace, i) if i < n or not f.variables else (-INF, INF)
+            return read(f, trace, i if i < n else None)
         a, b = bounds(f)
         p, q = (functools.partial(at, g) for g in (f.args[0], f.args[-1]))
         first, final = 0, INF if open_end else last
@@ -151,7 +165,8 @@ def _meaning(  # noqa: C901
     return at
 
 
-def predicate(f: Node, trace: Trace, i: int) -> Value:
+def difference(f: Node, trace: Trace, i: int) -> float:
+    """How far a predicate is from its bound."""
     assert f.op is not None
     if f.op.name in ("true", "false"):
         value = INF if f.op.name == "true" else -INF
@@ -172,7 +187,7 @@ def predicate(f: Node, trace: Trace, i: int) -> Value:
                 raise NotImplementedError(name)
     if math.isnan(value):
         raise ValueError(f"{f} is nan at {i}")
-    return value, value
+    return value
 
 
 def term(t: Node, trace: Trace, i: int) -> float:
