@@ -3,8 +3,8 @@
 The selectors are those of `rtamt_gym.signals`. ``obs[2]`` reads column 2 of the batched
 observation, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
 hold for every environment that takes a sample. A callable is given the whole batch and gives an
-array with one number for every environment. Only ``qpos`` and ``qvel`` are read one by one, from
-the environments of a `SyncVectorEnv`.
+array with one number for every environment. Only what selectors read of the simulations, such as
+``qpos[1]``, is read one by one, from the environments of a `SyncVectorEnv`.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class Columns:
         self._all: Lanes = np.ones(env.num_envs, np.bool_)
         self._reads = [_bind(signal, env, same_step=same_step) for signal in signals]
         sources = [signal.source for signal in signals]
-        self.reads_obs = any(source == "obs" or callable(source) for source in sources)
-        self.reads_info = any(source == "info" or callable(source) for source in sources)
+        self.reads_obs = any(source in {"obs", None} for source in sources)
+        self.reads_info = any(source in {"info", None} for source in sources)
         self._observed = [i for i, source in enumerate(sources) if source == "obs"]
 
     def step(
@@ -74,7 +74,7 @@ class Columns:
         step = Step(obs, actions, rewards, infos, self._env)
         table = np.empty((len(lanes), len(self._signals)))
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
-            if begun is None or (signal.default is None and isinstance(signal.source, str)):
+            if begun is None or (signal.default is None and signal.source is not None):
                 table[:, column] = read(step, lanes)
                 continue
             if lanes.any():
@@ -123,8 +123,8 @@ def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
             return lambda step, lanes: _from_infos(signal, step.info, lanes)
         case str():
             return _bind_simulations(signal, env, same_step=same_step)
-        case function:
-            return lambda step, _: _called(signal, function, step)
+        case _:
+            return lambda step, _: _called(signal, step)
 
 
 def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], Any]:
@@ -197,8 +197,8 @@ def _from_infos(signal: Signal, infos: dict[str, Any], lanes: Lanes) -> Any:  # 
     return _numbers(signal, found, len(lanes))
 
 
-def _called(signal: Signal, function: Callable[[Step], Any], step: Step) -> Any:  # noqa: ANN401
-    return _numbers(signal, np.asarray(function(step)), step.env.num_envs)
+def _called(signal: Signal, step: Step) -> Any:  # noqa: ANN401
+    return _numbers(signal, np.asarray(signal.call(step)), step.env.num_envs)
 
 
 def _numbers(signal: Signal, found: NDArray[Any], num: int) -> NDArray[Any]:

@@ -8,18 +8,18 @@ A signal is a text selector, a callable, or a pair of one of them and its value 
 | ``action[0]``, ``action`` | one number of the action | the default |
 | ``reward`` | the reward | the default |
 | ``info['key']``, ``info['key'][0]`` | one number of the info | the default |
-| ``qpos[1]``, ``qvel[1]`` | one number of a MuJoCo simulation's state | read |
+| ``qpos[1]``, ``sensor:imu[0]``, ... | one number of a MuJoCo simulation | read |
+| ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
 | a callable | what it returns for a `Step` | called, unless it has a default |
 
-Selectors are read by a small grammar, ``source ("[" (integer | string) "]")*``, checked against the
-spaces of the environment, and bound to closures. Nothing is ever evaluated as Python.
+Selectors are read by the grammar of `rtamt_gym.selectors`, checked against the spaces and the
+simulation of the environment, and bound to closures.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -30,13 +30,12 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError, InputTypeError
+from rtamt_gym.selectors import MUJOCO, STEP, VEHICLE, Selector, hint, parse_selector
 
 __all__ = ["Read", "Signal", "SignalLike", "Step", "listing", "parse_signals"]
 
-SOURCES: Final = ("obs", "action", "reward", "info", "qpos", "qvel")
-"""The words that a selector may begin with; the first four are what a step gives, in this order."""
-
-HINT: Final = "obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0] or qvel[0]"
+SOURCES: Final = (*STEP, *MUJOCO, *VEHICLE)
+"""The words that a selector of an environment may begin with."""
 
 _NUMBERS: Final = (float, int, np.floating, np.integer, np.bool_)
 
@@ -72,19 +71,17 @@ class Signal:
 
     Attributes:
         name: Variable of the formulas.
-        source: Word that the selector begins with, or the callable.
-        path: Indices and keys behind the source.
+        reads: What is read: a selector, or a callable.
         default: Value at reset, or None where reset gives one.
     """
 
     name: str
-    source: str | Callable[[Step], float]
-    path: tuple[int | str, ...] = ()
+    reads: Selector | Callable[..., Any]
     default: float | None = None
 
     @classmethod
-    def parse(cls, name: str, value: SignalLike) -> Signal:
-        """The signal of one entry of ``signals=``.
+    def parse(cls, name: str, value: SignalLike, sources: Sequence[str] = SOURCES) -> Signal:
+        """The signal of one entry of ``signals=``; ``sources`` are what selectors may begin with.
 
         Raises:
             InputError: On a selector that the grammar does not read, on a default that is nan, and
@@ -97,13 +94,14 @@ class Signal:
             value, default = value
             default = _default(name, default)
         if callable(value):
-            return cls(name, value, (), default)
+            return cls(name, value, default)
         if not isinstance(value, str):
             raise InputTypeError(
                 f"signal {name!r}: expected a selector, a callable, or a pair of one of them and "
-                f"its value at reset, got {value!r}; a selector is {HINT}"
+                f"its value at reset, got {value!r}; a selector is {hint(sources)}"
             )
-        source, path = _parse_selector(name, value)
+        selector = parse_selector(name, value, sources)
+        source = selector.source
         if default is None and source in {"action", "reward", "info"}:
             raise InputError(
                 f"signal {name!r}: {value} has no value at reset; "
@@ -114,12 +112,22 @@ class Signal:
                 f"signal {name!r}: {value} has a value at reset, which the default {default!r} "
                 f'would hide; write "{name}": "{value}"'
             )
-        return cls(name, source, path, default)
+        return cls(name, selector, default)
 
     def __str__(self) -> str:
-        if callable(self.source):
-            return getattr(self.source, "__qualname__", repr(self.source))
-        return self.source + "".join(f"[{part!r}]" for part in self.path)
+        if isinstance(self.reads, Selector):
+            return str(self.reads)
+        return getattr(self.reads, "__qualname__", repr(self.reads))
+
+    @property
+    def source(self) -> str | None:
+        """The word that the selector begins with; None for a callable."""
+        return self.reads.source if isinstance(self.reads, Selector) else None
+
+    @property
+    def path(self) -> tuple[int | str, ...]:
+        """The indices and keys of the selector."""
+        return self.reads.path if isinstance(self.reads, Selector) else ()
 
     def bind(self, env: gym.Env[Any, Any]) -> Read:
         """The function that reads the signal from a step of an environment.
@@ -127,19 +135,21 @@ class Signal:
         Raises:
             InputError: If the selector does not fit the spaces of the environment.
         """
-        if callable(self.source):
-            return self._bind_callable(self.source, env)
-        match self.source:
+        if not isinstance(self.reads, Selector):
+            return self._bind_callable(env)
+        match self.reads.source:
             case "obs":
                 path = self.fit(env.observation_space, "the observation space")
                 return _reader(0, path)
             case "action":
                 path = self.fit(env.action_space, "the action space")
                 return _reader(1, path)
-            case "qpos" | "qvel":
-                return self._bind_state(self.source, env)
+            case "reward" | "info" as source:
+                return self._bind_unchecked(STEP.index(source))
+            case "vehicle":
+                return self._bind_vehicle(self.reads, env)
             case _:
-                return self._bind_unchecked(SOURCES.index(self.source))
+                return self._bind_simulation(self.reads, env)
 
     def bind_reset(self, env: gym.Env[Any, Any]) -> Read:
         """The function that reads the signal at reset: its default, where it has one."""
@@ -191,27 +201,36 @@ class Signal:
     def _refusal(self, whole: spaces.Space[Any], what: str, reason: str) -> str:
         return f"signal {self.name!r}: {self} does not fit: {what} {reason}; it is {_shape(whole)}"
 
-    def _bind_state(self, source: str, env: gym.Env[Any, Any]) -> Read:
+    def _bind_simulation(self, selector: Selector, env: gym.Env[Any, Any]) -> Read:
         simulation: Any = env.unwrapped
-        state = getattr(getattr(simulation, "data", None), source, None)
-        if state is None:
+        if not hasattr(simulation, "model") or not hasattr(simulation, "data"):
             raise InputError(
                 f"signal {self.name!r}: {self} needs a MuJoCo environment, and "
-                f"{type(simulation).__name__} has no data.{source}; read obs[...] instead"
+                f"{type(simulation).__name__} has no model and data; read obs[...] instead"
             )
-        size = len(state)
-        if len(self.path) != 1 or not isinstance(self.path[0], int):
-            raise InputError(f"signal {self.name!r}: expected one index, {source}[0], got {self}")
-        index = self.path[0]
-        if not -size <= index < size:
-            raise InputError(
-                f"signal {self.name!r}: {self} does not fit: {source} has "
-                f"{_count(size, 'element')}, 0 to {size - 1}"
-            )
-        # An environment may build its MjData anew in reset: a view held from now on would go stale.
-        if source == "qpos":
-            return lambda *_: float(simulation.data.qpos[index])
-        return lambda *_: float(simulation.data.qvel[index])
+        from rtamt_gym.mujoco_signals import bind_simulation
+
+        return bind_simulation(self.name, selector, simulation)
+
+    def _bind_vehicle(self, selector: Selector, env: gym.Env[Any, Any]) -> Read:
+        simulation: Any = env.unwrapped
+        field, path = selector.field, selector.path
+
+        # Every reset makes a new vehicle.
+        def read(*_: Any) -> float:  # noqa: ANN401
+            try:
+                value = getattr(simulation.vehicle, field)
+                for part in path:
+                    value = value[part]
+            except (AttributeError, IndexError, KeyError, TypeError) as error:
+                raise InputError(
+                    f"signal {self.name!r}: cannot read {self} of {type(simulation).__name__}: "
+                    f"{error}"
+                ) from None
+            return self.number(value)
+
+        read()
+        return read
 
     def _bind_unchecked(self, place: int) -> Read:
         """A reader of the reward or the info, of which no space says what they hold."""
@@ -230,16 +249,25 @@ class Signal:
                     raise InputError(
                         f"signal {self.name!r}: the info has no {self}; {held}"
                     ) from None
-            return self._number(value)
+            return self.number(value)
 
         return read
 
-    def _bind_callable(self, function: Callable[[Step], float], env: gym.Env[Any, Any]) -> Read:
-        return lambda obs, action, reward, info: self._number(
-            function(Step(obs, action, reward, info, env))
+    def call(self, *args: object) -> Any:  # noqa: ANN401 - whatever a callable gives
+        """What the callable returns."""
+        return cast("Callable[..., Any]", self.reads)(*args)
+
+    def _bind_callable(self, env: gym.Env[Any, Any]) -> Read:
+        return lambda obs, action, reward, info: self.number(
+            self.call(Step(obs, action, reward, info, env))
         )
 
-    def _number(self, value: object) -> float:
+    def number(self, value: object) -> float:
+        """The number that was read, as a float.
+
+        Raises:
+            InputTypeError: If it is none.
+        """
         if not isinstance(value, _NUMBERS):
             raise InputTypeError(
                 f"signal {self.name!r}: expected a number from {self}, got {value!r}"
@@ -248,13 +276,16 @@ class Signal:
 
 
 def parse_signals(
-    signals: Mapping[str, SignalLike], variables: Iterable[str]
+    signals: Mapping[str, SignalLike],
+    variables: Iterable[str],
+    sources: Sequence[str] = SOURCES,
 ) -> tuple[Signal, ...]:
     """The signals of the variables, in the order of the variables.
 
     Args:
         signals: Selector, callable, or pair with a value at reset, for every variable.
         variables: Names that the specifications read.
+        sources: The words that selectors may begin with.
 
     Raises:
         InputError: If a variable has no signal or a signal no variable; names the nearest.
@@ -280,50 +311,7 @@ def parse_signals(
             f"signal {name!r} is read by no specification; the variables are "
             f"{listing(names)}; {way_out}"
         )
-    return tuple(Signal.parse(name, signals[name]) for name in names)
-
-
-_TOKEN = re.compile(r"\s*(?:([A-Za-z_]\w*)|([+-]?\d+)|('[^']*'|\"[^\"]*\")|(.))")
-
-
-def _parse_selector(name: str, text: str) -> tuple[str, tuple[int | str, ...]]:
-    tokens = [
-        (match.start(match.lastindex), match.lastindex, match[match.lastindex])
-        for match in _TOKEN.finditer(text.rstrip())
-        if match.lastindex is not None
-    ]
-    tokens.append((len(text.rstrip()), 0, ""))
-
-    def refuse(at: int, expected: str) -> InputError:
-        column, _, got = tokens[at]
-        return InputError(
-            f"signal {name!r}, column {column + 1}: expected {expected}, "
-            f"got {repr(got) if got else 'the end of the selector'}\n"
-            f"  {text}\n"
-            f"  {' ' * column}^\n"
-            f"  hint: write {HINT}"
-        )
-
-    source = tokens[0][2]
-    if source not in SOURCES:
-        raise refuse(0, f"one of {', '.join(SOURCES)}")
-    path: list[int | str] = []
-    at = 1
-    while tokens[at][2]:
-        if tokens[at][2] != "[":
-            raise refuse(at, "'[' or the end of the selector")
-        _, kind, part = tokens[at + 1]
-        if kind not in {2, 3}:
-            raise refuse(at + 1, "an index or a key in quotes")
-        if tokens[at + 2][2] != "]":
-            raise refuse(at + 2, "']'")
-        path.append(int(part) if kind == 2 else part[1:-1])
-        at += 3
-    if source == "reward" and path:
-        raise refuse(1, "the end of the selector")
-    if source == "info" and not (path and isinstance(path[0], str)):
-        raise refuse(1 if len(tokens) < 3 else 2, "a key in quotes, info['key']")
-    return source, tuple(path)
+    return tuple(Signal.parse(name, signals[name], sources) for name in names)
 
 
 def _reader(place: int, path: tuple[Any, ...]) -> Read:

@@ -20,12 +20,14 @@ from rtamt_gym.signals import Read
 
 __all__ = [
     "InstantMonitor",
+    "Sample",
     "SpecLike",
     "SpecsLike",
     "View",
     "autoreset_mode",
     "check_looks_ahead",
     "load_specs",
+    "machine_state",
     "make_monitor",
     "read_period",
     "recordable",
@@ -82,6 +84,24 @@ class InstantMonitor:
         self._instant.reset()
         self._sofar.reset()
         self.judge.reset()
+
+    def state(self) -> tuple[Any, ...]:
+        """What `restore` takes."""
+        return [machine_state(monitor) for monitor in self._parts()], self.robustness
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Goes back to a `state`."""
+        states, self.robustness = state
+        for monitor, held in zip(self._parts(), states, strict=True):
+            monitor.__setstate__(held)
+
+    def _parts(self) -> list[rtamt.Monitor | rtamt.EpisodeMonitor]:
+        return [self._instant, self._sofar, self.judge]
+
+
+def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque
+    """What ``__setstate__`` of a monitor of the same specification takes."""
+    return monitor.__reduce__()[2]
 
 
 def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:

@@ -291,7 +291,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
         """The environment's specification with this wrapper; JSON cannot hold a callable signal."""
         spec = super().spec
-        if spec is not None and any(callable(signal.source) for signal in self._signals):
+        if spec is not None and any(signal.source is None for signal in self._signals):
             spec = _CallableSpec(**{f.name: getattr(spec, f.name) for f in fields(spec) if f.init})
             self._cached_spec = spec
         return spec

@@ -110,7 +110,7 @@ UNFIT: list[tuple[SignalLike, spaces.Space[Any], str]] = [
         "qpos[0]",
         VECTOR,
         (
-            "signal 'x': qpos[0] needs a MuJoCo environment, and Simulation has no data.qpos; "
+            "signal 'x': qpos[0] needs a MuJoCo environment, and Simulation has no model and data; "
             "read obs[...] instead"
         ),
     ),
@@ -144,8 +144,14 @@ def test_a_mujoco_selector_that_does_not_fit_says_what_there_is(
     env.close()
 
 
-HINT = "  hint: write obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0] or qvel[0]"
-SOURCES = "expected one of obs, action, reward, info, qpos, qvel"
+HINT = (
+    "  hint: write obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0], sensor:imu[0], "
+    "body:torso.xpos[2] or vehicle.speed"
+)
+SOURCES = (
+    "expected one of obs, action, reward, info, time, qpos, qvel, qacc, act, ctrl, sensordata, "
+    "body, joint, geom, site, camera, light, tendon, actuator, sensor, contact, vehicle"
+)
 
 
 @pytest.mark.parametrize(
@@ -221,7 +227,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
             (
                 "signal 'x': expected a selector, a callable, or a pair of one of them and its "
                 "value at reset, got 3; a selector is obs[2], obs['key'][0], action[0], reward, "
-                "info['key'], qpos[0] or qvel[0]"
+                "info['key'], qpos[0], sensor:imu[0], body:torso.xpos[2] or vehicle.speed"
             ),
         ),
     ],

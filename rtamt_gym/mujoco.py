@@ -1,0 +1,332 @@
+"""`StepMonitor`: specifications of signal temporal logic watch a loop of `mj_step`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import Any, Literal, NoReturn, get_args
+
+import mujoco  # type: ignore[import-untyped]
+
+from rtamt import EpisodeMonitor, InputError, StateError, Verdict
+from rtamt_gym.arguments import check_choice, check_number
+from rtamt_gym.mujoco_signals import bind_numbers
+from rtamt_gym.panel import Panel
+from rtamt_gym.selectors import MUJOCO, Selector
+from rtamt_gym.signals import Read, Signal, SignalLike, parse_signals
+from rtamt_gym.specs import InstantMonitor, SpecsLike, View, load_specs
+
+__all__ = ["Controller", "OnStepViolation", "StepMonitor"]
+
+Controller = Callable[[Any, Any], object]
+"""Called with model and data before a step, to set ``data.ctrl``."""
+
+OnStepViolation = Literal["stop", "report"]
+"""What a certain violation does to a run."""
+
+
+class StepMonitor:
+    """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
+
+    Sample 0 is the state that the first step starts from; every later sample is the state after a
+    step, whatever the integrator. Variables of the specifications are numbers of the simulation,
+    chosen by selectors that are resolved once:
+
+    * ``time``, ``qpos[2]``, ``qvel[0]``, ``qacc[0]``, ``act[0]``, ``ctrl[0]``, ``sensordata[3]``
+    * ``sensor:imu[0]``, ``body:torso.xpos[2]``, ``joint:hip.qvel``, ``geom:foot.xpos[2]``,
+      ``site:grip.xpos[0]``, ``actuator:motor.force``, ``tendon:cord.length``: the fields that
+      ``MjData`` has by name; the index may be left out where there is one number
+    * ``contact:foot,floor``: 1 while the two geoms touch, else 0; ``contact:foot,floor.force``: the
+      sum of the normal forces between them, in newtons, which gives a margin to a specification.
+      A name that no geom has is that of a body, and means all its geoms; of one name alone it is
+      the contact with anything
+    * a callable of model and data
+
+    A name with dots, commas, colons, brackets or blanks is written in quotes:
+    ``body:'arm.left'.xpos[2]``.
+
+    ``mj_step`` first derives positions, sensors, contacts and forces from the state, then moves the
+    state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while all that is
+    derived (``xpos``, ``sensordata``, contacts, forces, ``qacc``) is one step late, and with the
+    RK4 integrator positions are even those of a state that it only tried. ``forward=True`` derives
+    them once more after every step, ``mj_forward``, so that a sample is of one instant; the
+    simulation goes on as it would without.
+
+    Attributes:
+        model: The model.
+        data: The simulation.
+        robustness: The least robustness over the specifications, if the run ended now; nan before
+            sample 0. With ``view="step"``, that of the newest instant whose horizon has passed.
+        lower: The least that it can still become.
+        upper: The greatest; below 0 no continuation can satisfy all specifications.
+
+    Args:
+        model: A ``mujoco.MjModel``.
+        data: A ``mujoco.MjData`` of it.
+        specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
+            several with their names.
+        signals: For every variable a selector or a callable, see above.
+        period: Time between samples, in seconds or as text with a unit; None is
+            ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
+        view: ``"episode"``: a formula speaks of the run from sample 0 on; ``"step"``: of every
+            instant.
+        forward: Whether to derive again what is derived, see above.
+
+    Raises:
+        SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
+            bound that is not a multiple of the period.
+        InputError: If a variable has no signal, a signal no variable, or a selector does not fit
+            the model.
+
+    Example:
+        >>> import mujoco
+        >>> model = mujoco.MjModel.from_xml_string('''
+        ...     <mujoco><worldbody><body name="ball" pos="0 0 1"><freejoint/><geom size=".1"/>
+        ...     </body></worldbody></mujoco>''')
+        >>> data = mujoco.MjData(model)
+        >>> monitor = StepMonitor(model, data, "always(z > 0.5)", {"z": "qpos[2]"})
+        >>> for _ in range(100):
+        ...     robustness = monitor.step()
+        >>> round(robustness, 3), monitor.verdict.name, monitor.samples
+        (0.302, 'UNDECIDED', 101)
+        >>> monitor.run(10.0).name, monitor.violated_at, round(data.time, 3)
+        ('VIOLATED', 160, 0.32)
+    """
+
+    def __init__(
+        self,
+        model: Any,  # noqa: ANN401 - MuJoCo is not typed
+        data: Any,  # noqa: ANN401
+        specs: SpecsLike,
+        signals: Mapping[str, SignalLike],
+        *,
+        period: float | str | None = None,
+        view: View = "episode",
+        forward: bool = False,
+    ) -> None:
+        check_choice("view", view, get_args(View))
+        self.model = model
+        self.data = data
+        loaded = load_specs(specs)
+        self._signals = parse_signals(
+            signals, [name for spec in loaded.values() for name in spec.variables], MUJOCO
+        )
+        for signal in self._signals:
+            if signal.default is not None:
+                raise InputError(
+                    f"signal {signal.name!r}: {signal} can be read at sample 0 too, got a default "
+                    f"{signal.default!r}; leave it out"
+                )
+        self._panel = Panel(loaded, float(model.opt.timestep) if period is None else period, view)
+        self._forward = forward
+        self._bind_signals()
+        self.robustness = self.lower = self.upper = math.nan
+        self._timestep = math.nan
+        self._due = math.nan  # the time after the next step
+        self._running = False
+
+    def reset(self) -> None:
+        """Forgets every sample; the simulation as it is now is sample 0.
+
+        Calls ``mj_forward``, so that all that is derived from the state is there.
+
+        Raises:
+            InputError: If a signal is nan or cannot be read.
+        """
+        self._running = False
+        self._panel.reset()
+        self.robustness = self.lower = self.upper = math.nan
+        mujoco.mj_forward(self.model, self.data)
+        self._timestep = float(self.model.opt.timestep)
+        self._due = self.data.time + self._timestep
+        self._take()
+        self._running = True
+
+    def step(self) -> float:
+        """Steps the simulation, feeds one sample, and returns the robustness.
+
+        The first step feeds sample 0 before, unless `reset` did.
+
+        Raises:
+            StateError: After `finish` and after an error; and if the simulation is not where one
+                step from the last sample takes it: it was stepped or reset by others, its timestep
+                was changed, or it was unstable, whereupon MuJoCo resets it.
+            InputError: If a signal is nan or cannot be read.
+        """
+        if not self._running:
+            self._begin()
+        model, data = self.model, self.data
+        mujoco.mj_step(model, data)
+        now = data.time
+        if now != self._due:
+            self._refuse_time(now)
+        self._due = now + self._timestep
+        if self._forward:
+            mujoco.mj_forward(model, data)
+        return self._take()
+
+    def run(
+        self,
+        duration: float,
+        controller: Controller | None = None,
+        *,
+        on_violation: OnStepViolation = "stop",
+    ) -> Verdict:
+        """Steps the simulation for some time, and returns the verdict.
+
+        Args:
+            duration: Seconds of simulated time; the number of steps is the nearest.
+            controller: Called with model and data before every step, to set ``data.ctrl``.
+            on_violation: ``"stop"`` as soon as a violation is certain, or only ``"report"`` it.
+
+        Raises:
+            StateError: As `step` does.
+            InputError: Likewise.
+        """
+        check_choice("on_violation", on_violation, get_args(OnStepViolation))
+        steps = round(check_number("duration", duration, 0.0) / self.model.opt.timestep)
+        if not self._running:
+            self._begin()
+        stops = on_violation == "stop"
+        for _ in range(steps):
+            if stops and self.upper < 0.0:
+                break
+            if controller is not None:
+                controller(self.model, self.data)
+            self.step()
+        return self.verdict
+
+    def finish(self) -> float:
+        """Ends the trace with the last sample, and returns the robustness of the whole.
+
+        A time limit is no end: leave the verdict open there. `step` is refused until `reset`.
+
+        Raises:
+            StateError: Before sample 0.
+        """
+        self.lower, self.upper, _ = self._panel.finish()
+        self._panel.note()
+        self.robustness = min(monitor.robustness for monitor, _ in self.monitors.values())
+        self._running = False
+        return self.robustness
+
+    @property
+    def verdict(self) -> Verdict:
+        """What is certain of all specifications together."""
+        if self.upper < 0.0:
+            return Verdict.VIOLATED
+        return Verdict.SATISFIED if self.lower > 0.0 else Verdict.UNDECIDED
+
+    @property
+    def violated_by(self) -> str | None:
+        """The specification that was violated first; None while none is."""
+        return self._panel.violated_by
+
+    @property
+    def violated_at(self) -> int | None:
+        """The sample that showed the first violation; None while there is none."""
+        return self._panel.violated_at
+
+    @property
+    def samples(self) -> int:
+        """Samples fed since the reset, sample 0 included."""
+        return self._panel.samples
+
+    @property
+    def period(self) -> Fraction | None:
+        """Time between samples, in seconds."""
+        return self._panel.period
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What every variable reads now."""
+        return {
+            signal.name: read(None, None, None, {})
+            for signal, read in zip(self._signals, self._reads, strict=True)
+        }
+
+    @property
+    def details(self) -> dict[str, dict[str, Any]]:
+        """``{spec: {"robustness", "lower", "upper", "verdict"}}``, as it is now."""
+        return self._panel.describe()
+
+    @property
+    def outcomes(self) -> dict[str, dict[str, Any]]:
+        """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}``, of the run so far.
+
+        ``decided_at`` is the sample that decided a verdict, absent from an open one.
+        """
+        return self._panel.outcomes()
+
+    @property
+    def monitors(self) -> dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]:
+        """Of every specification, what says the robustness and who judges the run."""
+        return self._panel.monitors
+
+    def state(self) -> tuple[Any, ...]:
+        """What the monitors know, for `restore`; the simulation is not in it."""
+        numbers = self.robustness, self.lower, self.upper, self._due, self._timestep
+        return self._panel.state(), numbers, self._running
+
+    def restore(self, state: tuple[Any, ...]) -> None:
+        """Goes back to a `state` of a monitor of the same specifications.
+
+        The simulation must go back with it: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
+        """
+        panel, numbers, self._running = state
+        self._panel.restore(panel)
+        self.robustness, self.lower, self.upper, self._due, self._timestep = numbers
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: self.__dict__[name] for name in self.__dict__ if name not in _UNPICKLED}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._bind_signals()
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.monitors)
+        return f"<StepMonitor of {names}, {self.verdict.name}, {self.samples} samples>"
+
+    def _bind_signals(self) -> None:
+        """Makes what pickle cannot carry: functions that read this simulation."""
+        self._reads = [_bind(signal, self.model, self.data) for signal in self._signals]
+        self._sample = self._panel.sampler([signal.name for signal in self._signals], self._reads)
+
+    def _begin(self) -> None:
+        if self._panel.samples:
+            raise StateError(
+                "expected a running simulation, got step() after finish() or after an error; "
+                "call reset()"
+            )
+        self.reset()
+
+    def _take(self) -> float:
+        """Feeds the simulation as it is now."""
+        try:
+            self.robustness, self.lower, self.upper, decided = self._sample(None, None, None, {})
+        except BaseException:
+            # A monitor that misses a sample would count wrong ever after.
+            self._running = False
+            raise
+        if decided > self._panel.settled:
+            self._panel.note()
+        return self.robustness
+
+    def _refuse_time(self, now: float) -> NoReturn:
+        self._running = False
+        raise StateError(
+            f"expected the time {self._due:.12g} s after the step, got {now:.12g} s: between the "
+            "samples the simulation was stepped or reset by others, its timestep was changed, or "
+            "MuJoCo found it unstable and reset it (data.warning); call reset()"
+        )
+
+
+_UNPICKLED = frozenset({"_reads", "_sample"})
+
+
+def _bind(signal: Signal, model: Any, data: Any) -> Read:  # noqa: ANN401
+    if isinstance(signal.reads, Selector):
+        return bind_numbers(signal.name, signal.reads, model, data)
+    return lambda *_: signal.number(signal.call(model, data))

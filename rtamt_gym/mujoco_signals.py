@@ -1,0 +1,169 @@
+"""Selectors of a MuJoCo simulation, resolved once to array views: names to numbers.
+
+| selector | reads |
+|---|---|
+| ``qpos[2]``, ``qvel``, ``qacc``, ``act``, ``ctrl``, ``sensordata`` | an element of the array |
+| ``time`` | the time of the simulation, in seconds |
+| ``sensor:imu[0]`` | an element of a sensor's reading |
+| ``body:torso.xpos[2]``, ``joint:hip.qvel``, ``actuator:hip.force`` | what `MjData` has by name |
+| ``contact:foot,floor`` | 1 while the two touch, else 0; of one name: while it touches anything |
+| ``contact:foot,floor.force`` | the sum of the normal forces between them, in newtons |
+
+Objects are those with access by name in MuJoCo's Python bindings: ``data.body("torso").xpos`` is
+``body:torso.xpos``. The index may be left out where there is one number. A contact is between
+geoms; a name that no geom has is that of a body, and means all its geoms. Only contacts that push
+count: those that MuJoCo's solver has taken in.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+
+from rtamt import InputError
+from rtamt_gym.selectors import NAMED, Selector
+
+__all__ = ["bind_numbers", "bind_simulation"]
+
+Number = Callable[..., float]
+"""Reads one number of a simulation; whatever it is called with means nothing."""
+
+
+def bind_simulation(name: str, selector: Selector, simulation: Any) -> Number:  # noqa: ANN401
+    """The function that reads a selector from ``simulation.data``, also if that is built anew.
+
+    Raises:
+        InputError: If the selector does not fit the model.
+    """
+    number = bind_numbers(name, selector, simulation.model, simulation.data)
+    bound = simulation.data
+
+    def read(*_: object) -> float:
+        nonlocal number, bound
+        if simulation.data is not bound:
+            number = bind_numbers(name, selector, simulation.model, simulation.data)
+            bound = simulation.data
+        return number()
+
+    return read
+
+
+def bind_numbers(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+    """The function that reads a selector from ``data``.
+
+    Args:
+        name: Name of the signal, for messages.
+        selector: What to read; its source is one of `rtamt_gym.selectors.MUJOCO`.
+        model: An ``mujoco.MjModel``.
+        data: An ``mujoco.MjData`` of the model.
+
+    Raises:
+        InputError: If the model has no such name, the object no such field, or the field no such
+            index; with those that there are.
+    """
+    match selector.source:
+        case "time":
+            _index(name, selector, 1)
+            return lambda *_: float(data.time)
+        case "contact":
+            return _contact(name, selector, model, data)
+        case source if source in NAMED:
+            array = _field(name, selector, data)
+        case source:
+            array = getattr(data, source)
+    # Reading a memoryview takes half the time of reading an array, and gives a float at once.
+    view = memoryview(array.reshape(-1))
+    index = _index(name, selector, len(view))
+    if view.format == "d":
+        return lambda *_: view[index]
+    return lambda *_: float(view[index])
+
+
+def _index(name: str, selector: Selector, size: int) -> int:
+    path = selector.path
+    if not path and size == 1:
+        return 0
+    if len(path) != 1 or not isinstance(path[0], int):
+        raise InputError(
+            f"signal {name!r}: expected one index, {selector.whole}[0], got {selector}"
+        )
+    if not -size <= path[0] < size:
+        held = "1 element, [0]" if size == 1 else f"{size or 'no'} elements"
+        more = f", 0 to {size - 1}" if size > 1 else ""
+        raise InputError(
+            f"signal {name!r}: {selector} does not fit: {selector.whole} has {held}{more}"
+        )
+    return path[0]
+
+
+def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
+    named = _named(name, selector, selector.source, selector.names[0], data)
+    fields = [field for field in dir(named) if not field.startswith("_") and _held(named, field)]
+    field = selector.field or "data"
+    if field not in fields:
+        close = difflib.get_close_matches(field, fields, 1)
+        raise InputError(
+            f"signal {name!r}: {selector} reads no field of a {selector.source}; the fields are "
+            f"{', '.join(fields)}" + (f"; did you mean {close[0]!r}?" if close else "")
+        )
+    return getattr(named, field)
+
+
+def _held(named: Any, field: str) -> bool:  # noqa: ANN401
+    """Whether a field is an array that the simulation writes to, and not made when it is read."""
+    array = getattr(named, field)
+    return isinstance(array, np.ndarray) and (
+        not array.size or np.may_share_memory(array, getattr(named, field))
+    )
+
+
+def _named(name: str, selector: Selector, kind: str, wanted: str, of: Any) -> Any:  # noqa: ANN401
+    try:
+        return getattr(of, kind)(wanted)
+    except KeyError as error:
+        raise InputError(f"signal {name!r}: {selector} names no {kind}: {error.args[0]}") from None
+
+
+def _contact(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+    if selector.field not in {"", "force"} or selector.path:
+        raise InputError(
+            f"signal {name!r}: {selector} reads nothing of a contact; write "
+            f"{Selector('contact', selector.names)}, which is 1 or 0, or "
+            f"{Selector('contact', selector.names, 'force')}"
+        )
+    first, *rest = (_geoms(name, selector, each, model) for each in selector.names)
+    second = rest[0] if rest else frozenset(range(model.ngeom))
+    pairs = {pair for a in first for b in second for pair in ((a, b), (b, a))}
+
+    def touching() -> Iterator[int]:
+        contacts = data.contact  # made anew by every step
+        rows = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), strict=True)
+        return (i for i, ((a, b), row) in enumerate(rows) if row >= 0 and (a, b) in pairs)
+
+    if selector.field == "force":
+        wrench = np.zeros(6)
+
+        def force(*_: object) -> float:
+            total = 0.0
+            for i in touching():
+                mujoco.mj_contactForce(model, data, i, wrench)
+                total += float(wrench[0])
+            return total
+
+        return force
+    return lambda *_: float(any(True for _ in touching()))
+
+
+def _geoms(name: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:  # noqa: ANN401
+    geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, wanted)
+    if geom >= 0:
+        return frozenset([geom])
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, wanted)
+    if body < 0:
+        _named(name, selector, "geom", wanted, model)
+    start = int(model.body_geomadr[body])
+    return frozenset(range(start, start + int(model.body_geomnum[body])))
