@@ -117,35 +117,33 @@ def as_interface(
         >>> as_interface(spec, "output-robustness").outputs
         ('gnt',)
     """
-    if semantics not in get_args(Semantics):
-        close = nearest(str(semantics), get_args(Semantics))
-        msg = f"expected a semantics out of {', '.join(get_args(Semantics))}, got {semantics!r}"
-        raise InputError(msg + close)
-    named = {
-        "inputs": _declared(spec, "input") if inputs is None else _checked(spec, "inputs", inputs),
-        "outputs": _declared(spec, "output")
-        if outputs is None
-        else _checked(spec, "outputs", outputs),
-    }
-    both = next((name for name in named["inputs"] if name in named["outputs"]), None)
-    if both is not None:
-        msg = f"'{both}' is an input and an output"
-        if inputs is None or outputs is None:
-            said, open_ = ("outputs", "inputs") if inputs is None else ("inputs", "outputs")
-            msg = (
-                f"'{both}' is in {said}= and declared {open_[:-1]} in the text; "
-                f"give {open_}= as well"
-            )
+    *others, last = get_args(Semantics)
+    if semantics not in (*others, last):
+        choices = f"{', '.join(map(repr, others))} or {last!r}"
+        msg = f"expected semantics={choices}, got {semantics!r}"
+        raise InputError(msg + nearest(str(semantics), (*others, last)))
+    reads = _declared(spec, "input") if inputs is None else _checked(spec, "inputs", inputs)
+    sets = _declared(spec, "output") if outputs is None else _checked(spec, "outputs", outputs)
+    for name in reads:
+        if name not in sets:
+            continue
+        msg = f"'{name}' is in inputs= and in outputs="
+        if outputs is None:
+            msg = f"'{name}' is in inputs= and declared output in the text; give outputs= as well"
+        elif inputs is None:
+            msg = f"'{name}' is in outputs= and declared input in the text; give inputs= as well"
         raise InputError(msg)
     if semantics != "standard":
         role, _ = _MEANINGS[semantics]
-        if not named[f"{role}s"]:
+        if not (reads if role == "input" else sets):
+            free = (v for v in spec.variables if v not in (*reads, *sets))
+            some = next(free, "x")
             msg = (
                 f"semantics='{semantics}' is about {role}s, and there are none; declare them in "
-                f"the text ({role} float {_some(spec)}) or name them: {role}s=('{_some(spec)}',)"
+                f"the text ({role} float {some}) or name them: {role}s=('{some}',)"
             )
             raise InputError(msg)
-    return Interface(semantics, named["inputs"], named["outputs"])
+    return Interface(semantics, reads, sets)
 
 
 def _declared(spec: Specification, role: Role) -> tuple[str, ...]:
@@ -167,11 +165,12 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
             msg = f"expected names of variables as {argument}, got {name!r} among them"
             raise InputTypeError(msg)
         if name not in known:
-            listed = f"; the variables are {', '.join(spec.variables)}" if known else ""
-            what = f"'{name}' in {argument} is no variable"
-            if name in spec.formulas:
-                what = f"'{name}' in {argument} names a formula, not a variable"
-            raise InputError(what + (nearest(name, known) or listed))
+            listed = "; the formula has no variables"
+            if spec.variables:
+                listed = f"; the variables are {', '.join(spec.variables)}"
+            what = "names a formula, not a variable" if name in spec.formulas else "is no variable"
+            msg = f"'{name}' in {argument} {what}{nearest(name, known) or listed}"
+            raise InputError(msg)
     return checked
 
 
@@ -181,7 +180,3 @@ def _with_messages(variable: str) -> Iterator[str]:
     while "." in variable:
         variable = variable.rpartition(".")[0]
         yield variable
-
-
-def _some(spec: Specification) -> str:
-    return next(iter(spec.variables), "x")

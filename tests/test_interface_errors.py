@@ -1,0 +1,188 @@
+"""Signatures: names of fields, what the text declares, and what is refused, in exact words."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import rtamt
+from rtamt import (
+    EpisodeMonitor,
+    InputError,
+    InputTypeError,
+    Monitor,
+    RtamtError,
+    VectorEpisodeMonitor,
+    VectorMonitor,
+    evaluate,
+)
+from rtamt.interface import Interface, as_interface
+
+PLAIN = "always(req >= 3 implies gnt >= 3)"
+DECLARED = f"input float req; output float gnt; {PLAIN}"
+FORMULA = "output float out; input float x; out = x > 0"
+CHOICES = "'standard', 'output-robustness', 'input-vacuity', 'input-robustness' or 'output-vacuity'"
+
+REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
+    (
+        PLAIN,
+        {"semantics": "output_robustness"},
+        InputError,
+        f"expected semantics={CHOICES}, got 'output_robustness'; did you mean 'output-robustness'?",
+    ),
+    (PLAIN, {"semantics": None}, InputError, f"expected semantics={CHOICES}, got None"),
+    (
+        PLAIN,
+        {"semantics": "input-vacuity"},
+        InputError,
+        "semantics='input-vacuity' is about inputs, and there are none; declare them in the text "
+        "(input float req) or name them: inputs=('req',)",
+    ),
+    (
+        DECLARED,
+        {"semantics": "output-robustness", "outputs": ()},
+        InputError,
+        "semantics='output-robustness' is about outputs, and there are none; declare them in the "
+        "text (output float gnt) or name them: outputs=('gnt',)",
+    ),
+    (
+        FORMULA,
+        {"semantics": "output-vacuity"},
+        InputError,
+        "semantics='output-vacuity' is about outputs, and there are none; declare them in the "
+        "text (output float x) or name them: outputs=('x',)",
+    ),
+    (
+        PLAIN,
+        {"outputs": ["gtn"]},
+        InputError,
+        "'gtn' in outputs is no variable; did you mean 'gnt'?",
+    ),
+    (
+        PLAIN,
+        {"inputs": ["speed"]},
+        InputError,
+        "'speed' in inputs is no variable; the variables are req, gnt",
+    ),
+    ("true", {"inputs": ["x"]}, InputError, "'x' in inputs is no variable; the formula has no "),
+    (
+        FORMULA,
+        {"outputs": ["out"]},
+        InputError,
+        "'out' in outputs names a formula, not a variable; the variables are x",
+    ),
+    (
+        PLAIN,
+        {"inputs": ["req"], "outputs": ["gnt", "req"]},
+        InputError,
+        "'req' is in inputs= and in outputs=",
+    ),
+    (
+        DECLARED,
+        {"inputs": ["gnt"]},
+        InputError,
+        "'gnt' is in inputs= and declared output in the text; give outputs= as well",
+    ),
+    (
+        DECLARED,
+        {"outputs": ["req"]},
+        InputError,
+        "'req' is in outputs= and declared input in the text; give inputs= as well",
+    ),
+    (
+        PLAIN,
+        {"outputs": "gnt"},
+        InputTypeError,
+        "expected names of variables as outputs, got 'gnt'; write outputs=('gnt',)",
+    ),
+    (PLAIN, {"inputs": 5}, InputTypeError, "expected names of variables as inputs, got 5"),
+    (
+        PLAIN,
+        {"inputs": ["req", 5]},
+        InputTypeError,
+        "expected names of variables as inputs, got 5 among them",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "arguments", "error", "message"), REFUSED)
+def test_a_signature_that_makes_no_sense_is_refused(
+    text: str, arguments: dict[str, Any], error: type[RtamtError], message: str
+) -> None:
+    makers = (
+        lambda: Monitor(text, **arguments),
+        lambda: EpisodeMonitor(text, **arguments),
+        lambda: VectorMonitor(text, 2, **arguments),
+        lambda: VectorEpisodeMonitor(text, 2, **arguments),
+        lambda: evaluate(text, {"req": [1], "gnt": [1], "x": [1]}, **arguments),
+    )
+    for make in makers:
+        with pytest.raises(error, match=rf"^{re.escape(message)}"):
+            make()
+
+
+def test_the_signature_is_that_of_the_text_unless_it_is_given() -> None:
+    spec = rtamt.parse(DECLARED)
+    assert as_interface(spec, "standard") == Interface("standard", ("req",), ("gnt",))
+    turned = as_interface(spec, "input-vacuity", inputs=["gnt"], outputs={"req": 1})
+    assert turned == Interface("input-vacuity", ("gnt",), ("req",))
+    assert as_interface(spec, "input-vacuity", iter(["req"])).inputs == ("req",)
+
+
+MESSAGES = """
+from geometry import Twist
+input Twist cmd
+output Twist odom
+output float cmd.ok
+cmd.linear.x > 1 or cmd.linear.y > 1 or cmd.ok > 1 or odom.linear.x > 1
+"""
+
+
+def test_a_message_stands_for_its_fields_and_the_innermost_name_decides() -> None:
+    spec = rtamt.parse(MESSAGES, modules={"geometry": SimpleNamespace(Twist=object)})
+    roles = {name: as_interface(spec).role(name) for name in spec.variables}
+    inputs, outputs = {"cmd.linear.x", "cmd.linear.y"}, {"odom.linear.x", "cmd.ok"}
+    assert roles == {**dict.fromkeys(inputs, "input"), **dict.fromkeys(outputs, "output")}
+    assert set(spec.inputs) == inputs
+    assert set(spec.outputs) == outputs
+    plain = rtamt.parse("cmd.linear.x > 1 or cmd.linear.y > 1 or cmd.ok > 1")
+    given = as_interface(plain, "input-vacuity", ["cmd.linear"], ["cmd", "cmd.linear.y"])
+    assert [given.role(f"cmd.{name}") for name in ("linear.x", "linear.y", "ok")] == [
+        "input",
+        "output",
+        "output",
+    ]
+    assert evaluate(
+        plain, [[5.0, 9, 9]], semantics="input-vacuity", inputs=["cmd.linear.x"]
+    ).tolist() == [4.0]
+
+
+def test_comparisons_of_what_is_given_tell_strict_from_weak() -> None:
+    expected = {"<": False, "<=": True, "==": True, "!=": False, ">=": True, ">": False}
+    for comparison, holds in expected.items():
+        text = f"input float x; output float y; x {comparison} 3"
+        value = evaluate(text, {"x": [3.0]}, semantics="output-robustness")
+        assert value == [float("inf") if holds else float("-inf")]
+
+
+def test_a_predicate_of_no_concern_keeps_its_zero_and_its_variables() -> None:
+    monitor = EpisodeMonitor(
+        "always[0:9](req >= 3) and gnt + req > 0", semantics="output-vacuity", outputs=["gnt"]
+    )
+    assert (monitor.lower, monitor.upper) == (0.0, 0.0)
+    assert monitor.variables == ("req", "gnt")
+    assert monitor.update(req=1.0, gnt=5.0) == monitor.lower == monitor.upper == 0.0
+
+
+def test_what_is_not_computed_cannot_fail_and_what_is_compared_can() -> None:
+    text = "sqrt(x) > 1 or y > 1"
+    monitor = Monitor(text, semantics="output-vacuity", outputs=["y"])
+    assert monitor.update(x=-1.0, y=3.0) == 2.0
+    compared = Monitor(text, semantics="output-robustness", outputs=["y"])
+    message = r"^'sqrt\(x\)' is not a number at sample 0, where x = -1.0$"
+    with pytest.raises(InputError, match=message):
+        compared.update(x=-1.0, y=3.0)
+    assert compared.update(x=1.5, y=3.0) == float("inf")
