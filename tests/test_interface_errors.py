@@ -38,22 +38,28 @@ REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
         PLAIN,
         {"semantics": "input-vacuity"},
         InputError,
-        "semantics='input-vacuity' is about inputs, and there are none; declare them in the text "
-        "(input float req) or name them: inputs=('req',)",
+        (
+            "semantics='input-vacuity' is about inputs, and there are none; declare them in the text "
+            "(input float req) or name them: inputs=('req',)"
+        ),
     ),
     (
         DECLARED,
         {"semantics": "output-robustness", "outputs": ()},
         InputError,
-        "semantics='output-robustness' is about outputs, and there are none; declare them in the "
-        "text (output float gnt) or name them: outputs=('gnt',)",
+        (
+            "semantics='output-robustness' is about outputs, and there are none; declare them in the "
+            "text (output float gnt) or name them: outputs=('gnt',)"
+        ),
     ),
     (
         FORMULA,
         {"semantics": "output-vacuity"},
         InputError,
-        "semantics='output-vacuity' is about outputs, and there are none; declare them in the "
-        "text (output float x) or name them: outputs=('x',)",
+        (
+            "semantics='output-vacuity' is about outputs, and there are none; declare them in the "
+            "text (output float x) or name them: outputs=('x',)"
+        ),
     ),
     (
         PLAIN,
