@@ -3,7 +3,7 @@
 Text becomes a formula, a formula a program of four instructions, and small machines run it: on
 samples as they come (`Monitor`), on a whole episode with bounds from the first sample on
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
-recorded traces (`evaluate`).
+recorded traces (`evaluate`); `explain` says which samples decided.
 """
 
 from rtamt.backend import BACKEND
@@ -15,6 +15,7 @@ from rtamt.errors import (
     SpecificationError,
     StateError,
 )
+from rtamt.explanation import Explanation, explain
 from rtamt.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.interval import Interval
 from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
@@ -27,6 +28,7 @@ __version__ = "0.5.0"
 __all__ = [
     "BACKEND",
     "EpisodeMonitor",
+    "Explanation",
     "Formula",
     "InputError",
     "InputTypeError",
@@ -45,6 +47,7 @@ __all__ = [
     "conjunction",
     "disjunction",
     "evaluate",
+    "explain",
     "load",
     "number",
     "parse",

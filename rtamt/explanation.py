@@ -1,0 +1,308 @@
+"""Which samples decided a robustness, and through which sub-formulas.
+
+Robustness is made of the values of predicates by min, max and a change of sign: it *is* one of
+them, or its opposite. `explain` follows it from the root down; `rtamt.provenance` says for one
+formula at one sample which operand at which sample its value is.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import operator
+import textwrap
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import NamedTuple, SupportsIndex, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.backend import Backend, discrete_machine
+from rtamt.errors import InputError, InputTypeError
+from rtamt.formula import Formula, Node
+from rtamt.inputs import Columns, NanPolicy, SampleReader
+from rtamt.interface import Interface, Names, Reading, Semantics, as_interface
+from rtamt.lowering import compile_program
+from rtamt.offline import run_outputs
+from rtamt.online import Spec
+from rtamt.operators import Operator
+from rtamt.parser import as_specification
+from rtamt.printing import node_text
+from rtamt.provenance import Origin, origin_of
+from rtamt.specification import Specification
+from rtamt.timing import Period, as_period, samples
+
+__all__ = ["Cause", "Explanation", "Step", "explain"]
+
+Array = NDArray[np.float64]
+
+
+class Cause(NamedTuple):
+    """A value that a variable had at a sample."""
+
+    variable: str
+    sample: int
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A formula on the way from the specification down to what decided its robustness.
+
+    Attributes:
+        formula: The formula.
+        name: Its name in the specification, or None.
+        text: The formula as text, in which named formulas are their names.
+        sample: Where its value was asked for.
+        time: The same in seconds; None where the period is unknown.
+        value: Its robustness there.
+        witness: For ``until``, ``since`` and ``unless``: the sample at which the right side was
+            reached, whichever side decided; None where none was.
+        outside: First and last sample of a window that lies outside the trace, if that decided:
+            the formula is then +inf or -inf whatever the samples are. None as the first or the
+            last: the window is without begin or end.
+        reading: What a predicate counts under the semantics: its usual ``"value"``, +inf or -inf
+            by its ``"sign"``, or ``"zero"``.
+    """
+
+    formula: Formula
+    name: str | None
+    text: str
+    sample: int
+    time: float | None
+    value: float
+    witness: int | None = None
+    outside: tuple[int | None, int | None] | None = None
+    reading: Reading = "value"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """How a robustness came about.
+
+    ``str`` gives a table of at most 80 columns.
+
+    Attributes:
+        steps: From the specification down; each value is that of the step below it, or its
+            opposite. The last step is the predicate that decided, ``true`` or ``false``, or a
+            temporal operator whose window lies outside the trace.
+        causes: The variables of that predicate, at the sample of the last step.
+        period: Seconds between samples, or None.
+        start: Time of the first sample in seconds.
+    """
+
+    steps: tuple[Step, ...]
+    causes: tuple[Cause, ...]
+    period: float | None = None
+    start: float = 0.0
+
+    @property
+    def robustness(self) -> float:
+        """What is explained."""
+        return self.steps[0].value
+
+    @property
+    def sample(self) -> int:
+        """The sample whose robustness is explained."""
+        return self.steps[0].sample
+
+    @property
+    def predicate(self) -> Formula | None:
+        """The predicate that decided; None if a window outside the trace did."""
+        last = self.steps[-1]
+        return last.formula if last.outside is None else None
+
+    def __str__(self) -> str:
+        last = self.steps[-1]
+        cause = last.text if last.outside is None else "a window outside the trace"
+        head = f"robustness {_number(self.robustness)} at {self._at(self.sample)}, decided by "
+        rows = [("at", "value", "formula")]
+        for step in self.steps:
+            shown = step.text if step.name is None else f"{step.name} = {step.text}"
+            rows.append((self._at(step.sample), _number(step.value), shown))
+            rows += [("", "", f"  {note}") for note in self._notes(step)]
+        rows += [(self._at(c.sample), _number(c.value), c.variable) for c in self.causes]
+        widths = [max(len(row[i]) for row in rows) for i in range(2)]
+        lines = [*_wrapped("", f"{head}{cause} at {self._at(last.sample)}"), ""]
+        for at, value, shown in rows:
+            lines += _wrapped(f"{at:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
+        return "\n".join(lines)
+
+    def _notes(self, step: Step) -> Iterator[str]:
+        if step.witness is not None:
+            yield f"witness: the right side at {self._at(step.witness)}"
+        if step.outside is not None:
+            first, last = (None if i is None else self._at(i) for i in step.outside)
+            window = f"{first} to {last}" if first != last else first
+            if first is None:
+                window = f"up to {last}"
+            elif last is None:
+                window = f"from {first} on"
+            yield f"its window lies outside the trace: {window}"
+
+        if step.reading == "sign":
+            yield "given: counts only whether it holds"
+        elif step.reading == "zero":
+            yield "of no concern: counts 0"
+
+    def _at(self, sample: int) -> str:
+        if self.period is None:
+            return f"sample {sample}"
+        time = self.start + sample * self.period
+        # As many digits as tell two samples apart.
+        digits = int(math.log10(max(abs(time) / self.period, 1.0))) + 3
+        return f"{time:.{max(digits, 6)}g} s"
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.6g}"  # no -0
+
+
+def _wrapped(margin: str, text: str) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width=80,
+        initial_indent=margin,
+        subsequent_indent=" " * (len(margin) + 4),
+        break_on_hyphens=False,
+        max_lines=3,
+        placeholder=" ...",
+    )
+
+
+def explain(
+    spec: Spec,
+    data: Columns,
+    period: Period | None = None,
+    *,
+    sample: SupportsIndex = 0,
+    start: float = 0.0,
+    n: int | None = None,
+    backend: Backend = "auto",
+    nan: NanPolicy = "raise",
+    semantics: Semantics = "standard",
+    inputs: Names | None = None,
+    outputs: Names | None = None,
+) -> Explanation:
+    """Which sub-formulas and samples decided the robustness at one sample of a whole trace.
+
+    The robustness is the value of one predicate at one sample, or its opposite; the way there is
+    the explanation. What decides is a choice where values are equal: that of the first operand,
+    and of the first sample. The robustness stays what it is as long as that value stays and no
+    other value of a predicate crosses it or its opposite; and it follows that value, up to the
+    next such value.
+
+    Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
+    samples are; if that decided, the explanation ends with the operator and has no causes.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        data: As for `evaluate`.
+        period: Seconds between samples; None: bounds are numbers of samples.
+        sample: Whose robustness is explained, from 0.
+        start: Time of the first sample in seconds, for the times of the explanation.
+        n: The length, for a formula without variables.
+        backend: ``"auto"`` takes the C++ machine where it was built.
+        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+        semantics: Which robustness, as for `evaluate`.
+        inputs: Likewise.
+        outputs: Likewise.
+
+    Raises:
+        SpecificationError: As `evaluate` does.
+        InputError: Likewise, and if the trace has no such sample.
+        InputTypeError: As `evaluate` does, and if ``sample`` is no whole number.
+
+    Example:
+        >>> trace = {"req": [0, 4, 0, 0, 0], "gnt": [5, 0, 0, 1, 4]}
+        >>> e = explain("always(req >= 3 implies eventually[0:2](gnt >= 3))", trace)
+        >>> print(e)
+        robustness -1 at sample 0, decided by req >= 3 at sample 1
+        <BLANKLINE>
+              at  value  formula
+        sample 0     -1  always(req >= 3 implies eventually[0:2](gnt >= 3))
+        sample 1     -1  req >= 3 implies eventually[0:2](gnt >= 3)
+        sample 1      1  req >= 3
+        sample 1      4  req
+        >>> e.predicate, e.causes
+        (<Formula req >= 3>, (Cause(variable='req', sample=1, value=4.0),))
+
+    Source: the arguments of the minima and maxima in the robustness of Fainekos and Pappas,
+    "Robustness of temporal logic specifications for continuous-time signals", TCS 2009.
+    """
+    specification = as_specification(spec)
+    seconds = as_period(period)
+    formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
+    names = {f"#{i}": formula for i, formula in enumerate(formulas)}  # no formula is named so
+    observed = replace(specification, formulas={**specification.formulas, **names})
+    interface = as_interface(specification, semantics, inputs, outputs)
+    program = compile_program(observed, seconds, interface=interface)
+    reader = SampleReader(program, nan)
+    columns, length = reader.block(data, 0, (), n=n, extra=True)
+    if length == 0:
+        msg = "expected a trace of at least 1 sample, got 0"
+        raise InputError(msg)
+    at = _place(sample, length)
+    program = program.restricted(program.result, {n: program.outputs[n] for n in names})
+    machine = functools.partial(discrete_machine, backend)
+    values = run_outputs(program, reader, machine, columns, length)
+    robustness: dict[Node, Array] = {f: values[name] for name, f in names.items()}
+    steps = tuple(_steps(specification, interface, robustness, at, seconds, start))
+    formula, at = steps[-1].formula, steps[-1].sample
+    causes: tuple[Cause, ...] = ()
+    if steps[-1].outside is None:
+        columns_of = dict(zip(program.variables, columns, strict=True))
+        causes = tuple(Cause(v, at, float(columns_of[v][at])) for v in formula.variables)
+    return Explanation(steps, causes, None if seconds is None else float(seconds), start)
+
+
+def _place(sample: SupportsIndex, length: int) -> int:
+    try:
+        at = operator.index(sample)
+    except TypeError:
+        msg = f"expected the number of a sample, got {type(sample).__name__} {sample!r}"
+        raise InputTypeError(msg) from None
+    if not 0 <= at < length:
+        msg = f"expected a sample from 0 to {length - 1}, got {at}"
+        raise InputError(msg)
+    return at
+
+
+def _steps(
+    specification: Specification,
+    interface: Interface,
+    robustness: Mapping[Node, Array],
+    sample: int,
+    period: Fraction | None,
+    start: float,
+) -> Iterator[Step]:
+    names: dict[Node, str] = {}
+    for name, named in specification.formulas.items():
+        names.setdefault(named, name)
+    formula = specification.formula
+    while True:
+        row, origin = cast("Operator", formula.op), Origin()
+        reading = "value" if row.holds is None else interface.reading(formula)
+        if row.operands == "formula":
+            bounds = None
+            if row.timed:
+                error = functools.partial(specification.error, formula)
+                bounds = samples(formula.interval, period, specification.unit, error)
+            operands = [robustness[a] for a in formula.args]
+            origin = origin_of(row, bounds, operands, sample)
+        yield Step(
+            formula,
+            names.get(formula),
+            node_text(formula, {f: n for f, n in names.items() if f is not formula}),
+            sample,
+            None if period is None else start + float(sample * period),
+            float(robustness[formula][sample]),
+            origin.witness,
+            origin.outside,
+            reading,
+        )
+        if origin.operand is None:
+            return
+        formula, sample = cast("Formula", formula.args[origin.operand]), origin.sample

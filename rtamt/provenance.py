@@ -1,0 +1,186 @@
+"""The definition of one formula at one sample, on values that remember where they come from.
+
+A meaning of `rtamt.operators` only ever chooses among the values of its operands, by min and max,
+and changes their sign. Run on values that carry the operand and the sample from which they were
+taken, it says by itself which of them it chose: no operator is explained anywhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.algebra import FUNCTIONS, MONOIDS
+from rtamt.operators import Bounds, Operator
+
+__all__ = ["Origin", "origin_of"]
+
+Array = NDArray[np.float64]
+
+INF = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a value was taken from: an operand at a sample, or nowhere.
+
+    Attributes:
+        operand: Which operand; None: the value is that of a window outside the trace.
+        sample: The sample of the operand.
+        witness: The sample at which an ``until`` or ``since`` reached its right side.
+        outside: First and last sample of that window; None: it has no begin, or no end.
+    """
+
+    operand: int | None = None
+    sample: int = 0
+    witness: int | None = None
+    outside: tuple[int | None, int | None] | None = None
+
+
+def origin_of(
+    row: Operator, bounds: Bounds | None, operands: Sequence[Array], sample: int
+) -> Origin:
+    """Where the value of a formula at a sample comes from.
+
+    Of equal values, that of the first operand counts, and of its own, that of the first sample.
+
+    Args:
+        row: The operator at its root.
+        bounds: Its bounds in samples, if it has any.
+        operands: The robustness of each operand at every sample.
+        sample: Where the formula is looked at.
+    """
+    definition = _Definition(operands)
+    registers = range(len(operands))
+    arguments = registers if bounds is None else (bounds, *registers)
+    return definition.at(row.meaning(definition, *arguments), sample).origin
+
+
+class _Value(float):
+    """A number that remembers its origin; min and max of such numbers is one of them."""
+
+    __slots__ = ("origin",)
+    origin: Origin
+
+    @classmethod
+    def of(cls, value: float, origin: Origin) -> Self:
+        new = cls(value)
+        new.origin = origin
+        return new
+
+    def __neg__(self) -> _Value:
+        return _Value.of(-float(self), self.origin)
+
+
+@dataclass(frozen=True, slots=True)
+class _Signal:
+    """A signal of such numbers: one of them, and all that stand in a range of samples."""
+
+    at: Callable[[int], _Value]
+    values: Callable[[range], Array]
+
+
+class _Definition:
+    """A builder of the table's meanings whose registers are signals, the operands first."""
+
+    def __init__(self, operands: Sequence[Array]) -> None:
+        self._samples = len(operands[0])
+        self._signals = [_operand(i, values) for i, values in enumerate(operands)]
+
+    def at(self, register: int, sample: int) -> _Value:
+        return self._signals[register].at(sample)
+
+    def constant(self, value: float) -> int:
+        return self._new(lambda _: _Value.of(value, Origin()))
+
+    def map(self, function: str, *args: int) -> int:
+        apply = cast("Callable[..., _Value]", FUNCTIONS[function].apply)
+        signals = [self._signals[a] for a in args]
+        return self._new(lambda i: apply(*(s.at(i) for s in signals)))
+
+    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+        (p,) = (self._signals[a] for a in args)
+        first_best = _FIRST_BEST[monoid]
+        (empty,) = MONOIDS[monoid].identity
+
+        def at(i: int) -> _Value:
+            window = self._inside(i, lo, hi)
+            if not window:
+                return self._outside(empty, i, lo, hi)
+            return p.at(window[first_best(p.values(window))])
+
+        return self._new(at)
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+
+        def held(i: int, reached: range) -> Array:
+            return self._least(p, range(i, reached[-1]))[begin:]
+
+        return self._reaching((begin, end), p, q, held, range)
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        begin, end = bounds
+        past = None if end is None else -end, -begin
+
+        def held(i: int, reached: range) -> Array:
+            return self._least(p, range(i, reached[0], -1))[begin:][::-1]
+
+        return self._reaching(past, p, q, held, lambda i, j: range(j + 1, i + 1))
+
+    def _reaching(
+        self,
+        offsets: tuple[int | None, int | None],
+        p: int,
+        q: int,
+        held: Callable[[int, range], Array],
+        between: Callable[[int, int], range],
+    ) -> int:
+        """The greatest q of a window, each value cut to the least p on the way there."""
+        before, goal = self._signals[p], self._signals[q]
+
+        def at(i: int) -> _Value:
+            window = self._inside(i, *offsets)
+            if not window:
+                return self._outside(-INF, i, *offsets)
+            way = held(i, window)
+            witness = window[int(np.minimum(way, goal.values(window)).argmax())]
+            value, stretch = goal.at(witness), between(i, witness)
+            if stretch and way[witness - window[0]] <= value:
+                value = before.at(stretch[int(before.values(stretch).argmin())])
+            return _Value.of(value, replace(value.origin, witness=witness))
+
+        return self._new(at)
+
+    def _least(self, p: int, stretch: range) -> Array:
+        """The least p of no sample of a stretch, of its first, of its first two, and so on."""
+        ordered = self._signals[p].values(stretch)
+        return np.minimum.accumulate(np.concatenate(([INF], ordered)))
+
+    def _inside(self, i: int, lo: int | None, hi: int | None) -> range:
+        first = 0 if lo is None else max(0, i + lo)
+        last = self._samples - 1 if hi is None else min(self._samples - 1, i + hi)
+        return range(first, last + 1)
+
+    def _outside(self, value: float, i: int, lo: int | None, hi: int | None) -> _Value:
+        first, last = (None if offset is None else i + offset for offset in (lo, hi))
+        return _Value.of(value, Origin(outside=(first, last)))
+
+    def _new(self, at: Callable[[int], _Value]) -> int:
+        self._signals.append(_Signal(at, lambda span: np.array([float(at(i)) for i in span])))
+        return len(self._signals) - 1
+
+
+_FIRST_BEST: Mapping[str, Callable[[Array], np.intp]] = {"min": np.argmin, "max": np.argmax}
+
+
+def _operand(number: int, values: Array) -> _Signal:
+    return _Signal(
+        at=lambda i: _Value.of(values[i], Origin(number, i)),
+        values=lambda span: values[span.start : span.stop : span.step],
+    )

@@ -1,0 +1,336 @@
+"""Explanations: every step is what the definitions say, and the last one decides."""
+
+import itertools
+import math
+import pickle
+import random
+from typing import Any, Literal, cast
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from oracle import bounds, robustness
+from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
+
+import rtamt
+from rtamt import Explanation, Formula, InputError, InputTypeError, explain, variable
+from rtamt.formula import Node, make
+
+Backend = Literal["native", "python"]
+
+INF = math.inf
+
+
+@st.composite
+def explained(draw: st.DrawFn, name: str | None = None) -> tuple[Formula, Trace, int]:
+    """A formula, a trace, and a sample."""
+    formula = formulas(endless=True) if name is None else rooted(name, depth=2, endless=True)
+    trace = draw(traces())
+    return draw(formula), trace, draw(st.integers(0, length(trace) - 1))
+
+
+# What the steps say. -----------------------------------------------------------------------------
+
+
+def offsets(formula: Formula, i: int, n: int) -> range:
+    """The samples of the trace in the window of a temporal operator."""
+    assert formula.op is not None
+    first, last = bounds(formula)
+    if formula.op.name in ("prev", "s_prev", "next", "s_next", "rise", "fall"):
+        first = last = 1
+    if formula.op.future:
+        return range(i + first, int(min(n - 1, i + last)) + 1)
+    return range(int(max(0, i - last)), i - first + 1)
+
+
+def reached(formula: Formula, trace: Trace, n: int, i: int, j: int) -> float:
+    """What the definitions of until and since give for the witness j."""
+    p, q = (robustness(arg, trace, n) for arg in formula.args)
+    return min([q[j], *(p[i:j] if j >= i else p[j + 1 : i + 1])])
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+@settings(max_examples=40)
+@given(data=st.data())
+def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_that_value(
+    name: str, data: st.DataObject, backend: Backend
+) -> None:
+    formula, trace, sample = data.draw(explained(name))
+    n = length(trace)
+    explanation = explain(formula, trace, sample=sample, n=n, backend=backend)
+    steps = explanation.steps
+    assert (steps[0].formula, steps[0].sample) == (formula, sample)
+    for step in steps:
+        assert step.value == robustness(step.formula, trace, n)[step.sample]
+        if step.witness is not None:
+            assert step.witness in offsets(step.formula, step.sample, n)
+            value = reached(step.formula, trace, n, step.sample, step.witness)
+            assert value == step.value
+    for step, below in itertools.pairwise(steps):
+        assert below.formula in step.formula.args
+        assert abs(below.value) == abs(step.value)
+        assert step.outside is None
+    last = steps[-1]
+    assert last.formula.op is not None
+    if last.outside is not None:
+        assert abs(last.value) == INF
+        assert not offsets(last.formula, last.sample, n)
+    else:
+        assert last.formula.op.operands == "term"
+    causes = last.formula.variables if last.outside is None else ()
+    assert explanation.causes == tuple((v, last.sample, trace[v][last.sample]) for v in causes)
+
+
+@given(case=explained())
+def test_back_ends_explain_alike(case: tuple[Formula, Trace, int]) -> None:
+    formula, trace, sample = case
+    one, other = (
+        explain(formula, trace, sample=sample, n=length(trace), backend=backend)
+        for backend in ("python", rtamt.BACKEND)
+    )
+    assert one == other
+
+
+# That it decided. --------------------------------------------------------------------------------
+
+
+def opened(formula: Formula) -> tuple[Formula, tuple[str, ...]]:
+    """The formula with a variable of its own in place of every predicate."""
+    known: dict[Node, Node] = {}
+    names: list[str] = []
+    for node in formula.nodes():
+        if not isinstance(node, Formula):
+            continue
+        assert node.op is not None
+        if node.op.operands == "formula":
+            known[node] = make(node.op.name, tuple(known[a] for a in node.args), node.interval)
+        elif not node.args:
+            known[node] = node
+        else:
+            names.append(f"x{len(names)}")
+            known[node] = variable(names[-1]).formula()
+    return cast("Formula", known[formula]), tuple(names)
+
+
+Case = tuple[Formula, Trace, int, Explanation]
+
+
+@st.composite
+def decided(draw: st.DrawFn) -> Case:
+    """Predicates of values that differ from each other, and from each other's opposites."""
+    formula, names = opened(draw(formulas(endless=True)))
+    n = draw(st.integers(1, 12))
+    rng = random.Random(draw(st.integers(0, 2**32)))
+    magnitudes = rng.sample(range(1, 1 + n * len(names)), n * len(names))
+    values = [m * rng.choice((-1.0, 1.0)) for m in magnitudes]
+    trace = {name: values[i :: len(names)] for i, name in enumerate(names)}
+    sample = draw(st.integers(0, n - 1))
+    return formula, trace, n, explain(formula, trace, sample=sample, n=n)
+
+
+@settings(max_examples=300)
+@given(case=decided(), move=st.sampled_from((-0.75, -0.25, 0.5)))
+def test_the_robustness_follows_the_deciding_value_wherever_the_others_move_on_their_side(
+    case: Case, move: float
+) -> None:
+    formula, trace, n, explanation = case
+    assume(math.isfinite(explanation.robustness))
+    (cause,) = explanation.causes
+    assert cause.value in (explanation.robustness, -explanation.robustness)
+    sign = cause.value / explanation.robustness
+    bound = abs(cause.value)
+    apart = {
+        name: [math.copysign(1e6, v) if abs(v) > bound else v / 1e6 for v in values]
+        for name, values in trace.items()
+    }
+    for others in (trace, apart):
+        moved = {name: list(values) for name, values in others.items()}
+        moved[cause.variable][cause.sample] = cause.value + move
+        after = robustness(formula, moved, n)[explanation.sample]
+        assert after == explanation.robustness + sign * move
+
+
+@settings(max_examples=200)
+@given(case=decided(), seed=st.integers(0, 2**32))
+def test_no_value_matters_where_no_value_decided(case: Case, seed: int) -> None:
+    formula, trace, n, explanation = case
+    assume(not explanation.causes)
+    rng = random.Random(seed)
+    other = {name: [rng.choice(QUARTERS) for _ in values] for name, values in trace.items()}
+    after = robustness(formula, other, n)[explanation.sample]
+    assert after == explanation.robustness
+    assert abs(after) == INF
+
+
+# Ties, forms and texts. --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("formula", "sample", "decided"),
+    [
+        ("always(a)", 0, ("a", 1)),
+        ("eventually(not a)", 0, ("a", 1)),
+        ("historically(a)", 3, ("a", 1)),
+        ("once(not a)", 3, ("a", 1)),
+        ("a and b", 3, ("a", 3)),
+        ("b and a", 3, ("b", 3)),
+        ("not b implies a", 3, ("b", 3)),
+        ("a until (c + 0)", 0, ("a", 1)),
+        ("b since a", 3, ("b", 1)),
+    ],
+)
+def test_of_equal_values_the_first_operand_and_the_first_sample_decide(
+    formula: str, sample: int, decided: tuple[str, int]
+) -> None:
+    trace = {"a": [2, 1, 2, 1], "b": [1, 1, 1, 1], "c": [0, 0, 1, 1]}
+    explanation = explain(formula, trace, sample=sample)
+    assert abs(explanation.robustness) == 1
+    assert [(c.variable, c.sample) for c in explanation.causes] == [decided]
+
+
+SPEC = """
+granted = eventually[0:1s](gnt >= 3)
+out = always(req >= 3 implies granted)
+"""
+TRACE: dict[str, Any] = {
+    "gnt": [0, 0, 0, 2.5, 1],
+    "req": [0, 0, 5, 0, 0],
+    "note": ["", "", "", "", ""],
+}
+
+
+def test_an_explanation_is_a_table_with_names_times_and_the_values_that_decided() -> None:
+    explanation = explain(SPEC, TRACE, "500ms", start=100)
+    assert str(explanation) == (
+        "robustness -0.5 at 100 s, decided by gnt >= 3 at 101.5 s\n"
+        "\n"
+        "     at  value  formula\n"
+        "  100 s   -0.5  out = always(req >= 3 implies granted)\n"
+        "  101 s   -0.5  req >= 3 implies granted\n"
+        "  101 s   -0.5  granted = eventually[0:1s](gnt >= 3)\n"
+        "101.5 s   -0.5  gnt >= 3\n"
+        "101.5 s    2.5  gnt"
+    )
+    assert [step.name for step in explanation.steps] == ["out", None, "granted", None]
+    assert [step.time for step in explanation.steps] == [100, 101, 101, 101.5]
+    assert explanation.robustness == -0.5
+    assert explanation.predicate is (variable("gnt") >= 3)
+    assert explanation.causes == (("gnt", 3, 2.5),)
+    assert pickle.loads(pickle.dumps(explanation)) == explanation
+
+
+def test_a_witness_and_a_window_outside_the_trace_are_named() -> None:
+    trace = {"a": [3, 1, 2, 3], "b": [0, 0, 5, 0]}
+    assert str(explain("a until[1:3] b", trace)) == (
+        "robustness 1 at sample 0, decided by a at sample 1\n"
+        "\n"
+        "      at  value  formula\n"
+        "sample 0      1  a until[1:3] b\n"
+        "                   witness: the right side at sample 2\n"
+        "sample 1      1  a\n"
+        "sample 1      1  a"
+    )
+    shown = {
+        "not eventually[5:9](a)": "2.5 s to 4.5 s",
+        "always[4:4](a)": "2 s",
+        "eventually[4:inf](a)": "from 2 s on",
+        "once[1:inf](a)": "up to -0.5 s",
+        "prev a": "-0.5 s",
+        "a since[2:3] b": "-1.5 s to -1 s",
+    }
+    for formula, window in shown.items():
+        text = formula.replace("9", "4.5").replace("5:", "2.5:").replace("4:4", "2:2")
+        text = text.replace("[4:", "[2:").replace("1:inf", "0.5:inf").replace("2:3", "1:1.5")
+        explanation = explain(text, trace, 0.5)
+        assert explanation.causes == ()
+        assert explanation.predicate is None
+        assert str(explanation).splitlines()[-1].strip() == (
+            f"its window lies outside the trace: {window}"
+        )
+
+
+def test_times_have_the_digits_that_tell_samples_apart() -> None:
+    explanation = explain("always(a)", {"a": [3, 3, 1]}, 0.1, start=1_700_000_000)
+    assert str(explanation).splitlines()[-1] == "1700000000.2 s      1  a"
+
+
+def test_what_a_predicate_counts_under_interface_semantics_is_said() -> None:
+    spec = "input float req; output float gnt; always(req >= 3 implies {})"
+    given = explain(spec.format("false and gnt > 1"), TRACE, semantics="output-robustness")
+    assert str(given) == (
+        "robustness -inf at sample 0, decided by req >= 3 at sample 2\n"
+        "\n"
+        "      at  value  formula\n"
+        "sample 0   -inf  always(req >= 3 implies false and gnt > 1)\n"
+        "sample 2   -inf  req >= 3 implies false and gnt > 1\n"
+        "sample 2    inf  req >= 3\n"
+        "                   given: counts only whether it holds\n"
+        "sample 2      5  req"
+    )
+    mixed = explain(spec.format("req > gnt"), TRACE, semantics="output-vacuity")
+    assert str(mixed).splitlines()[5:7] == [
+        "sample 0      0  req >= 3",
+        "                   of no concern: counts 0",
+    ]
+
+
+@given(case=explained())
+def test_explanations_fit_80_columns(case: tuple[Formula, Trace, int]) -> None:
+    formula, trace, sample = case
+    explanation = explain(formula, trace, 1, sample=sample, n=length(trace), start=1e9)
+    assert max(map(len, str(explanation).splitlines())) <= 80
+
+
+def test_held_values_are_causes() -> None:
+    explanation = explain("always(a)", {"a": [3, 1, math.nan]}, sample=2, nan="hold")
+    assert explanation.causes == (("a", 2, 1.0),)
+
+
+def test_a_formula_without_variables_is_explained_by_itself() -> None:
+    explanation = explain("eventually(true)", {}, n=2)
+    assert (explanation.predicate, explanation.causes) == (rtamt.parse("(true)").formula, ())
+
+
+# Refused. ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sample", "error", "message"),
+    [
+        (3, InputError, "expected a sample from 0 to 2, got 3"),
+        (-1, InputError, "expected a sample from 0 to 2, got -1"),
+        (0.5, InputTypeError, "expected the number of a sample, got float 0.5"),
+    ],
+)
+def test_a_sample_that_the_trace_has_not_is_refused(
+    sample: int, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error) as caught:
+        explain("always(a)", {"a": [1, 2, 3]}, sample=sample)
+    assert str(caught.value) == message
+
+
+def test_what_evaluate_refuses_is_refused_alike() -> None:
+    cases: list[tuple[str, dict[str, list[float]], dict[str, Any]]] = [
+        ("always(a)", {"b": [1]}, {}),
+        ("always(a)", {"a": []}, {}),
+        ("always(sqrt(a) > 0)", {"a": [1, -1]}, {}),
+        ("always[0:1.5](a)", {"a": [1]}, {}),
+        ("always[0:1ms](a)", {"a": [1]}, {"period": 0.3}),
+        ("always(a)", {"a": [1]}, {"semantics": "input-vacuity"}),
+        ("a = always(b\n", {"b": [1]}, {}),
+    ]
+    for formula, data, options in cases:
+        messages = []
+        for function in (rtamt.evaluate, explain):
+            with pytest.raises(rtamt.RtamtError) as caught:
+                function(formula, data, **options)
+            messages.append(str(caught.value))
+        assert messages[0] == messages[1]
+
+
+def test_an_array_has_the_columns_that_evaluate_expects() -> None:
+    text = "f = always(b > 0); always(a > 0)"
+    table = np.array([[1.0, 5.0], [2.0, 4.0]])
+    assert explain(text, table).robustness == rtamt.evaluate(text, table)[0]
