@@ -17,7 +17,7 @@ from rtamt_gym.selectors import MUJOCO, Selector
 from rtamt_gym.signals import Read, Signal, SignalLike, parse_signals
 from rtamt_gym.specs import InstantMonitor, SpecsLike, View, load_specs
 
-__all__ = ["Controller", "OnStepViolation", "StepMonitor"]
+__all__ = ["Controller", "OnStepViolation", "StepMonitor", "bind_signal"]
 
 Controller = Callable[[Any, Any], object]
 """Called with model and data before a step, to set ``data.ctrl``."""
@@ -291,7 +291,7 @@ class StepMonitor:
 
     def _bind_signals(self) -> None:
         """Makes what pickle cannot carry: functions that read this simulation."""
-        self._reads = [_bind(signal, self.model, self.data) for signal in self._signals]
+        self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
         self._sample = self._panel.sampler([signal.name for signal in self._signals], self._reads)
 
     def _begin(self) -> None:
@@ -326,7 +326,8 @@ class StepMonitor:
 _UNPICKLED = frozenset({"_reads", "_sample"})
 
 
-def _bind(signal: Signal, model: Any, data: Any) -> Read:  # noqa: ANN401
+def bind_signal(signal: Signal, model: Any, data: Any) -> Read:  # noqa: ANN401
+    """The function that reads a signal from a simulation, whatever it is called with."""
     if isinstance(signal.reads, Selector):
         return bind_numbers(signal.name, signal.reads, model, data)
     return lambda *_: signal.number(signal.call(model, data))
