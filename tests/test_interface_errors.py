@@ -39,8 +39,8 @@ REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
         {"semantics": "input-vacuity"},
         InputError,
         (
-            "semantics='input-vacuity' is about inputs, and there are none; declare them in the text "
-            "(input float req) or name them: inputs=('req',)"
+            "semantics='input-vacuity' is about inputs, and there are none; declare them in the "
+            "text (input float req) or name them: inputs=('req',)"
         ),
     ),
     (
@@ -48,8 +48,8 @@ REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
         {"semantics": "output-robustness", "outputs": ()},
         InputError,
         (
-            "semantics='output-robustness' is about outputs, and there are none; declare them in the "
-            "text (output float gnt) or name them: outputs=('gnt',)"
+            "semantics='output-robustness' is about outputs, and there are none; declare them in "
+            "the text (output float gnt) or name them: outputs=('gnt',)"
         ),
     ),
     (
