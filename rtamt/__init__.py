@@ -6,6 +6,8 @@ samples as they come (`Monitor`), on a whole episode with bounds from the first 
 recorded traces (`evaluate`); `explain` says which samples decided.
 """
 
+from typing import TYPE_CHECKING
+
 from rtamt.backend import BACKEND
 from rtamt.errors import (
     InputError,
@@ -22,6 +24,9 @@ from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
 from rtamt.parser import load, parse
 from rtamt.specification import Specification
 from rtamt.vector import VectorEpisodeMonitor, VectorMonitor
+
+if TYPE_CHECKING:
+    from rtamt.compat import *  # noqa: F403 - its __all__ lists them, and the type checker reads it
 
 __version__ = "0.5.0"
 
@@ -53,3 +58,18 @@ __all__ = [
     "parse",
     "variable",
 ]
+
+# Where programs for the released library import from: rtamt.spec.stl.discrete_time.specification.
+__path__ += [f"{path}/compat/paths" for path in __path__]  # noqa: F405 - every package has one
+
+if not TYPE_CHECKING:  # which would then believe in any name
+
+    def __getattr__(name: str) -> object:
+        """The classes of the released library, loaded when first asked for."""
+        if not name.startswith("_"):
+            from rtamt import compat
+
+            if name in compat.__all__:
+                return getattr(compat, name)
+        msg = f"module 'rtamt' has no attribute '{name}'"
+        raise AttributeError(msg)

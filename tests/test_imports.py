@@ -44,8 +44,9 @@ FLOORS = (
 )
 FLOOR = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 
-# Not while modules load: the printer names a type for the type checker alone.
-LATE = {("printing", "formula")}
+# Not while modules load: the printer names a type for the type checker alone, and the released
+# classes are loaded when first asked for.
+LATE = {("printing", "formula"), ("__init__", "compat")}
 
 
 def modules(package: str) -> list[Path]:

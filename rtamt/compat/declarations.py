@@ -1,0 +1,304 @@
+"""What specifications of the released classes are told before they run: names, types, text."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import operator
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypedDict
+
+from rtamt.backend import Backend
+from rtamt.compat.options import Language, Semantics, StlIOType
+from rtamt.errors import InputError, ParseError, SpecificationError, StateError
+from rtamt.interface import Semantics as SemanticsName
+from rtamt.interval import Exact
+from rtamt.parser import parse_as
+from rtamt.specification import Specification
+
+__all__ = ["AbstractSpecification", "Options"]
+
+_log = logging.getLogger(__name__)
+
+_ROLES = {
+    "input": "input",
+    "output": "output",
+    StlIOType.IN: "input",
+    StlIOType.OUT: "output",
+}
+
+
+class Options(TypedDict):
+    """What every monitor and evaluation of a specification is given."""
+
+    backend: Backend
+    semantics: SemanticsName
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+class AbstractSpecification:
+    """A specification that is declared call by call, then parsed, then run.
+
+    Attributes:
+        name: A name for the whole; that of the text once it is parsed, if it has one.
+        spec: The text.
+        unit: Unit of the bounds that have none, and of the times of samples and events.
+        semantics: Which robustness is meant.
+        language: Which machines run.
+        modules: Imported types to their modules.
+        vars: Every declared name.
+        free_vars: Declared variables that no formula computes.
+        var_io_dict: Variable to ``"input"``, ``"output"`` (as long as nothing is said) or
+            ``"undefined"``.
+        var_object_dict: Variable to its last value: a number, a message, or events.
+        var_topic_dict: Variable to the path of its topic.
+        out_var: Name of the result, or of the message that it is a field of; ``"out"`` if the text
+            does not say.
+        out_var_field: The field, or an empty text.
+    """
+
+    def __init__(
+        self,
+        semantics: Semantics | str = Semantics.STANDARD,
+        language: Language = Language.PYTHON,
+    ) -> None:
+        self.name = type(self).__name__
+        self.spec: str | None = None
+        self.unit = "s"
+        self.semantics = Semantics(semantics)
+        self.language = Language(language)
+        self.modules: dict[str, Any] = {}
+        self.vars: set[str] = set()
+        self.free_vars: set[str] = set()
+        self.var_io_dict: dict[str, str] = {}
+        self.var_object_dict: dict[str, Any] = {}
+        self.var_topic_dict: dict[str, str] = {}
+        self.out_var = ""
+        self.out_var_field = ""
+        self._types: dict[str, str] = {}
+        self._constants: dict[str, Exact] = {}
+        self._paths: dict[str, object] = {}
+        self._modular = ""
+        self._parsed: Specification | None = None
+        self._result = "out"
+        self._forget()
+
+    def declare_var(self, var_name: str, var_type: str) -> None:
+        """Declare a variable of a primitive or an imported type.
+
+        Raises:
+            SpecificationError: On a type that is neither.
+        """
+        if var_name in self.vars:
+            _log.warning("variable '%s' is declared again", var_name)
+        self.var_object_dict[var_name] = self._new(var_type)
+        self._types[var_name] = var_type
+        self.vars.add(var_name)
+        self.free_vars.add(var_name)
+        self.var_io_dict[var_name] = "output"
+        self.var_topic_dict[var_name] = f"rtamt/{var_name}"
+
+    def declare_const(self, const_name: str, const_type: str, const_val: Exact) -> None:  # noqa: ARG002 - all are doubles
+        """Give a constant its value, as a number or its text.
+
+        Raises:
+            SpecificationError: If the name is declared.
+        """
+        if const_name in self.vars:
+            msg = f"'{const_name}' is already declared; choose another name"
+            raise SpecificationError(msg)
+        self._constants[const_name] = const_val
+        self.vars.add(const_name)
+
+    def import_module(self, from_name: str, module_name: str) -> None:
+        """Import a type of messages from a module.
+
+        Args:
+            from_name: The module.
+            module_name: The type in it.
+
+        Raises:
+            SpecificationError: If there is no such module.
+        """
+        try:
+            module = importlib.import_module(from_name)
+        except ImportError as error:
+            msg = f"cannot import the module '{from_name}': {error}"
+            raise SpecificationError(msg) from None
+        self.modules[module_name] = module
+        self._paths |= {from_name: module, module.__name__: module}
+
+    def set_var_io_type(self, var: str, io_type: str | StlIOType) -> None:
+        """Say what a variable is to the system: input, output, or (all else) neither."""
+        if var in self.vars:
+            self.var_io_dict[var] = _ROLES.get(io_type, "undefined")
+        else:
+            _log.warning("variable '%s' is not declared; its io type is ignored", var)
+
+    def set_var_topic(self, var_name: str, var_topic: str) -> None:
+        """Name the topic of a variable."""
+        if var_name in self.vars:
+            self.var_topic_dict[var_name] = var_topic
+        else:
+            _log.warning("variable '%s' is not declared; its topic is ignored", var_name)
+
+    def add_var(self, var: str) -> None:
+        """Make a name known without a type."""
+        self.vars.add(var)
+
+    def add_input_var(self, input_var: str) -> None:
+        """Make a variable an input."""
+        self.var_io_dict[input_var] = "input"
+
+    def add_output_var(self, output_var: str) -> None:
+        """Make a variable an output."""
+        self.var_io_dict[output_var] = "output"
+
+    def remove_input_var(self, var: str) -> None:
+        """Make an input neither input nor output."""
+        if self.var_io_dict.get(var) == "input":
+            self.var_io_dict[var] = "undefined"
+
+    def remove_output_var(self, var: str) -> None:
+        """Make an output neither input nor output."""
+        if self.var_io_dict.get(var) == "output":
+            self.var_io_dict[var] = "undefined"
+
+    def add_sub_spec(self, sub_spec: str) -> None:
+        """Put a named formula, ``p = ...``, before the text."""
+        self._modular += f"{sub_spec}\n"
+
+    def get_spec_from_file(self, path: str) -> str:
+        """The text in a file.
+
+        Raises:
+            InputError: If there is no such file.
+        """
+        try:
+            return Path(path).read_text(encoding="utf-8-sig")
+        except FileNotFoundError:
+            msg = f"expected a file with a specification, found none at {path}"
+            raise InputError(msg) from None
+
+    def get_value(self, var_name: str) -> Any:  # noqa: ANN401 - a number, a message, a signal
+        """The last value of a variable, or of a named formula.
+
+        Raises:
+            InputError: On an unknown name.
+        """
+        if self._ran is not None and var_name in {*self._specification().formulas, self._result}:
+            return self._ran(var_name)
+        if var_name not in self.var_object_dict:
+            msg = f"no variable and no formula is named '{var_name}'"
+            raise InputError(msg)
+        return self.var_object_dict[var_name]
+
+    def parse(self) -> None:
+        """Read the text; monitoring and evaluation start afresh.
+
+        Raises:
+            ParseError: With line, column and the way out.
+            SpecificationError: If there is no text.
+        """
+        parsed = self._read()
+        for name, module in parsed.imports.items():
+            self.modules[name] = self._paths[module]
+        for name, declared in parsed.declarations.items():
+            if name not in self.vars:
+                self.declare_var(name, declared.type)
+            if declared.io is not None:
+                self.var_io_dict[name] = declared.io
+            if declared.default is not None:
+                self.var_object_dict[name] = declared.default
+        self.var_topic_dict.update(parsed.topics)
+        self.name = parsed.name or self.name
+        *_, last = (None, *parsed.formulas)
+        self._result = last if last and parsed.formulas[last] is parsed.formula else "out"
+        self.out_var, _, self.out_var_field = self._result.partition(".")
+        computed = {name.partition(".")[0] for name in parsed.formulas} | {self.out_var}
+        self.free_vars -= computed
+        for variable in {*parsed.variables, *computed}:
+            if not self._field(variable)[1]:
+                self.var_object_dict.setdefault(variable, self._initial())
+                self.vars.add(variable)
+        self._parsed = parsed
+        self._forget()
+
+    def pastify(self) -> None:
+        """Change nothing: formulas of the future are monitored as they are, late by a latency."""
+        self._specification()
+
+    def _forget(self) -> None:
+        """Drop what runs."""
+        self._ran: Callable[[str], object] | None = None
+        """Gives the value of a formula in what ran last."""
+
+    def _initial(self) -> object:
+        """What a variable is before anything is said of it."""
+        return 0.0
+
+    def _new(self, var_type: str) -> object:
+        from rtamt.grammar.diagnosis import PRIMITIVES  # loads the parser
+
+        if var_type in self.modules:
+            return getattr(self.modules[var_type], var_type)()
+        if var_type in PRIMITIVES:
+            return self._initial()
+        msg = f"unknown type '{var_type}'; import it first: import_module(MODULE, '{var_type}')"
+        raise SpecificationError(msg)
+
+    def _read(self) -> Specification:
+        if self.spec is None:
+            msg = "expected the text of a specification in the attribute spec, got None"
+            raise SpecificationError(msg)
+        text = self._modular + self.spec
+        try:
+            return self._parse(text)
+        except ParseError as error:
+            # A text that declares some of its variables must declare all: the others are added.
+            declared = [f"from {m.__name__} import {t}" for t, m in self.modules.items()]
+            declared += [f"{self._types[name]} {name}" for name in sorted(self._types)]
+            try:
+                return self._parse("\n".join([text, *declared]))
+            except ParseError:
+                raise error from None
+
+    def _parse(self, text: str) -> Specification:
+        return parse_as(text, self.unit, self._constants, self._paths, chains=True)
+
+    def _specification(self) -> Specification:
+        if self._parsed is None:
+            msg = "expected a parsed specification; call parse() first"
+            raise StateError(msg)
+        if self._parsed.unit != self.unit:
+            self._parsed = self._parse(self._parsed.text)
+        return self._parsed
+
+    def _options(self) -> Options:
+        """What monitors and evaluations are given."""
+        heads = {self._field(v)[0] for v in self._specification().variables}
+        roles = {head: self.var_io_dict.get(head, "output") for head in sorted(heads)}
+        return {
+            "backend": "native" if self.language is Language.CPP else "auto",
+            "semantics": self.semantics.value,
+            "inputs": tuple(name for name, role in roles.items() if role == "input"),
+            "outputs": tuple(name for name, role in roles.items() if role == "output"),
+        }
+
+    def _field(self, variable: str) -> tuple[str, str]:
+        """The declared message and the path of the field that a variable is, or itself and ''."""
+        head, _, path = variable.partition(".")
+        return (head, path) if path and head in self._types else (variable, "")
+
+    def _columns(self, data: Mapping[str, Any], signals: Iterable[str]) -> dict[str, Any]:
+        """For each variable what the data say of it: its values, or those of its field."""
+        columns: dict[str, Any] = {}
+        for variable in signals:
+            head, path = self._field(variable)
+            if head in data:
+                columns[variable] = (
+                    [*map(operator.attrgetter(path), data[head])] if path else data[head]
+                )
+        return columns

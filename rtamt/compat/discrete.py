@@ -1,0 +1,289 @@
+"""The released classes for samples: `Monitor`, `EpisodeMonitor` and `evaluate` behind their calls.
+
+At the sample t, ``update`` gives the robustness at t - latency. As long as there is no such sample,
+it gives the robustness that the trace has at its first sample if it ends now.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from rtamt.compat.declarations import AbstractSpecification
+from rtamt.compat.options import Language, Semantics
+from rtamt.errors import InputError, SpecificationError, StateError
+from rtamt.explanation import Explanation, explain
+from rtamt.interval import UNITS
+from rtamt.monitor import EpisodeMonitor, Monitor, evaluate
+from rtamt.specification import Specification
+from rtamt.timing import Period, as_period
+
+__all__ = [
+    "StlDiscreteTimeOfflineSpecification",
+    "StlDiscreteTimeOnlineSpecification",
+    "StlDiscreteTimeSpecification",
+]
+
+
+class _Sampled(AbstractSpecification):
+    """A specification of samples that should come at a fixed period.
+
+    Attributes:
+        sampling_period: The period, in `sampling_period_unit`.
+        sampling_period_unit: s, ms, us, ns or ps.
+        sampling_tolerance: Share of the period by which a sample may be early or late.
+        sampling_violation_counter: Samples that were earlier or later than that. Times of samples
+            are in `unit`.
+    """
+
+    def __init__(
+        self,
+        semantics: Semantics | str = Semantics.STANDARD,
+        language: Language = Language.PYTHON,
+    ) -> None:
+        super().__init__(semantics, language)
+        self.sampling_period: Period = 1
+        self.sampling_period_unit = "s"
+        self.sampling_tolerance = 0.1
+        self.sampling_violation_counter = 0
+
+    def set_sampling_period(
+        self, sampling_period: Period = 1, unit: str = "s", tolerance: float = 0.1
+    ) -> None:
+        """Set the period, before the first sample.
+
+        Args:
+            sampling_period: The period. 0 is no period: then no bounds can be read.
+            unit: s, ms, us, ns or ps.
+            tolerance: Share of the period by which a sample may be early or late.
+
+        Raises:
+            SpecificationError: On a negative or infinite period, another unit, or a tolerance
+                outside [0, 1].
+        """
+        if sampling_period != 0:
+            as_period(sampling_period)
+        if unit not in UNITS:
+            msg = f"expected a unit out of {', '.join(UNITS)}, got {unit!r}"
+            raise SpecificationError(msg)
+        if not 0 <= tolerance <= 1:
+            msg = f"expected a tolerance between 0 and 1, got {tolerance!r}"
+            raise SpecificationError(msg)
+        self.sampling_period = sampling_period
+        self.sampling_period_unit = unit
+        self.sampling_tolerance = tolerance
+
+    def get_sampling_frequency(self) -> float:
+        """Samples per second.
+
+        Raises:
+            SpecificationError: If the period is 0.
+        """
+        return float(1 / self._seconds())
+
+    def _seconds(self) -> Fraction:
+        period = as_period(self.sampling_period)
+        assert period is not None  # noqa: S101 - for the type checker
+        return period * UNITS[self.sampling_period_unit]
+
+    def _period(self) -> Fraction | None:
+        # Clients round periods to two digits, and 0.001 to 0; without bounds nobody asks for it.
+        return self._seconds() if self._specification().timed else None
+
+    def _durations(self) -> tuple[float, float]:
+        """The least and the longest time between two samples that is no violation, in `unit`."""
+        if self.sampling_period == 0:
+            return 0.0, 0.0
+        period = self._seconds() / UNITS[self.unit]
+        tolerance = Fraction(str(self.sampling_tolerance))
+        return float(period * (1 - tolerance)), float(period * (1 + tolerance))
+
+
+class StlDiscreteTimeOnlineSpecification(_Sampled):
+    """Robustness sample by sample.
+
+    Example:
+        >>> spec = StlDiscreteTimeOnlineSpecification()
+        >>> spec.declare_var("x", "float")
+        >>> spec.spec = "eventually[0:1](x >= 3)"
+        >>> spec.parse()
+        >>> [spec.update(t, [("x", x)]) for t, x in enumerate([0.0, 5.0, 1.0, 2.0])]
+        [-3.0, 2.0, 2.0, -1.0]
+    """
+
+    _monitor: Monitor | None
+    _episode: EpisodeMonitor | None
+    """Runs as long as there is no sample at t - latency."""
+    _time: float | None
+    """Of the last sample."""
+    _robustness: float
+    _least: float
+    _most: float
+    _read_sample: Callable[[Mapping[str, Any]], Sequence[Any]]
+
+    def update(self, timestamp: float, dataset: Iterable[tuple[str, Any]]) -> float:
+        """Take in one sample and give the robustness, late by the latency.
+
+        Args:
+            timestamp: Time of the sample in `unit`, for `sampling_violation_counter` alone.
+            dataset: Names and values. Variables that are absent keep their values, which are 0 at
+                first; unknown ones are ignored.
+
+        Raises:
+            StateError: Before `parse`.
+            SpecificationError: At the first sample: on bounds that are no whole number of periods,
+                or a future without end.
+            InputError: On a nan, or a term that is not a number. All is as before the call.
+            InputTypeError: On a value that is no real number; likewise.
+        """
+        monitor = self._monitor or self._start()
+        values = self.var_object_dict.copy()
+        values.update(dataset)
+        sample = self._read_sample(values)
+        last = self._time
+        violated = last is not None and not self._least <= timestamp - last <= self._most
+        robustness = monitor.update(*sample)
+        if self._episode is not None:
+            robustness = self._episode.update(*sample)
+            if monitor.samples == monitor.latency:
+                self._episode = None
+        self.var_object_dict = values
+        self._time = timestamp
+        self._robustness = robustness
+        if violated:
+            self.sampling_violation_counter += 1
+        if self._published:
+            self._publish(robustness)
+        return robustness
+
+    def reset(self) -> None:
+        """Forget every sample; variables keep their values."""
+        if self._monitor is not None:
+            self._start()
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._monitor = None
+
+    def _start(self) -> Monitor:
+        spec, period, options = self._specification(), self._period(), self._options()
+        monitor = Monitor(spec, period, **options)
+        self._episode = EpisodeMonitor(spec, period, **options) if monitor.latency else None
+        self._time = None
+        self._least, self._most = self._durations()
+        self.sampling_violation_counter = 0
+        fields = [self._field(name) for name in monitor.variables]
+        self._fields = [
+            (head, operator.attrgetter(path) if path else None) for head, path in fields
+        ]
+        self._read_sample = self._row
+        if len(fields) > 1 and not any(path for _, path in fields):
+            # The same in a sixth of the time; of one name it would give no tuple.
+            self._read_sample = operator.itemgetter(*monitor.variables)
+        self._published = bool(self._field(self._result)[1])
+        self._monitor, self._ran = monitor, self._now
+        return monitor
+
+    def _row(self, values: Mapping[str, Any]) -> list[Any]:
+        return [read(values[head]) if read else values[head] for head, read in self._fields]
+
+    def _publish(self, robustness: float) -> None:
+        """Write the robustness into the message of which it is a field."""
+        message, _, field = self._result.rpartition(".")
+        head, _, path = message.partition(".")
+        holder = self.var_object_dict[head]
+        setattr(operator.attrgetter(path)(holder) if path else holder, field, robustness)
+
+    def _now(self, formula: str) -> float:
+        assert self._monitor is not None  # noqa: S101 - for the type checker
+        return self._robustness if formula == self._result else self._monitor.values[formula]
+
+
+class StlDiscreteTimeOfflineSpecification(_Sampled):
+    """Robustness of whole traces.
+
+    Example:
+        >>> spec = StlDiscreteTimeOfflineSpecification()
+        >>> spec.declare_var("x", "float")
+        >>> spec.spec = "eventually[0:1](x >= 3)"
+        >>> spec.parse()
+        >>> spec.evaluate({"time": [0, 1, 2, 3], "x": [0.0, 5.0, 1.0, 2.0]})
+        [[0, 2.0], [1, 2.0], [2, -1.0], [3, -1.0]]
+    """
+
+    _trace: tuple[dict[str, Any], list[float]] | None
+    """The last one, and its times."""
+
+    def evaluate(self, dataset: Mapping[str, Any]) -> list[list[float]]:
+        """Robustness at every sample of a trace, as pairs of time and robustness.
+
+        Args:
+            dataset: Every variable to its values, and ``"time"`` to theirs, in `unit`. Other names
+                are ignored.
+
+        Raises:
+            StateError: Before `parse`.
+            SpecificationError: On bounds that are no whole number of periods.
+            InputError: On missing variables or times, an empty trace, columns of different length,
+                a nan.
+            InputTypeError: On values that are no real numbers.
+        """
+        spec = self._specification()
+        if "time" not in dataset:
+            msg = "expected the times of the samples as 'time', got none"
+            raise InputError(msg)
+        time = list(dataset["time"])
+        columns = self._columns(dataset, spec.variables)
+        robustness = self._robustness_of(spec, columns, len(time))
+        least, most = self._durations()
+        steps = np.diff(np.asarray(time, dtype=np.float64))
+        off = int(np.count_nonzero((steps < least) | (steps > most)))
+        self.sampling_violation_counter += off
+        self.var_object_dict = self.var_object_dict | {
+            k: dataset[k] for k in dataset if k != "time"
+        }
+        self._trace, self._ran = (columns, time), self._whole
+        return [[t, value] for t, value in zip(time, robustness, strict=True)]
+
+    def explain(self) -> Explanation:
+        """Which sub-formulas and samples decided the robustness at the first sample.
+
+        Raises:
+            StateError: Before `evaluate`.
+        """
+        if self._trace is None:
+            msg = "expected a trace to explain; call evaluate() first"
+            raise StateError(msg)
+        columns, time = self._trace
+        seconds = float(time[0]) * float(UNITS[self.unit])
+        spec, period, options = self._specification(), self._period(), self._options()
+        return explain(spec, columns, period, start=seconds, n=len(time), **options)
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._trace = None
+
+    def _whole(self, formula: str) -> list[float]:
+        """The robustness of a named formula at every sample of the last trace."""
+        assert self._trace is not None  # noqa: S101 - for the type checker
+        spec = self._specification()
+        named = replace(spec, formula=spec.formulas.get(formula, spec.formula))
+        columns, time = self._trace
+        return self._robustness_of(named, columns, len(time))
+
+    def _robustness_of(self, spec: Specification, columns: dict[str, Any], n: int) -> list[float]:
+        values: list[float] = evaluate(
+            spec, columns, self._period(), n=n, **self._options()
+        ).tolist()
+        return values
+
+
+class StlDiscreteTimeSpecification(
+    StlDiscreteTimeOfflineSpecification, StlDiscreteTimeOnlineSpecification
+):
+    """Robustness sample by sample, and of whole traces."""

@@ -1,0 +1,9 @@
+"""The module of the released library's enumeration of io types."""
+
+from rtamt.compat import (
+    StlIOType,
+)
+
+__all__ = [
+    "StlIOType",
+]

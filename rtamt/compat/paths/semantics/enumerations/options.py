@@ -1,0 +1,13 @@
+"""The module of the released library's enumerations."""
+
+from rtamt.compat import (
+    Language,
+    Semantics,
+    TimeInterpretation,
+)
+
+__all__ = [
+    "Language",
+    "Semantics",
+    "TimeInterpretation",
+]

@@ -1,0 +1,21 @@
+"""The module of the released library's classes for samples."""
+
+from rtamt.compat import (
+    Language,
+    Semantics,
+    StlDiscreteTimeOfflineSpecification,
+    StlDiscreteTimeOnlineSpecification,
+    StlDiscreteTimeOnlineSpecificationCpp,
+    StlDiscreteTimeSpecification,
+    TimeInterpretation,
+)
+
+__all__ = [
+    "Language",
+    "Semantics",
+    "StlDiscreteTimeOfflineSpecification",
+    "StlDiscreteTimeOnlineSpecification",
+    "StlDiscreteTimeOnlineSpecificationCpp",
+    "StlDiscreteTimeSpecification",
+    "TimeInterpretation",
+]
