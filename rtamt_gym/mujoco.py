@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, Literal, NoReturn, get_args
+from typing import Any, Literal, get_args
 
 import mujoco  # type: ignore[import-untyped]
 
@@ -14,7 +14,7 @@ from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.mujoco_signals import bind_numbers
 from rtamt_gym.panel import Panel
 from rtamt_gym.selectors import MUJOCO, Selector
-from rtamt_gym.signals import Read, Signal, SignalLike, parse_signals
+from rtamt_gym.signals import Number, Signal, SignalLike, parse_signals
 from rtamt_gym.specs import InstantMonitor, SpecsLike, View, load_specs
 
 __all__ = ["Controller", "OnStepViolation", "StepMonitor", "bind_signal"]
@@ -56,10 +56,6 @@ class StepMonitor:
     Attributes:
         model: The model.
         data: The simulation.
-        robustness: The least robustness over the specifications, if the run ended now; nan before
-            sample 0. With ``view="step"``, that of the newest instant whose horizon has passed.
-        lower: The least that it can still become.
-        upper: The greatest; below 0 no continuation can satisfy all specifications.
 
     Args:
         model: A ``mujoco.MjModel``.
@@ -121,9 +117,8 @@ class StepMonitor:
         self._panel = Panel(loaded, float(model.opt.timestep) if period is None else period, view)
         self._forward = forward
         self._bind_signals()
-        self.robustness = self.lower = self.upper = math.nan
-        self._timestep = math.nan
-        self._due = math.nan  # the time after the next step
+        self._start = self._timestep = math.nan  # time of sample 0, time between samples
+        self._unchecked = 0
         self._running = False
 
     def reset(self) -> None:
@@ -136,11 +131,10 @@ class StepMonitor:
         """
         self._running = False
         self._panel.reset()
-        self.robustness = self.lower = self.upper = math.nan
         mujoco.mj_forward(self.model, self.data)
-        self._timestep = float(self.model.opt.timestep)
-        self._due = self.data.time + self._timestep
-        self._take()
+        self._start, self._timestep = self.data.time, float(self.model.opt.timestep)
+        self._unchecked = 0
+        self._feed()
         self._running = True
 
     def step(self) -> float:
@@ -149,22 +143,26 @@ class StepMonitor:
         The first step feeds sample 0 before, unless `reset` did.
 
         Raises:
-            StateError: After `finish` and after an error; and if the simulation is not where one
-                step from the last sample takes it: it was stepped or reset by others, its timestep
-                was changed, or it was unstable, whereupon MuJoCo resets it.
+            StateError: After `finish` and after an error; and if the simulation is not at the time
+                of the sample: it was stepped or reset by others, its timestep was changed, or it
+                was unstable, so that MuJoCo reset it. The time is checked now and then, and
+                before any verdict is decided.
             InputError: If a signal is nan or cannot be read.
         """
         if not self._running:
             self._begin()
-        model, data = self.model, self.data
-        mujoco.mj_step(model, data)
-        now = data.time
-        if now != self._due:
-            self._refuse_time(now)
-        self._due = now + self._timestep
+        _mj_step(self.model, self.data)
         if self._forward:
-            mujoco.mj_forward(model, data)
-        return self._take()
+            mujoco.mj_forward(self.model, self.data)
+        self._unchecked += 1
+        if self._unchecked == _CHECKED:
+            self._check_time(self.samples)
+        try:
+            return self._feed()
+        except BaseException:
+            # A monitor that misses a sample would count wrong ever after.
+            self._running = False
+            raise
 
     def run(
         self,
@@ -205,11 +203,30 @@ class StepMonitor:
         Raises:
             StateError: Before sample 0.
         """
-        self.lower, self.upper, _ = self._panel.finish()
+        if self._running:
+            self._check_time(self.samples - 1)
+        self._panel.finish()
         self._panel.note()
-        self.robustness = min(monitor.robustness for monitor, _ in self.monitors.values())
         self._running = False
         return self.robustness
+
+    @property
+    def robustness(self) -> float:
+        """The least robustness over the specifications, if the run ended now; nan before sample 0.
+
+        With ``view="step"`` that of the newest instant whose horizon has passed.
+        """
+        return self._panel.robustness
+
+    @property
+    def lower(self) -> float:
+        """The least that the robustness can still become."""
+        return self._panel.lower
+
+    @property
+    def upper(self) -> float:
+        """The greatest; below 0 no continuation can satisfy all specifications."""
+        return self._panel.upper
 
     @property
     def verdict(self) -> Verdict:
@@ -242,8 +259,7 @@ class StepMonitor:
     def values(self) -> dict[str, float]:
         """What every variable reads now."""
         return {
-            signal.name: read(None, None, None, {})
-            for signal, read in zip(self._signals, self._reads, strict=True)
+            signal.name: read() for signal, read in zip(self._signals, self._reads, strict=True)
         }
 
     @property
@@ -266,17 +282,16 @@ class StepMonitor:
 
     def state(self) -> tuple[Any, ...]:
         """What the monitors know, for `restore`; the simulation is not in it."""
-        numbers = self.robustness, self.lower, self.upper, self._due, self._timestep
-        return self._panel.state(), numbers, self._running
+        return self._panel.state(), self._start, self._timestep, self._running
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state` of a monitor of the same specifications.
 
         The simulation must go back with it: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
-        panel, numbers, self._running = state
+        panel, self._start, self._timestep, self._running = state
         self._panel.restore(panel)
-        self.robustness, self.lower, self.upper, self._due, self._timestep = numbers
+        self._unchecked = 0
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: self.__dict__[name] for name in self.__dict__ if name not in _UNPICKLED}
@@ -292,7 +307,8 @@ class StepMonitor:
     def _bind_signals(self) -> None:
         """Makes what pickle cannot carry: functions that read this simulation."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
-        self._sample = self._panel.sampler([signal.name for signal in self._signals], self._reads)
+        names = [signal.name for signal in self._signals]
+        self._feed = self._panel.feeder(names, self._reads, self._decide)
 
     def _begin(self) -> None:
         if self._panel.samples:
@@ -302,31 +318,30 @@ class StepMonitor:
             )
         self.reset()
 
-    def _take(self) -> float:
-        """Feeds the simulation as it is now."""
-        try:
-            self.robustness, self.lower, self.upper, decided = self._sample(None, None, None, {})
-        except BaseException:
-            # A monitor that misses a sample would count wrong ever after.
+    def _decide(self) -> None:
+        """Notes new verdicts, but none of a simulation that has left its course."""
+        self._check_time(self.samples - 1)
+        self._panel.note()
+
+    def _check_time(self, sample: int) -> None:
+        self._unchecked = 0
+        due, now = self._start + sample * self._timestep, self.data.time
+        if abs(now - due) > 0.5 * self._timestep:
             self._running = False
-            raise
-        if decided > self._panel.settled:
-            self._panel.note()
-        return self.robustness
-
-    def _refuse_time(self, now: float) -> NoReturn:
-        self._running = False
-        raise StateError(
-            f"expected the time {self._due:.12g} s after the step, got {now:.12g} s: between the "
-            "samples the simulation was stepped or reset by others, its timestep was changed, or "
-            "MuJoCo found it unstable and reset it (data.warning); call reset()"
-        )
+            raise StateError(
+                f"expected the time {due:.12g} s at sample {sample}, got {now:.12g} s: the "
+                "simulation was stepped or reset by others, its timestep was changed, or it was "
+                "unstable, so that MuJoCo reset it (data.warning); call reset()"
+            )
 
 
-_UNPICKLED = frozenset({"_reads", "_sample"})
+_mj_step = mujoco.mj_step
+_CHECKED = 16
+"""Samples after which the time is checked; to read it every time costs as much as to monitor."""
+_UNPICKLED = frozenset({"_reads", "_feed"})
 
 
-def bind_signal(signal: Signal, model: Any, data: Any) -> Read:  # noqa: ANN401
+def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401
     """The function that reads a signal from a simulation, whatever it is called with."""
     if isinstance(signal.reads, Selector):
         return bind_numbers(signal.name, signal.reads, model, data)

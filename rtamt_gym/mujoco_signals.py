@@ -18,7 +18,7 @@ count: those that MuJoCo's solver has taken in.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import mujoco  # type: ignore[import-untyped]
@@ -26,11 +26,9 @@ import numpy as np
 
 from rtamt import InputError
 from rtamt_gym.selectors import NAMED, Selector
+from rtamt_gym.signals import Number
 
 __all__ = ["bind_numbers", "bind_simulation"]
-
-Number = Callable[..., float]
-"""Reads one number of a simulation; whatever it is called with means nothing."""
 
 
 def bind_simulation(name: str, selector: Selector, simulation: Any) -> Number:  # noqa: ANN401

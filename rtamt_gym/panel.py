@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from operator import itemgetter
 from typing import Any
 
 import rtamt
 from rtamt import EpisodeMonitor
 from rtamt_gym.episodes import outcome
-from rtamt_gym.signals import Read
-from rtamt_gym.specs import InstantMonitor, Sample, View, machine_state, make_monitor, sampler
+from rtamt_gym.signals import Number, Read
+from rtamt_gym.specs import InstantMonitor, View, machine_state, make_monitor
 
-__all__ = ["Panel"]
+__all__ = ["Panel", "Sample"]
+
+Sample = Callable[[Any, Any, Any, dict[str, Any]], tuple[float, float, float, int]]
+"""Feeds what a step gives; least robustness, lower and upper bound, and verdicts decided."""
 
 
 class Panel:
@@ -70,12 +75,107 @@ class Panel:
         """Whether no verdict is open."""
         return self.settled == len(self._monitors)
 
+    @property
+    def robustness(self) -> float:
+        """The least robustness over the specifications; nan before the first sample."""
+        return min(monitor.robustness for _, monitor, _ in self._monitors)
+
+    @property
+    def lower(self) -> float:
+        """The least that it can still become."""
+        return min(judge.lower for _, _, judge in self._monitors)
+
+    @property
+    def upper(self) -> float:
+        """The greatest that it can still become."""
+        return min(judge.upper for _, _, judge in self._monitors)
+
     def sampler(self, names: Sequence[str], reads: Sequence[Read]) -> Sample:
-        """The function that reads signals of these names and feeds all monitors."""
-        feeds = [
-            (monitor.update, self.variables[name], judge) for name, monitor, judge in self._monitors
+        """The function that reads a step once and feeds all monitors.
+
+        Most of the time that monitoring takes is spent here and in `feeder`, so the common case,
+        one signal for one monitor, has a way of its own in both.
+        """
+        if len(self._monitors) == len(reads) == 1:
+            (read,), ((_, monitor, judge),) = reads, self._monitors
+            update = monitor.update
+
+            def sample(
+                obs: Any,  # noqa: ANN401
+                action: Any,  # noqa: ANN401
+                reward: Any,  # noqa: ANN401
+                info: dict[str, Any],
+            ) -> tuple[float, float, float, int]:
+                robustness = update(read(obs, action, reward, info))
+                lower, upper = judge.lower, judge.upper
+                return robustness, lower, upper, upper < 0.0 or lower > 0.0
+
+            return sample
+
+        feed = self._feed_all(names)
+        return lambda obs, action, reward, info: feed(
+            [read(obs, action, reward, info) for read in reads]
+        )
+
+    def feeder(
+        self, names: Sequence[str], reads: Sequence[Number], decide: Callable[[], None]
+    ) -> Number:
+        """The function that reads a simulation once, feeds all monitors, and gives the robustness.
+
+        Args:
+            names: Of the signals.
+            reads: What reads them.
+            decide: Called after a sample that has decided a verdict; must call `note`.
+        """
+        if len(self._monitors) == len(reads) == 1:
+            (read,), ((_, monitor, judge),) = reads, self._monitors
+            update = monitor.update
+
+            def feed() -> float:
+                robustness = update(read())
+                if not self.settled and (judge.upper < 0.0 or judge.lower > 0.0):
+                    decide()
+                return robustness
+
+            return feed
+
+        feed_all = self._feed_all(names)
+
+        def feed_each() -> float:
+            robustness, _, _, decided = feed_all([read() for read in reads])
+            if decided > self.settled:
+                decide()
+            return robustness
+
+        return feed_each
+
+    def _feed_all(
+        self, names: Sequence[str]
+    ) -> Callable[[list[float]], tuple[float, float, float, int]]:
+        picks = [
+            (monitor.update, indices[0] if len(indices) == 1 else None, _pick(indices), judge)
+            for name, monitor, judge in self._monitors
+            for indices in [tuple(names.index(variable) for variable in self.variables[name])]
         ]
-        return sampler(names, reads, feeds)
+
+        def feed(values: list[float]) -> tuple[float, float, float, int]:
+            robustness = lower = upper = math.inf
+            decided = 0
+            for update, index, pick, judge in picks:
+                value = update(*pick(values)) if index is None else update(values[index])
+                low, high = judge.lower, judge.upper
+                if high < 0.0 or low > 0.0:
+                    decided += 1
+                # Calls of min() would cost as much as all the rest.
+                if value < robustness:  # noqa: PLR1730
+                    robustness = value
+                if low < lower:  # noqa: PLR1730
+                    lower = low
+                if high < upper:  # noqa: PLR1730
+                    upper = high
+            return robustness, lower, upper, decided
+
+        return feed
 
     def reset(self) -> None:
         """Forgets every sample."""
@@ -96,14 +196,9 @@ class Panel:
 
     def finish(self) -> tuple[float, float, int]:
         """Ends the trace; the bounds, and how many verdicts are decided."""
-        judges = [judge for _, _, judge in self._monitors]
-        for judge in judges:
+        for _, _, judge in self._monitors:
             judge.finish()
-        return (
-            min(judge.lower for judge in judges),
-            min(judge.upper for judge in judges),
-            sum(judge.verdict != 0 for judge in judges),
-        )
+        return self.lower, self.upper, sum(judge.verdict != 0 for _, _, judge in self._monitors)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification."""
@@ -142,3 +237,9 @@ class Panel:
                 monitor.__setstate__(held)
         self._decided = dict(decided)
         self.settled = len(self._decided)
+
+
+def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    if len(indices) > 1:
+        return itemgetter(*indices)
+    return lambda values: tuple(values[index] for index in indices)

@@ -32,7 +32,7 @@ from gymnasium import spaces
 from rtamt import InputError, InputTypeError
 from rtamt_gym.selectors import MUJOCO, STEP, VEHICLE, Selector, hint, parse_selector
 
-__all__ = ["Read", "Signal", "SignalLike", "Step", "listing", "parse_signals"]
+__all__ = ["Number", "Read", "Signal", "SignalLike", "Step", "listing", "parse_signals"]
 
 SOURCES: Final = (*STEP, *MUJOCO, *VEHICLE)
 """The words that a selector of an environment may begin with."""
@@ -41,6 +41,10 @@ _NUMBERS: Final = (float, int, np.floating, np.integer, np.bool_)
 
 Read = Callable[[Any, Any, Any, dict[str, Any]], float]
 """Reads a signal from observation, action, reward and info; action and reward are None at reset."""
+
+
+Number = Callable[..., float]
+"""Reads a signal from a simulation as it is now; whatever it is called with means nothing."""
 
 
 class Step(NamedTuple):
@@ -201,7 +205,7 @@ class Signal:
     def _refusal(self, whole: spaces.Space[Any], what: str, reason: str) -> str:
         return f"signal {self.name!r}: {self} does not fit: {what} {reason}; it is {_shape(whole)}"
 
-    def _bind_simulation(self, selector: Selector, env: gym.Env[Any, Any]) -> Read:
+    def _bind_simulation(self, selector: Selector, env: gym.Env[Any, Any]) -> Number:
         simulation: Any = env.unwrapped
         if not hasattr(simulation, "model") or not hasattr(simulation, "data"):
             raise InputError(
@@ -212,12 +216,12 @@ class Signal:
 
         return bind_simulation(self.name, selector, simulation)
 
-    def _bind_vehicle(self, selector: Selector, env: gym.Env[Any, Any]) -> Read:
+    def _bind_vehicle(self, selector: Selector, env: gym.Env[Any, Any]) -> Number:
         simulation: Any = env.unwrapped
         field, path = selector.field, selector.path
 
         # Every reset makes a new vehicle.
-        def read(*_: Any) -> float:  # noqa: ANN401
+        def read(*_: object) -> float:
             try:
                 value = getattr(simulation.vehicle, field)
                 for part in path:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from numbers import Real
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,11 +15,9 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
-from rtamt_gym.signals import Read
 
 __all__ = [
     "InstantMonitor",
-    "Sample",
     "SpecLike",
     "SpecsLike",
     "View",
@@ -32,7 +29,6 @@ __all__ = [
     "read_period",
     "recordable",
     "resolve_period",
-    "sampler",
 ]
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
@@ -47,12 +43,6 @@ View = Literal["episode", "step"]
 
 Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
-
-Feed = tuple[Callable[..., float], Sequence[str], rtamt.EpisodeMonitor]
-"""What takes the samples of a specification, the variables it takes, and who judges them."""
-
-Sample = Callable[[Any, Any, Any, dict[str, Any]], tuple[float, float, float, int]]
-"""Feeds what a step gives; least robustness, lower and upper bound, and verdicts decided."""
 
 
 class InstantMonitor:
@@ -242,65 +232,6 @@ def check_looks_ahead(name: str, spec: rtamt.Specification) -> None:
             f"specification {name!r} speaks of the first sample only: {spec.formula}; "
             f"write always({spec.formula}) or view='step'"
         )
-
-
-def sampler(names: Sequence[str], reads: Sequence[Read], feeds: Sequence[Feed]) -> Sample:
-    """The function that reads a step once and feeds all monitors.
-
-    Most of the time that monitoring takes is spent here, so the common case, one signal for one
-    monitor, has a way of its own.
-    """
-    if len(feeds) == len(reads) == 1:
-        (read,), ((update, _, judge),) = reads, feeds
-
-        def sample(
-            obs: Any,  # noqa: ANN401
-            action: Any,  # noqa: ANN401
-            reward: Any,  # noqa: ANN401
-            info: dict[str, Any],
-        ) -> tuple[float, float, float, int]:
-            robustness = update(read(obs, action, reward, info))
-            lower, upper = judge.lower, judge.upper
-            return robustness, lower, upper, upper < 0.0 or lower > 0.0
-
-        return sample
-
-    picks = [
-        (update, indices[0] if len(indices) == 1 else None, _pick(indices), judge)
-        for update, variables, judge in feeds
-        for indices in [tuple(names.index(variable) for variable in variables)]
-    ]
-
-    def sample_all(
-        obs: Any,  # noqa: ANN401
-        action: Any,  # noqa: ANN401
-        reward: Any,  # noqa: ANN401
-        info: dict[str, Any],
-    ) -> tuple[float, float, float, int]:
-        values = [read(obs, action, reward, info) for read in reads]
-        robustness = lower = upper = math.inf
-        decided = 0
-        for update, index, pick, judge in picks:
-            value = update(*pick(values)) if index is None else update(values[index])
-            low, high = judge.lower, judge.upper
-            if high < 0.0 or low > 0.0:
-                decided += 1
-            # Calls of min() would cost as much as all the rest.
-            if value < robustness:  # noqa: PLR1730
-                robustness = value
-            if low < lower:  # noqa: PLR1730
-                lower = low
-            if high < upper:  # noqa: PLR1730
-                upper = high
-        return robustness, lower, upper, decided
-
-    return sample_all
-
-
-def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    if len(indices) > 1:
-        return itemgetter(*indices)
-    return lambda values: tuple(values[index] for index in indices)
 
 
 def _load(spec: SpecLike) -> rtamt.Specification:

@@ -15,18 +15,17 @@ from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import EpisodeMonitor, InputError, StateError
 from rtamt_gym.arguments import check_choice, check_length
-from rtamt_gym.episodes import outcome, record
+from rtamt_gym.episodes import record
+from rtamt_gym.panel import Panel
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     InstantMonitor,
     SpecsLike,
     View,
     load_specs,
-    make_monitor,
     read_period,
     recordable,
     resolve_period,
-    sampler,
 )
 
 __all__ = ["Cost", "OnViolation", "StlMonitor"]
@@ -168,19 +167,13 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         self._cost = cost
 
         loaded = load_specs(specs)
-        self._variables = {name: spec.variables for name, spec in loaded.items()}
         self._signals = parse_signals(
-            signals, [variable for names in self._variables.values() for variable in names]
+            signals, [name for spec in loaded.values() for name in spec.variables]
         )
         self._period = resolve_period(loaded, period, env)
         self._guards_period = period is None and any(spec.timed for spec in loaded.values())
-        self._monitors = [
-            (name, *make_monitor(name, spec, self._period, view)) for name, spec in loaded.items()
-        ]
+        self._panel = Panel(loaded, self._period, view)
         self._bind_signals()
-        self._decided: dict[str, int] = {}
-        self._settled = 0
-        self._violated_by: str | None = None
         self._charged = False
         self._running = False
 
@@ -200,15 +193,11 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
                 f"expected the period of {self._period} s that {self.env.unwrapped} had at "
                 f"construction, got {read_period(self.env)} s; wrap it again, or give period="
             )
-        for _, monitor, _ in self._monitors:
-            monitor.reset()
-        self._decided = {}
-        self._settled = 0
-        self._violated_by = None
+        self._panel.reset()
         self._charged = False
         robustness, lower, upper, decided = self._sample_reset(obs, None, None, info)
         if decided:
-            self._decide()
+            self._panel.note()
         info = {
             **info,
             "robustness": robustness,
@@ -217,7 +206,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             "stl_violated": upper < 0.0,
         }
         if self._details:
-            info["stl"] = self._describe()
+            info["stl"] = self._panel.describe()
         self._running = True
         return obs, info
 
@@ -234,6 +223,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
                 "episode; call reset()"
             )
         obs, reward, terminated, truncated, info = self.env.step(action)
+        panel = self._panel
         try:
             robustness, lower, upper, decided = self._sample(obs, action, reward, info)
         except BaseException:
@@ -241,9 +231,9 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             self._running = False
             raise
         if terminated:
-            lower, upper, decided = self._finish()
-        if decided > self._settled:
-            self._decide()
+            lower, upper, decided = panel.finish()
+        if decided > panel.settled:
+            panel.note()
         info = {
             **info,
             "robustness": robustness,
@@ -252,10 +242,10 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             "stl_violated": upper < 0.0,
         }
         if self._details:
-            info["stl"] = self._describe()
+            info["stl"] = self._panel.describe()
         if self._cost is not None:
             info["cost"] = self._charge(upper)
-        if self._violated_by is not None and not terminated:
+        if panel.violated_by is not None and not terminated:
             terminated = self._on_violation == "terminate"
             truncated = truncated or self._on_violation == "truncate"
         if terminated or truncated:
@@ -264,7 +254,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             self.stl_episodes.append(
                 record(
                     info["stl_episode"],
-                    self._violated_by,
+                    panel.violated_by,
                     samples=self.samples,
                     terminated=terminated,
                     truncated=truncated,
@@ -275,17 +265,17 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     @property
     def period(self) -> Fraction | None:
         """Seconds between samples; ``None`` if neither the argument nor the environment says."""
-        return self._monitors[0][2].period
+        return self._panel.period
 
     @property
     def samples(self) -> int:
         """Samples fed since :meth:`reset`, its own included."""
-        return self._monitors[0][2].samples
+        return self._panel.samples
 
     @property
     def monitors(self) -> dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]:
         """Of every specification, what says the robustness and who judges the episode."""
-        return {name: (monitor, judge) for name, monitor, judge in self._monitors}
+        return self._panel.monitors
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
@@ -305,46 +295,11 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     def _bind_signals(self) -> None:
         """Makes what pickle cannot carry: functions that read this environment."""
-        feeds = [
-            (monitor.update, self._variables[name], judge)
-            for name, monitor, judge in self._monitors
-        ]
         names = [signal.name for signal in self._signals]
         reads = [signal.bind(self.env) for signal in self._signals]
         reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
-        self._sample = sampler(names, reads, feeds)
-        self._sample_reset = sampler(names, reset_reads, feeds)
-
-    def _finish(self) -> tuple[float, float, int]:
-        """Ends the trace; the bounds, and how many verdicts are decided."""
-        judges = [judge for _, _, judge in self._monitors]
-        for judge in judges:
-            judge.finish()
-        return (
-            min(judge.lower for judge in judges),
-            min(judge.upper for judge in judges),
-            sum(judge.verdict != 0 for judge in judges),
-        )
-
-    def _decide(self) -> None:
-        """Notes the verdicts that the last sample has decided."""
-        for name, _, judge in self._monitors:
-            if judge.verdict != 0 and name not in self._decided:
-                self._decided[name] = judge.samples - 1
-                if judge.verdict < 0 and self._violated_by is None:
-                    self._violated_by = name
-        self._settled = len(self._decided)
-
-    def _describe(self) -> dict[str, dict[str, Any]]:
-        return {
-            name: {
-                "robustness": monitor.robustness,
-                "lower": judge.lower,
-                "upper": judge.upper,
-                "verdict": judge.verdict.name,
-            }
-            for name, monitor, judge in self._monitors
-        }
+        self._sample = self._panel.sampler(names, reads)
+        self._sample_reset = self._panel.sampler(names, reset_reads)
 
     def _charge(self, upper: float) -> float:
         first = upper < 0.0 and not self._charged
@@ -359,16 +314,13 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     def _conclude(self, info: dict[str, Any]) -> None:
         """Adds to the last info of an episode what became of every specification."""
-        episode = {
-            name: outcome(judge.robustness, judge.verdict.name, self._decided.get(name))
-            for name, _, judge in self._monitors
-        }
-        info["stl_episode"] = episode
-        if self._violated_by is not None:
-            info["stl_violated_by"] = self._violated_by
-            info["stl_violated_at"] = self._decided[self._violated_by]
+        panel = self._panel
+        info["stl_episode"] = panel.outcomes()
+        if panel.violated_by is not None:
+            info["stl_violated_by"] = panel.violated_by
+            info["stl_violated_at"] = panel.violated_at
             info.setdefault("is_success", False)
-        elif len(self._decided) == len(episode):
+        elif panel.all_decided:
             info.setdefault("is_success", True)
 
 
