@@ -6,6 +6,7 @@ samples as they come (`Monitor`), on a whole episode with bounds from the first 
 recorded traces (`evaluate`); `explain` says which samples decided.
 """
 
+import importlib
 from typing import TYPE_CHECKING
 
 from rtamt.backend import BACKEND
@@ -67,9 +68,8 @@ if not TYPE_CHECKING:  # which would then believe in any name
     def __getattr__(name: str) -> object:
         """The classes of the released library, loaded when first asked for."""
         if not name.startswith("_"):
-            from rtamt import compat
-
-            if name in compat.__all__:
-                return getattr(compat, name)
+            released = importlib.import_module("rtamt.compat")
+            if name in released.__all__:
+                return getattr(released, name)
         msg = f"module 'rtamt' has no attribute '{name}'"
         raise AttributeError(msg)
