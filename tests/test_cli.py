@@ -15,8 +15,8 @@ import pytest
 from gymnasium import spaces
 
 import rtamt
-from rtamt_gym import __main__ as cli
 from rtamt_gym.__main__ import main
+from rtamt_gym.commands import monitor
 
 SPEC = """\
 safe = speed < 30
@@ -255,7 +255,7 @@ def test_an_interrupt_exits_130_without_a_word(
     def interrupted(_argument: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_read_spec", interrupted)
+    monkeypatch.setattr(monitor, "read_spec", interrupted)
     assert main(["monitor", "spec.stl", "trace.csv"]) == 130
     assert capsys.readouterr() == ("", "")
 

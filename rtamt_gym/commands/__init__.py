@@ -1,0 +1,1 @@
+"""The commands of `rtamt`, one file each: its arguments, and what it prints."""

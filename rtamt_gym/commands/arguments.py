@@ -1,0 +1,85 @@
+"""What the arguments of several commands have in common."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import rtamt
+from rtamt import InputError
+
+__all__ = [
+    "Commands",
+    "add_reading",
+    "check_folder",
+    "positive",
+    "read_spec",
+    "read_specs",
+    "whole",
+]
+
+Commands: TypeAlias = "argparse._SubParsersAction[Any]"  # noqa: SLF001 - it has no public name
+"""What commands are added to."""
+
+
+def add_reading(command: argparse.ArgumentParser, otherwise: str) -> None:
+    """Adds what says how a trace is read; ``otherwise`` is the period if none is given."""
+    command.add_argument(
+        "--period",
+        metavar="TIME",
+        help=f"time between samples: 0.1 (seconds) or 100ms ({otherwise})",
+    )
+    command.add_argument(
+        "--view",
+        choices=("episode", "step"),
+        default="episode",
+        help="whether a formula speaks of the whole, as seen from the first sample, "
+        "or of every sample (episode)",
+    )
+
+
+def whole(text: str) -> int:
+    """The type of a whole number, 0 or more."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
+    return int(text)
+
+
+def positive(text: str) -> int:
+    """The type of a whole number, 1 or more."""
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"expected a whole number greater than 0, got {text!r}")
+    return int(text)
+
+
+def read_spec(argument: str) -> rtamt.Specification:
+    """The specification that an argument means: a path has no blank, bracket or comparison."""
+    if re.search(r"[\s(<>=!]", argument) and not Path(argument).is_file():
+        return rtamt.parse(argument)
+    return rtamt.load(argument)
+
+
+def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
+    """The specifications that arguments mean, each by a name of its own."""
+    specs: dict[str, rtamt.Specification] = {}
+    for argument in arguments:
+        named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
+        spec = read_spec(named[2] if named else argument)
+        own = (n for n, formula in spec.formulas.items() if formula is spec.formula)
+        name = named[1] if named else spec.name or next(own, None)
+        if name is None:
+            is_path = argument.endswith(".stl")
+            name = Path(argument).stem if is_path else f"spec{len(specs) + 1 if specs else ''}"
+        if name in specs:
+            raise InputError(f"expected one specification {name!r}, got two; name one of them")
+        specs[name] = spec
+    return specs
+
+
+def check_folder(path: Path) -> None:
+    """Refuses a file in a folder that is not there."""
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: there is no folder {path.parent}")
