@@ -9,20 +9,33 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rtamt_gym.mujoco import StepMonitor
     from rtamt_gym.rewards import StlReward
+    from rtamt_gym.run import Run
     from rtamt_gym.signals import Step
+    from rtamt_gym.simulation import simulate
     from rtamt_gym.vector import VectorStlMonitor
     from rtamt_gym.vector_rewards import VectorStlReward
     from rtamt_gym.wrappers import StlMonitor
 
-__all__ = ["Step", "StepMonitor", "StlMonitor", "StlReward", "VectorStlMonitor", "VectorStlReward"]
+__all__ = [
+    "Run",
+    "Step",
+    "StepMonitor",
+    "StlMonitor",
+    "StlReward",
+    "VectorStlMonitor",
+    "VectorStlReward",
+    "simulate",
+]
 
 _MODULES = {
+    "Run": "rtamt_gym.run",
     "Step": "rtamt_gym.signals",
     "StepMonitor": "rtamt_gym.mujoco",
     "StlMonitor": "rtamt_gym.wrappers",
     "StlReward": "rtamt_gym.rewards",
     "VectorStlMonitor": "rtamt_gym.vector",
     "VectorStlReward": "rtamt_gym.vector_rewards",
+    "simulate": "rtamt_gym.simulation",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,16 +11,18 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import rtamt
 from rtamt_gym import plot
 from rtamt_gym.outcomes import report, saved_note
-from rtamt_gym.run import Episode, Policies, Policy, Watched, import_highway, make
+from rtamt_gym.policies import import_highway, make
+from rtamt_gym.run import Run
 from rtamt_gym.signals import SignalLike, Step
+from rtamt_gym.simulation import simulate
+from rtamt_gym.systems import Policy
 
 __all__ = ["HIGHWAY", "PENDULUM", "Scenario", "run", "watch"]
 
-Driver = Callable[[gym.Env[Any, Any]], Policies]
-"""Makes the policies for an environment, which a driver may look into."""
+Driver = Callable[[gym.Env[Any, Any]], Policy]
+"""Makes the policy of an episode of an environment, which a driver may look into."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,7 @@ class Scenario:
         env_id: The environment.
         specs: The specifications.
         signals: What their variables read.
-        limit: Steps to the time limit.
+        duration: Seconds to the time limit.
         drivers: An episode for each; all start from the same seed.
         shown: The driver of the picture.
     """
@@ -38,7 +41,7 @@ class Scenario:
     env_id: str
     specs: Mapping[str, str]
     signals: Mapping[str, SignalLike]
-    limit: int
+    duration: float
     drivers: Mapping[str, Driver]
     shown: str
 
@@ -46,12 +49,17 @@ class Scenario:
 def _balance(leave: float = 4.0, gains: tuple[float, ...] = (1.0, 12.0, 1.0, 2.0)) -> Driver:
     """Linear feedback that holds the pole; from 2 s to ``leave`` it goes 0.5 m aside."""
 
-    def act(obs: Any, step: int) -> Any:  # noqa: ANN401
-        target = 0.5 if 2.0 <= 0.04 * step < leave else 0.0
-        force = np.dot(gains, obs - np.array([target, 0.0, 0.0, 0.0]))
-        return np.clip([force], -3.0, 3.0).astype(np.float32)
+    def drive(_env: gym.Env[Any, Any]) -> Policy:
+        steps = itertools.count()
 
-    return lambda _env: lambda _seed: act
+        def act(obs: Any) -> Any:  # noqa: ANN401
+            target = 0.5 if 2.0 <= 0.04 * next(steps) < leave else 0.0
+            force = np.dot(gains, obs - np.array([target, 0.0, 0.0, 0.0]))
+            return np.clip([force], -3.0, 3.0).astype(np.float32)
+
+        return act
+
+    return drive
 
 
 PENDULUM = Scenario(
@@ -61,7 +69,7 @@ PENDULUM = Scenario(
         "returns": "always[0:35](cart > 0.2 implies eventually[0:5](cart < 0.1))",
     },
     signals={"cart": "obs[0]", "angle": "obs[1]"},
-    limit=1000,
+    duration=40.0,
     drivers={
         "comes back": _balance(),
         "stays away": _balance(leave=40.0),
@@ -98,21 +106,20 @@ _IDLE, _FASTER, _SLOWER = 1, 3, 4
 """Actions of highway-env; 0 and 2 change the lane."""
 
 
-def _keep_distance(env: gym.Env[Any, Any]) -> Policies:
+def _keep_distance(env: gym.Env[Any, Any]) -> Policy:
     simulation: Any = env.unwrapped
 
-    def act(_obs: Any, _step: int) -> int:  # noqa: ANN401
+    def act(_obs: Any) -> int:  # noqa: ANN401
         gap = _front_gap(env)
         if gap < 1.4 * simulation.vehicle.speed:
             return _SLOWER
         return _FASTER if gap > 45.0 else _IDLE
 
-    return lambda _seed: act
+    return act
 
 
 def _always(action: int) -> Driver:
-    policy: Policy = lambda _obs, _step: action  # noqa: E731 - one of two that never look
-    return lambda _env: lambda _seed: policy
+    return lambda _env: lambda _obs: action
 
 
 HIGHWAY = Scenario(
@@ -122,7 +129,7 @@ HIGHWAY = Scenario(
         "closes": "always[0:20](gap > 60 implies eventually[0:10](gap < 60))",
     },
     signals={"gap": front_gap, "speed": own_speed},
-    limit=30,
+    duration=30.0,
     drivers={
         "keeps distance": _keep_distance,
         "races": _always(_FASTER),
@@ -132,33 +139,40 @@ HIGHWAY = Scenario(
 )
 
 
-def watch(scenario: Scenario, seed: int = 0) -> list[Episode]:
+def watch(scenario: Scenario, seed: int = 0) -> list[Run]:
     """Runs one episode for every driver of a scenario."""
     env = make(scenario.env_id)
-    specs = {name: rtamt.parse(text) for name, text in scenario.specs.items()}
-    watched = Watched(env, specs, scenario.signals, limit=scenario.limit)
-    episodes = [
-        watched.episode(driver(env), seed, name) for name, driver in scenario.drivers.items()
+    runs = [
+        simulate(
+            env,
+            scenario.specs,
+            scenario.signals,
+            policy=driver(env),
+            seed=seed,
+            duration=scenario.duration,
+            label=name,
+        )
+        for name, driver in scenario.drivers.items()
     ]
     env.close()
-    return episodes
+    return runs
 
 
 def run(seed: int, picture: Path) -> Iterator[str]:
     """Runs both scenarios and draws the picture; gives the lines to print as they are known."""
     import_highway()  # without it, better not to begin
-    shown: list[Episode] = []
-    watched: list[Episode] = []
+    shown: list[Run] = []
+    watched: list[Run] = []
     for scenario in (PENDULUM, HIGHWAY):
-        episodes = watch(scenario, seed)
-        period = float(episodes[0].period or 1)
-        yield f"{scenario.env_id}: {scenario.limit * period:g} s in steps of {period:g} s"
+        runs = watch(scenario, seed)
+        period = float(runs[0].period or 1)
+        yield f"{scenario.env_id}: {scenario.duration:g} s in steps of {period:g} s"
         yield from (f"  {name:8}  {text}" for name, text in scenario.specs.items())
         yield ""
-        yield from report(episodes)
+        yield from report(runs)
         yield ""
-        watched += episodes
-        shown += [e for e in episodes if e.label == scenario.shown]
+        watched += runs
+        shown += [run for run in runs if run.label == scenario.shown]
     yield from saved_note(watched)
     plot.save(shown, picture)
     yield f"picture: {picture.resolve()}"

@@ -1,4 +1,4 @@
-"""Outcomes of episodes: a table for the terminal, JSON for programs."""
+"""Outcomes of runs: a table for the terminal, JSON for programs."""
 
 from __future__ import annotations
 
@@ -9,47 +9,47 @@ from fractions import Fraction
 from typing import Any
 
 import rtamt
-from rtamt_gym.run import Episode
+from rtamt_gym.run import Run
 from rtamt_gym.tables import moment, number, shorten, table
 
 __all__ = ["report", "saved_note", "to_json"]
 
 
-def report(episodes: Sequence[Episode]) -> list[str]:
-    """The outcomes as a table, a row for every specification of every episode.
+def report(runs: Sequence[Run]) -> list[str]:
+    """The outcomes as a table, a row for every specification of every run.
 
-    Without an end on violation the table says when verdicts were certain instead of when the
-    monitor stopped.
+    Where nothing was to stop them the table says when verdicts were certain instead of when the
+    runs were stopped.
     """
-    stops = any(e.on_violation != "report" for e in episodes)
-    labelled = any(e.label for e in episodes)
+    stops = any(run.stop != "end" for run in runs)
+    labelled = any(run.label for run in runs)
     rows = [["ep", "driver", "steps", "stopped at", "spec", "robustness", "verdict", "saved"]]
     if not stops:
         rows[0][3] = "certain at"
-    for count, episode in enumerate(episodes, 1):
-        for name, course in episode.courses.items():
-            first = name == next(iter(episode.courses))
-            stopped = episode.steps if episode.ended == "violation" else None
+    for count, run in enumerate(runs, 1):
+        for name, course in run.courses.items():
+            first = name == next(iter(run.courses))
+            stopped = run.steps if run.ended in {"violation", "decided"} else None
             at = stopped if stops else course.decided_at
             rows.append(
                 [
                     str(count) if first else "",
-                    shorten(episode.label, 16) if first else "",
-                    str(episode.steps) if first else "",
-                    _moment(at, episode.period) if first or not stops else "",
+                    shorten(run.label, 16) if first else "",
+                    str(run.steps) if first else "",
+                    _moment(at, run.period) if first or not stops else "",
                     shorten(name, 16),
                     f"{course.final:+.3g}",
-                    course.verdict,
-                    _span(episode.saved, episode.period) if first else "",
+                    course.verdict.name,
+                    _span(run.saved, run.period) if first else "",
                 ]
             )
     kept = [i for i in range(8) if (i != 1 or labelled) and (i != 7 or stops)]
     return table([[row[i] for i in kept] for row in rows], "".join("><>><><>"[i] for i in kept))
 
 
-def saved_note(episodes: Sequence[Episode]) -> list[str]:
+def saved_note(runs: Sequence[Run]) -> list[str]:
     """What the last column of the table means, where it says something."""
-    if not any(episode.saved for episode in episodes):
+    if not any(run.saved for run in runs):
         return []
     return [
         "saved: simulated time from the stop to the time limit. An environment that ends",
@@ -57,40 +57,40 @@ def saved_note(episodes: Sequence[Episode]) -> list[str]:
     ]
 
 
-def to_json(episodes: Sequence[Episode]) -> str:
+def to_json(runs: Sequence[Run]) -> str:
     """The outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
-    first = episodes[0]
+    first = runs[0]
     return json.dumps(
         {
             "rtamt": rtamt.__version__,
-            "environment": first.env_id,
+            "environment": first.system,
             "period": None if first.period is None else float(first.period),
             "time_limit": first.limit,
-            "on_violation": first.on_violation,
+            "stop": first.stop,
             "specs": {name: course.formula for name, course in first.courses.items()},
-            "episodes": [_outcome(episode) for episode in episodes],
+            "episodes": [_outcome(run) for run in runs],
         },
         indent=2,
         allow_nan=False,
     )
 
 
-def _outcome(episode: Episode) -> dict[str, Any]:
+def _outcome(run: Run) -> dict[str, Any]:
     return {
-        "seed": episode.seed,
-        "steps": episode.steps,
-        "ended": episode.ended,
-        "steps_saved": episode.saved,
-        "violated_by": episode.violated_by,
+        "seed": run.seed,
+        "steps": run.steps,
+        "ended": run.ended,
+        "steps_saved": run.saved,
+        "violated_by": run.violated_by,
         "specs": {
             name: {
                 "robustness": _finite(course.final),
-                "lower": _finite(course.lower[-1]),
-                "upper": _finite(course.upper[-1]),
-                "verdict": course.verdict,
+                "lower": _finite(float(course.lower[-1])),
+                "upper": _finite(float(course.upper[-1])),
+                "verdict": course.verdict.name,
                 "decided_at": course.decided_at,
             }
-            for name, course in episode.courses.items()
+            for name, course in run.courses.items()
         },
     }
 

@@ -1,4 +1,4 @@
-"""Pictures of episodes: signals, robustness between its bounds, the moment of the verdict."""
+"""Pictures of runs: signals, robustness between its bounds, the moment of the verdict."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from rtamt import InputError
-from rtamt_gym.run import Course, Episode
+from rtamt import InputError, Verdict
+from rtamt_gym.run import Course, Run
 from rtamt_gym.tables import moment
 
 __all__ = ["check_format", "draw", "save"]
@@ -25,7 +25,7 @@ __all__ = ["check_format", "draw", "save"]
 _SIGNAL = "#0072B2"
 _NOW = "#222222"
 _BOUNDS = "#9BD0F0"
-_VERDICTS = {"VIOLATED": "#D55E00", "SATISFIED": "#009E73"}
+_VERDICTS = {Verdict.VIOLATED: "#D55E00", Verdict.SATISFIED: "#009E73"}
 _OPEN = "#666666"
 _AFTER = 0.2
 """Room behind a verdict of the last sample, as part of the length: there the shading is seen."""
@@ -41,67 +41,70 @@ def check_format(path: Path) -> None:
         raise InputError(f"cannot draw {path}: expected a name that ends in .png, .svg or .pdf")
 
 
-def save(episodes: Sequence[Episode], path: Path) -> None:
-    """Draws episodes into a file."""
-    draw(episodes).savefig(path, dpi=110)
+def save(runs: Sequence[Run], path: Path) -> None:
+    """Draws runs into a file."""
+    draw(runs).savefig(path, dpi=110)
 
 
-def draw(episodes: Sequence[Episode]) -> Figure:
-    """Episodes side by side: the signals above, below them a panel for every specification.
+def draw(runs: Sequence[Run]) -> Figure:
+    """Runs side by side: the signals above, below them a panel for every specification.
 
-    A panel shows the robustness if the episode ended now, between the bounds of what it can still
+    A panel shows the robustness if the run ended now, between the bounds of what it can still
     become; infinite bounds end at the frame. The verdict is a line, and all behind it is shaded.
 
     Args:
-        episodes: One or more, all with as many signals and as many specifications.
+        runs: One or more, all with as many signals and as many specifications.
     """
-    heights = [1.0] * len(episodes[0].signals) + [1.6] * len(episodes[0].courses)
-    size = (5.2 * len(episodes) + 0.4, 1.25 * sum(heights) + 1.1)
+    heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].courses)
+    size = (5.2 * len(runs) + 0.4, 1.25 * sum(heights) + 1.1)
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(
-        len(heights), len(episodes), sharex="col", squeeze=False, height_ratios=heights
+        len(heights), len(runs), sharex="col", squeeze=False, height_ratios=heights
     )
-    for column, episode in zip(axes.T, episodes, strict=True):
-        _draw_episode(column, episode)
-    verdicts = {c.verdict for e in episodes for c in e.courses.values()}
+    for column, run in zip(axes.T, runs, strict=True):
+        _draw_run(column, run)
+    verdicts = {c.verdict for run in runs for c in run.courses.values()}
     figure.legend(
         handles=[
             Line2D([], [], color=_NOW, label="robustness if it ended now"),
             Patch(color=_BOUNDS, alpha=0.5, label="what it can still become"),
-            *(Patch(color=c, alpha=0.4, label=v) for v, c in _VERDICTS.items() if v in verdicts),
+            *(
+                Patch(color=c, alpha=0.4, label=v.name)
+                for v, c in _VERDICTS.items()
+                if v in verdicts
+            ),
         ],
         loc="outside lower center",
-        ncols=2 if len(episodes) == 1 else 4,
+        ncols=2 if len(runs) == 1 else 4,
         frameon=False,
         fontsize=9,
     )
     return figure
 
 
-def _draw_episode(axes: NDArray[np.object_], episode: Episode) -> None:
-    seconds = float(episode.period) if episode.period else 1.0
-    times = np.arange(episode.steps + 1) * seconds
-    last = any(c.decided_at == episode.steps for c in episode.courses.values())
+def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
+    times = run.times
+    last = any(c.decided_at == run.steps for c in run.courses.values())
     end = float(times[-1]) * (1.0 + _AFTER * last) or 1.0
-    signal_axes, course_axes = np.split(axes, [len(episode.signals)])
+    signal_axes, course_axes = np.split(axes, [len(run.signals)])
     ax: Axes
-    for ax, (name, values) in zip(signal_axes, episode.signals.items(), strict=True):
+    for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
         _tidy(ax, name)
-        ax.plot(times, np.array(values), color=_SIGNAL, linewidth=1.6)
+        ax.plot(times, values, color=_SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
-    for ax, (name, course) in zip(course_axes, episode.courses.items(), strict=True):
+    for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
         _tidy(ax, name)
         _draw_course(ax, course, times, end)
         text = "\n".join(textwrap.wrap(course.formula, 64, max_lines=2, placeholder=" ..."))
         ax.set_title(text, fontsize=8.5, loc="left", family="monospace")
-        verdict = f"{course.verdict}, {course.final:+.3g}"
+        verdict = f"{course.verdict.name}, {course.final:+.3g}"
         if course.decided_at is not None:
-            verdict += f", at {moment(course.decided_at, episode.period)}"
+            verdict += f", at {moment(course.decided_at, run.period)}"
         colour = _VERDICTS.get(course.verdict, _OPEN)
         ax.set_xlabel(verdict, color=colour, fontsize=9, loc="right", fontweight="bold")
     axes[-1].set_xlim(0.0, end)
     axes[-1].annotate(
-        "time in s" if episode.period else "samples",
+        "time in s" if run.period else "samples",
         (0.0, 0.0),
         (0.0, -26.0),
         xycoords="axes fraction",
@@ -109,12 +112,14 @@ def _draw_episode(axes: NDArray[np.object_], episode: Episode) -> None:
         fontsize=9,
         color=_OPEN,
     )
-    who = episode.label or f"seed {episode.seed}"
-    axes[0].set_title(f"{episode.env_id}, {who}", fontsize=12, fontweight="bold", pad=10)
+    who = run.label or ("" if run.seed is None else f"seed {run.seed}")
+    axes[0].set_title(
+        f"{run.system}, {who}" if who else run.system, fontsize=12, fontweight="bold", pad=10
+    )
 
 
 def _draw_course(ax: Axes, course: Course, times: NDArray[Any], end: float) -> None:
-    curves = [np.array(c) for c in (course.robustness, course.lower, course.upper)]
+    curves = (course.robustness, course.lower, course.upper)
     low, high = _frame(curves)
     robustness, lower, upper = (np.clip(c, low, high) for c in curves)
     ax.fill_between(times, lower, upper, color=_BOUNDS, alpha=0.5, linewidth=0)

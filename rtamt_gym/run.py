@@ -1,288 +1,221 @@
-"""Episodes of an environment under specifications: every sample, and the outcome."""
+"""Runs of simulations under specifications: every sample, and what became of each specification."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
-from importlib import import_module
-from importlib.util import find_spec
-from typing import Any
+from pathlib import Path
+from typing import Literal
 
-import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
+from numpy.typing import NDArray
 
 import rtamt
-from rtamt import InputError
-from rtamt_gym.signals import SignalLike, parse_signals
-from rtamt_gym.specs import View
-from rtamt_gym.wrappers import OnViolation, StlMonitor
+from rtamt import Verdict
+from rtamt_gym.specs import SpecsLike, View, load_specs
+from rtamt_gym.tables import moment
 
-__all__ = [
-    "POLICIES",
-    "Course",
-    "Episode",
-    "Policies",
-    "Policy",
-    "Watched",
-    "import_highway",
-    "make",
-]
+__all__ = ["Course", "Ended", "Floats", "Run", "Stop"]
 
-Policy = Callable[[Any, int], Any]
-"""The action for an observation at a step, from 0."""
+Floats = NDArray[np.float64]
 
-Policies = Callable[[int], Policy]
-"""The policy of an episode of a seed."""
+Stop = Literal["violation", "decided", "end"]
+"""When to stop a run: at the first certain violation, also as soon as every verdict is certain, or
+not before its end."""
+
+Ended = Literal["violation", "decided", "terminated", "truncated", "duration"]
+"""Why a run is over: stopped at a violation, or because every verdict was certain; ended by the
+system itself, for good or by a time limit of its own; or as long as was asked for."""
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
+class _Record:
+    """Equal if all fields are that compare, arrays element by element."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            _same(getattr(self, each.name), getattr(other, each.name))
+            for each in fields(self)  # type: ignore[arg-type]  # the subclasses are dataclasses
+            if each.compare
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # as of all that holds arrays
+
+
+def _same(left: object, right: object) -> bool:
+    if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
+        return np.array_equal(left, right)
+    if isinstance(left, Mapping) and isinstance(right, Mapping):
+        return list(left) == list(right) and all(_same(left[key], right[key]) for key in left)
+    return left == right
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course(_Record):
     """What became of one specification, sample by sample and in the end.
 
     Attributes:
         formula: What it demands.
-        robustness: Robustness if the episode ended now.
+        robustness: Robustness if the run ended now, at every sample.
         lower: The least that it can still become.
         upper: The greatest.
         final: The robustness in the end.
-        verdict: ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``, at the end.
-        decided_at: The sample that decided, or None.
+        verdict: What is certain in the end.
+        decided_at: The sample that decided it, or None.
     """
 
     formula: str
-    robustness: Sequence[float]
-    lower: Sequence[float]
-    upper: Sequence[float]
+    robustness: Floats
+    lower: Floats
+    upper: Floats
     final: float
-    verdict: str
+    verdict: Verdict
     decided_at: int | None
 
+    @property
+    def verdicts(self) -> NDArray[np.int8]:
+        """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
+        return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
 
-@dataclass(frozen=True, slots=True)
-class Episode:
-    """One episode under specifications.
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Run(_Record):
+    """One run of a simulation under specifications; `simulate` makes it.
+
+    Two runs are equal if all is equal that they record, the wall time aside.
 
     Attributes:
-        env_id: The environment.
-        seed: It can be run again with it.
-        label: Who drove, or an empty string.
-        period: Seconds between samples, or None.
-        limit: Steps after which the time limit ends an episode, or None.
-        signals: Values of every variable, sample by sample; sample 0 is the reset.
-        courses: What became of every specification.
-        ended: ``"violation"`` if the monitor ended the episode, else ``"terminated"`` or
-            ``"truncated"``, as the environment did.
+        system: Name of what ran.
+        signals: Values of every variable, sample by sample, from sample 0 on.
+        courses: What became of every specification, by its name.
+        ended: Why it is over: ``"violation"``, ``"decided"``, ``"terminated"``, ``"truncated"`` or
+            ``"duration"``.
         violated_by: The specification that was violated first, or None.
-        on_violation: What the monitor was asked to do.
+        period: Seconds between samples, or None.
+        view: Whether formulas speak of the run from sample 0 on, or of every instant.
+        stop: What was to stop it.
+        limit: Steps that it would have made at most, or None.
+        seed: The seed that it was given, or None.
+        label: Who acted, or an empty string.
+        wall_time: Seconds that it took, monitors included.
+
+    Example:
+        >>> from rtamt_gym import simulate
+        >>> levels = [{"level": x} for x in (1.0, 2.0, 4.0, 8.0)]
+        >>> run = simulate(levels, {"dry": "always(level < 3)"}, period=0.5)
+        >>> run
+        <Run of samples: violation of dry at 1 s, 3 samples>
+        >>> run.times, run.signals["level"]
+        (array([0. , 0.5, 1. ]), array([1., 2., 4.]))
+        >>> run.courses["dry"].robustness, run.courses["dry"].verdicts
+        (array([ 2.,  1., -1.]), array([ 0,  0, -1], dtype=int8))
+        >>> run.replay()
+        {'dry': array([-1., -1., -1.])}
     """
 
-    env_id: str
-    seed: int
-    label: str
-    period: Fraction | None
-    limit: int | None
-    signals: Mapping[str, Sequence[float]]
+    system: str
+    signals: Mapping[str, Floats]
     courses: Mapping[str, Course]
-    ended: str
+    ended: Ended
     violated_by: str | None
-    on_violation: OnViolation
+    period: Fraction | None
+    view: View
+    stop: Stop
+    limit: int | None
+    seed: int | None
+    label: str
+    wall_time: float = field(compare=False)
 
     @property
     def steps(self) -> int:
-        """How many steps were made."""
+        """How many steps were made: the samples but the first."""
         return len(next(iter(self.courses.values())).robustness) - 1
 
     @property
+    def duration(self) -> float:
+        """Simulated time, in seconds; in steps where there is no period."""
+        return float(self.steps * (self.period or 1))
+
+    @property
+    def times(self) -> Floats:
+        """When every sample was taken, in seconds; numbers of samples where there is no period."""
+        period = self.period or Fraction(1)
+        times: Floats = np.arange(self.steps + 1, dtype=np.float64)
+        return times * period.numerator / period.denominator
+
+    @property
+    def verdict(self) -> Verdict:
+        """What is certain of all specifications together."""
+        return min(course.verdict for course in self.courses.values())
+
+    @property
     def saved(self) -> int | None:
-        """Steps from the stop to the time limit; None if the monitor did not stop the episode."""
-        if self.ended != "violation" or self.limit is None:
+        """Steps from the stop to the limit; None if it was not stopped or has no limit."""
+        if self.ended not in {"violation", "decided"} or self.limit is None:
             return None
         return self.limit - self.steps
 
+    def replay(self, specs: SpecsLike | None = None) -> dict[str, Floats]:
+        """Evaluates specifications offline on the recorded signals: `rtamt.evaluate`.
 
-_Bounds = dict[str, tuple[list[float], list[float], list[float]]]
-"""Robustness, lower and upper bound of every specification, sample by sample."""
-
-
-class _Tap(gym.Wrapper[Any, Any, Any, Any]):
-    """Keeps what the environment returned last, before a monitor around it sees it."""
-
-    def __init__(self, env: gym.Env[Any, Any]) -> None:
-        super().__init__(env)
-        self.last: tuple[Any, Any, Any, dict[str, Any]] = (None, None, None, {})
-        self.ended = ""
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
-        obs, info = self.env.reset(seed=seed, options=options)
-        self.last, self.ended = (obs, None, None, info), ""
-        return obs, info
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        obs, reward, terminated, truncated, info = self.env.step(action)
-        self.last = (obs, action, reward, info)
-        self.ended = "terminated" if terminated else "truncated" if truncated else ""
-        return obs, reward, terminated, truncated, info
-
-
-class Watched:
-    """An environment whose episodes are watched and written down.
-
-    Args:
-        env: The environment.
-        specs: The specifications by name.
-        signals: What every variable reads; see `StlMonitor`.
-        period: Seconds between samples; None asks the environment.
-        on_violation: What a certain violation does to the episode.
-        view: Whether formulas speak of the episode or of every step.
-        limit: Time limit in steps, where the environment's own says none.
-
-    Raises:
-        RtamtError: As `StlMonitor` does.
-    """
-
-    def __init__(
-        self,
-        env: gym.Env[Any, Any],
-        specs: Mapping[str, rtamt.Specification],
-        signals: Mapping[str, SignalLike],
-        *,
-        period: float | str | None = None,
-        on_violation: OnViolation = "terminate",
-        view: View = "episode",
-        limit: int | None = None,
-    ) -> None:
-        self._tap = _Tap(env)
-        self._specs = specs
-        self._on_violation = on_violation
-        self._env: StlMonitor[Any, Any] = StlMonitor(
-            self._tap,
-            specs,
-            signals,
-            period=period,
-            on_violation=on_violation,
-            view=view,
-            details=True,
-        )
-        variables = [v for spec in specs.values() for v in spec.variables]
-        parsed = parse_signals(signals, variables)
-        self._reads = [(s.name, s.bind_reset(self._tap), s.bind(self._tap)) for s in parsed]
-        self._id = env.spec.id if env.spec else type(env.unwrapped).__name__
-        self._limit = limit or (env.spec.max_episode_steps if env.spec else None)
-
-    def episode(self, policies: Policies, seed: int, label: str = "") -> Episode:
-        """Runs one episode to its end.
+        Of the run's own specifications, the first value equals the last that was monitored; with
+        ``view="step"`` the values are those that the monitor gave, without its latency.
 
         Args:
-            policies: Makes the policy of the episode from its seed.
-            seed: Of the environment and of the policy.
-            label: Who drives, for the table.
+            specs: Others than the run's own; they read the signals of the run.
+
+        Returns:
+            By name of the specification, the robustness at every sample.
+
+        Raises:
+            SpecificationError: As `rtamt.evaluate` does.
+            InputError: If a specification reads what is no signal of the run.
         """
-        policy = policies(seed)
-        obs, info = self._env.reset(seed=seed)
-        signals = {name: [at_reset(*self._tap.last)] for name, at_reset, _ in self._reads}
-        bounds: _Bounds = {name: ([], [], []) for name in self._specs}
-        _note(bounds, info["stl"])
-        steps = 0
-        done = False
-        while not done:
-            obs, _, terminated, truncated, info = self._env.step(policy(obs, steps))
-            steps += 1
-            done = terminated or truncated
-            for name, _, read in self._reads:
-                signals[name].append(read(*self._tap.last))
-            _note(bounds, info["stl"])
-        courses = {
-            name: Course(
-                str(self._specs[name].formula),
-                *bounds[name],
-                outcome["robustness"],
-                outcome["verdict"],
-                outcome.get("decided_at"),
-            )
-            for name, outcome in info["stl_episode"].items()
+        if specs is None:
+            specs = {name: course.formula for name, course in self.courses.items()}
+        return {
+            name: rtamt.evaluate(spec, self.signals, self.period, n=self.steps + 1)
+            for name, spec in load_specs(specs).items()
         }
-        return Episode(
-            env_id=self._id,
-            seed=seed,
-            label=label,
-            period=self._env.period,
-            limit=self._limit,
-            signals=signals,
-            courses=courses,
-            ended=self._tap.ended or "violation",
-            violated_by=info.get("stl_violated_by"),
-            on_violation=self._on_violation,
-        )
 
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Draws signals, robustness, bounds and verdicts into a file: .png, .svg, .pdf.
 
-def _note(bounds: _Bounds, stl: Mapping[str, Any]) -> None:
-    for name, (robustness, lower, upper) in bounds.items():
-        robustness.append(stl[name]["robustness"])
-        lower.append(stl[name]["lower"])
-        upper.append(stl[name]["upper"])
+        Raises:
+            InputError: If the name says no format of pictures.
+        """
+        from rtamt_gym.plot import check_format, save
 
+        check_format(Path(path))
+        save([self], Path(path))
 
-def make(env_id: str, max_steps: int | None = None) -> gym.Env[Any, Any]:
-    """The environment of an id; those of highway-env are found without an import.
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a Parquet file: a row for each sample, ``time`` and the signals first.
 
-    Args:
-        env_id: As `gymnasium.make` takes it.
-        max_steps: Time limit in steps; None is the environment's own.
+        All readers of Parquet understand it, ``rtamt monitor`` among them. Needs the extra
+        ``parquet``.
+        """
+        from rtamt_gym.storage import save
 
-    Raises:
-        InputError: If there is no such environment, or it cannot be made; names the nearest.
-    """
-    name = env_id.rpartition(":")[2].rpartition("-v")[0]
-    if ":" not in env_id and not _known(name) and find_spec("highway_env"):
-        import_highway()
-    try:
-        return gym.make(env_id, max_episode_steps=max_steps, disable_env_checker=True)
-    except (gym.error.Error, ModuleNotFoundError) as error:
-        hint = ""
-        if isinstance(error, gym.error.NameNotFound) and not find_spec("highway_env"):
-            hint = "; the environments of highway-env need pip install '.[highway]'"
-        raise InputError(f"cannot make {env_id}: {error}{hint}") from error
+        save(self, Path(path))
 
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Run:
+        """Reads what `save` has written; the run is equal to the one that was saved.
 
-def import_highway() -> None:
-    """Registers the environments of highway-env."""
-    # pygame greets on stdout otherwise.
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    import_module("highway_env")
+        Raises:
+            InputError: If the file holds no run.
+        """
+        from rtamt_gym.storage import load
 
+        return load(Path(path))
 
-def _known(name: str) -> bool:
-    return any(spec.id.rpartition("-v")[0] == name for spec in gym.registry.values())
-
-
-def _random(space: spaces.Space[Any]) -> Policies:
-    def policies(seed: int) -> Policy:
-        space.seed(seed)
-        return lambda _obs, _step: space.sample()
-
-    return policies
-
-
-def _zero(space: spaces.Space[Any]) -> Policies:
-    match space:
-        case spaces.Box():
-            action: Any = np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
-        case spaces.Discrete():
-            action = int(space.start)
-        case spaces.MultiDiscrete() | spaces.MultiBinary():
-            action = np.zeros(space.shape, space.dtype)
-        case _:
-            raise InputError(f"--policy zero: expected a space of numbers, got {space}")
-    return lambda _seed: lambda _obs, _step: action
-
-
-POLICIES: Mapping[str, Callable[[spaces.Space[Any]], Policies]] = {
-    "random": _random,
-    "zero": _zero,
-}
-"""Policies that need no training, by name."""
+    def __repr__(self) -> str:
+        what = f" of {self.violated_by}" if self.ended == "violation" else ""
+        at = moment(self.steps, self.period)
+        return f"<Run of {self.system}: {self.ended}{what} at {at}, {self.steps + 1} samples>"

@@ -3,28 +3,29 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.demo import HIGHWAY, PENDULUM, watch
-from rtamt_gym.run import Episode
+from rtamt_gym.run import Run
 
 
-def verdicts(episodes: list[Episode]) -> dict[str, dict[str, str]]:
-    return {e.label: {name: c.verdict for name, c in e.courses.items()} for e in episodes}
+def verdicts(runs: list[Run]) -> dict[str, dict[str, str]]:
+    return {r.label: {name: c.verdict.name for name, c in r.courses.items()} for r in runs}
 
 
 @pytest.fixture(scope="module")
-def pendulum() -> list[Episode]:
+def pendulum() -> list[Run]:
     return watch(PENDULUM)
 
 
 @pytest.fixture(scope="module")
-def highway() -> list[Episode]:
+def highway() -> list[Run]:
     return watch(HIGHWAY)
 
 
-def test_the_pendulum_violates_what_its_controller_neglects(pendulum: list[Episode]) -> None:
+def test_the_pendulum_violates_what_its_controller_neglects(pendulum: list[Run]) -> None:
     assert verdicts(pendulum) == {
         "comes back": {"upright": "SATISFIED", "returns": "SATISFIED"},
         "stays away": {"upright": "UNDECIDED", "returns": "VIOLATED"},
@@ -32,14 +33,14 @@ def test_the_pendulum_violates_what_its_controller_neglects(pendulum: list[Episo
     }
 
 
-def test_a_deadline_is_missed_when_it_passes_and_not_before(pendulum: list[Episode]) -> None:
+def test_a_deadline_is_missed_when_it_passes_and_not_before(pendulum: list[Run]) -> None:
     away = pendulum[1]
-    left = next(i for i, cart in enumerate(away.signals["cart"]) if cart > 0.2)
+    left = int(np.argmax(away.signals["cart"] > 0.2))
     assert away.period is not None
     assert (away.steps - left) * away.period == 5
 
 
-def test_the_highway_violates_what_its_driver_neglects(highway: list[Episode]) -> None:
+def test_the_highway_violates_what_its_driver_neglects(highway: list[Run]) -> None:
     assert verdicts(highway) == {
         "keeps distance": {"distance": "SATISFIED", "closes": "SATISFIED"},
         "races": {"distance": "VIOLATED", "closes": "UNDECIDED"},
@@ -48,7 +49,7 @@ def test_the_highway_violates_what_its_driver_neglects(highway: list[Episode]) -
 
 
 def test_a_violated_episode_ends_with_the_sample_that_decides(
-    pendulum: list[Episode], highway: list[Episode]
+    pendulum: list[Run], highway: list[Run]
 ) -> None:
     for episode in [*pendulum, *highway]:
         if episode.violated_by is None:
@@ -61,7 +62,7 @@ def test_a_violated_episode_ends_with_the_sample_that_decides(
             assert episode.saved == episode.limit - episode.steps
 
 
-def test_an_episode_is_repeated_by_its_seed(pendulum: list[Episode]) -> None:
+def test_an_episode_is_repeated_by_its_seed(pendulum: list[Run]) -> None:
     falls = replace(PENDULUM, drivers={"lets go": PENDULUM.drivers["lets go"]})
     assert watch(falls) == pendulum[2:]
     assert watch(falls, seed=1) != pendulum[2:]

@@ -1,8 +1,9 @@
-"""Pictures of episodes: what is drawn where."""
+"""Pictures of runs: what is drawn where."""
 
 import math
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,62 +13,68 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 
-from rtamt import InputError
+from rtamt import InputError, Verdict
 from rtamt_gym.plot import check_format, draw, save
-from rtamt_gym.run import Course, Episode
+from rtamt_gym.run import Course, Floats, Run
 
 INF = math.inf
 
 
-def episode(period: Fraction | None = Fraction(1, 2), *, decided: bool = True) -> Episode:
-    return Episode(
-        env_id="Test-v0",
+def array(*values: float) -> Floats:
+    return np.array(values)
+
+
+def run(period: Fraction | None = Fraction(1, 2), *, decided: bool = True) -> Run:
+    return Run(
+        system="Test-v0",
         seed=3,
         label="",
         period=period,
+        view="episode",
+        stop="violation",
         limit=10,
-        signals={"x": [3.0, 2.0, -1.0]},
+        signals={"x": array(3.0, 2.0, -1.0)},
         courses={
             "positive": Course(
                 "always(x > 0)",
-                [3.0, 2.0, -1.0],
-                [-INF, -INF, -INF],
-                [3.0, 2.0, -1.0],
+                array(3.0, 2.0, -1.0),
+                array(-INF, -INF, -INF),
+                array(3.0, 2.0, -1.0),
                 -1.0,
-                "VIOLATED" if decided else "UNDECIDED",
+                Verdict.VIOLATED if decided else Verdict.UNDECIDED,
                 2 if decided else None,
             )
         },
         ended="violation",
         violated_by="positive" if decided else None,
-        on_violation="terminate",
+        wall_time=0.0,
     )
 
 
-def panel(of: Episode) -> Axes:
+def panel(of: Run) -> Axes:
     """The panel of the specification."""
     return draw([of]).axes[1]
 
 
 def test_signals_are_above_and_specifications_below() -> None:
-    figure = draw([episode(), episode()])
+    figure = draw([run(), run()])
     assert [ax.get_ylabel() for ax in figure.axes] == ["x", "x", "positive", "positive"]
     assert [ax.get_title() for ax in figure.axes[:2]] == ["Test-v0, seed 3"] * 2
     assert [ax.get_title(loc="left") for ax in figure.axes[2:]] == ["always(x > 0)"] * 2
 
 
 def test_samples_stand_at_their_times() -> None:
-    line = draw([episode()]).axes[0].lines[0]
+    line = draw([run()]).axes[0].lines[0]
     assert np.array(line.get_xydata()).tolist() == [[0.0, 3.0], [0.5, 2.0], [1.0, -1.0]]
 
 
 def test_without_a_period_the_axis_counts_samples() -> None:
-    line = draw([episode(period=None)]).axes[0].lines[0]
+    line = draw([run(period=None)]).axes[0].lines[0]
     assert np.array(line.get_xdata()).tolist() == [0.0, 1.0, 2.0]
 
 
 def test_infinite_bounds_end_at_the_frame() -> None:
-    ax = panel(episode())
+    ax = panel(run())
     (band,) = (c for c in ax.collections if isinstance(c, PolyCollection))
     heights = np.asarray(band.get_paths()[0].vertices)[:, 1]
     low, high = ax.get_ylim()
@@ -78,7 +85,7 @@ def test_infinite_bounds_end_at_the_frame() -> None:
 
 
 def test_all_behind_the_verdict_is_shaded_even_behind_the_last_sample() -> None:
-    ax = panel(episode())
+    ax = panel(run())
     (shade,) = (p for p in ax.patches if isinstance(p, Rectangle))
     assert (shade.get_x(), shade.get_x() + shade.get_width()) == (1.0, ax.get_xlim()[1])
     assert shade.get_width() > 0.0
@@ -86,24 +93,17 @@ def test_all_behind_the_verdict_is_shaded_even_behind_the_last_sample() -> None:
 
 
 def test_an_open_verdict_is_not_shaded() -> None:
-    ax = panel(episode(decided=False))
+    ax = panel(run(decided=False))
     assert not ax.patches
     assert ax.get_xlabel() == "UNDECIDED, -1"
 
 
 def test_a_constant_at_zero_and_a_lone_sample_have_a_frame() -> None:
-    course = Course("always(x == x)", [0.0], [-INF], [0.0], 0.0, "UNDECIDED", None)
-    lone = Episode(
-        "Test-v0",
-        0,
-        "lone",
-        None,
-        None,
-        {"x": [1.0]},
-        {"same": course},
-        "truncated",
-        None,
-        "report",
+    course = Course(
+        "always(x == x)", array(0.0), array(-INF), array(0.0), 0.0, Verdict.UNDECIDED, None
+    )
+    lone = replace(
+        run(None, decided=False), signals={"x": array(1.0)}, courses={"same": course}, label="lone"
     )
     ax = panel(lone)
     assert ax.get_ylim() == (-1.0, 1.0)
@@ -112,7 +112,7 @@ def test_a_constant_at_zero_and_a_lone_sample_have_a_frame() -> None:
 
 @pytest.mark.parametrize(("name", "begin"), [("e.png", b"\x89PNG"), ("e.svg", b"<?xml")])
 def test_the_name_says_the_format(tmp_path: Path, name: str, begin: bytes) -> None:
-    save([episode()], tmp_path / name)
+    save([run()], tmp_path / name)
     assert (tmp_path / name).read_bytes().startswith(begin)
 
 

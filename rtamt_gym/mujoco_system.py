@@ -1,0 +1,80 @@
+"""A MuJoCo model and its controller as a system that `simulate` runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import mujoco  # type: ignore[import-untyped]
+
+from rtamt import InputError, StateError
+from rtamt_gym.mujoco import bind_signal
+from rtamt_gym.selectors import MUJOCO
+from rtamt_gym.signals import SignalLike, parse_signals
+from rtamt_gym.systems import HowEnded, Policy
+
+__all__ = ["Model"]
+
+_STATE = frozenset({"time", "qpos", "qvel", "act", "ctrl"})
+"""What `mj_step` leaves as it is after the step; all else is derived, and late by a step."""
+
+
+class Model:
+    """A model, its data as they are now, and who sets ``data.ctrl`` before every ``mj_step``."""
+
+    needs_period = True
+    endless = True
+
+    def __init__(self, model: Any, data: Any, policy: Policy | None) -> None:  # noqa: ANN401
+        self.name = model.names.partition(b"\0")[0].decode()
+        self.period: float | None = float(model.opt.timestep)
+        self.limit: int | None = None
+        self.ended: HowEnded = ""
+        self._model = model
+        self._data = data
+        self._policy = policy
+
+    def bind(
+        self,
+        variables: Sequence[str],
+        signals: Mapping[str, SignalLike] | None,
+        period: Fraction | None,
+    ) -> None:
+        """Binds the selectors, and finds out how many steps make a period."""
+        parsed = parse_signals(signals or {}, variables, MUJOCO)
+        self._reads = [bind_signal(signal, self._model, self._data) for signal in parsed]
+        self._derives = not all(signal.source in _STATE for signal in parsed)
+        timestep = Fraction(self._model.opt.timestep).limit_denominator(10**12)
+        steps = (period or timestep) / timestep
+        if steps.denominator != 1:
+            raise InputError(
+                f"period {float(steps * timestep):g} s is not a multiple of the timestep "
+                f"{float(timestep):g} s of {self.name} ({float(steps):g} steps)"
+            )
+        self._steps = steps.numerator
+
+    def start(self) -> list[float]:
+        """Derives all that depends on the state."""
+        mujoco.mj_forward(self._model, self._data)
+        return [read(None, None, None, {}) for read in self._reads]
+
+    def advance(self) -> list[float]:
+        """Makes the steps of a period; derives what the signals need of the new state."""
+        model, data = self._model, self._data
+        for _ in range(self._steps):
+            if self._policy is not None:
+                self._policy(model, data)
+            due = data.time + model.opt.timestep
+            mujoco.mj_step(model, data)
+            if data.time != due:
+                raise StateError(
+                    f"expected the time {due:g} s of {self.name} after a step, got "
+                    f"{data.time:g} s: MuJoCo found the simulation unstable and reset it"
+                )
+        if self._derives:
+            mujoco.mj_forward(model, data)
+        return [read(None, None, None, {}) for read in self._reads]
+
+    def close(self) -> None:
+        """Model and data are the caller's."""

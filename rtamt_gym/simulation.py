@@ -1,0 +1,292 @@
+"""`simulate`: one simulation of any kind under specifications, to the first certain violation."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import closing
+from fractions import Fraction
+from operator import itemgetter
+from typing import Any, get_args
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import VectorEnv
+
+import rtamt
+from rtamt import InputError, InputTypeError, SpecificationError
+from rtamt_gym.arguments import check_choice, check_number
+from rtamt_gym.panel import Panel
+from rtamt_gym.run import Course, Ended, Floats, Run, Stop
+from rtamt_gym.signals import SignalLike
+from rtamt_gym.specs import SpecsLike, View, load_specs
+from rtamt_gym.systems import Environment, Policy, Samples, System
+
+__all__ = ["simulate"]
+
+
+def simulate(
+    system: Any,  # noqa: ANN401 - MuJoCo is not typed
+    specs: SpecsLike,
+    signals: Mapping[str, SignalLike] | None = None,
+    *,
+    policy: Policy | None = None,
+    seed: int | None = None,
+    period: float | str | None = None,
+    duration: float | None = None,
+    stop: Stop = "violation",
+    view: View = "episode",
+    label: str = "",
+) -> Run:
+    """Runs a simulation under specifications, stops it when all is said, and records every sample.
+
+    | system | ``signals`` | ``policy`` |
+    |---|---|---|
+    | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation |
+    | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; optional |
+    | `Fmus`: FMUs connected | names of their variables | |
+    | a function from time to sample | keys of the sample | |
+    | an iterable of samples | keys of the sample | |
+
+    A sample is a mapping of names to numbers. Variables of the last three that are not in
+    ``signals`` read what has their own name.
+
+    Sample 0 is the state before the first step: an environment's observation at reset, what a
+    MuJoCo model's data holds now, an FMU's outputs after its initialization. A system that ends by
+    itself has a complete trace, and its verdicts are final; one that is cut short, by a time limit
+    or by ``duration``, could have gone on: a verdict that is open then stays UNDECIDED. Write
+    ``always[0:10]`` for a verdict after 10 s.
+
+    Args:
+        system: What runs.
+        specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
+            or several with their names.
+        signals: What the variables of the specifications read.
+        policy: Who acts.
+        seed: Of an environment's reset.
+        period: Time between samples, in seconds or as text with a unit. None: as the system says;
+            bounds then count samples if it says nothing.
+        duration: Simulated time to run at most, in seconds (in steps without a period). None: until
+            the system ends by itself. A model, an FMU or a function of time never does; with
+            ``math.inf`` they run until they are stopped.
+        stop: ``"violation"``: at the first certain violation; ``"decided"``: also as soon as every
+            verdict is certain; ``"end"``: not at all.
+        view: ``"episode"``: a formula speaks of the run from sample 0 on; ``"step"``: of every
+            instant.
+        label: Who acts, for tables and pictures.
+
+    Returns:
+        The signals, the robustness with its bounds and verdicts at every sample, and why it ended.
+
+    Raises:
+        SpecificationError: If a specification is wrong, speaks of the first sample only, has a
+            bound that is not a multiple of the period, or needs a period and has none.
+        InputError: If a variable cannot be read, the system lacks a policy, a period or a duration,
+            or a signal is nan.
+        InputTypeError: If the system is none of those above.
+
+    Example:
+        >>> import gymnasium as gym
+        >>> from rtamt_gym import simulate
+        >>> run = simulate(
+        ...     gym.make("CartPole-v1"),
+        ...     {"upright": "always(abs(angle) < 0.1)", "near": "always(abs(x) < 1)"},
+        ...     {"angle": "obs[2]", "x": "obs[0]"},
+        ...     policy=lambda obs: int(obs[3] > 0),
+        ...     seed=1,
+        ... )
+        >>> run
+        <Run of CartPole-v1: violation of near at 2.36 s, 119 samples>
+        >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
+        ('VIOLATED', 'UNDECIDED')
+    """
+    check_choice("stop", stop, get_args(Stop))
+    check_choice("view", view, get_args(View))
+    loaded = load_specs(specs)
+    ran = _as_system(system, policy, seed)
+    panel = Panel(loaded, _period(loaded, period, ran), view)
+    limit = _limit(duration, panel.period, ran)
+    variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
+    ran.bind(variables, signals, panel.period)
+    with closing(ran):
+        begin = time.perf_counter()
+        record = _Record(panel, variables)
+        ended = _loop(ran, panel, record, stop, limit)
+        wall_time = time.perf_counter() - begin
+    return Run(
+        system=ran.name,
+        signals=record.signals(),
+        courses=record.courses(loaded),
+        ended=ended,
+        violated_by=panel.violated_by,
+        period=panel.period,
+        view=view,
+        stop=stop,
+        limit=limit,
+        seed=seed,
+        label=label,
+        wall_time=wall_time,
+    )
+
+
+def _loop(system: System, panel: Panel, record: _Record, stop: Stop, limit: int | None) -> Ended:
+    """Feeds samples until there is no more to feed; says why there is not."""
+    values: Sequence[float] | None = system.start()
+    steps = 0
+    while values is not None:
+        if record.take(values) > panel.settled:
+            panel.note()
+        if system.ended:
+            break
+        if stop != "end" and panel.violated_by is not None:
+            return "violation"
+        if stop == "decided" and panel.all_decided:
+            return "decided"
+        if steps == limit:
+            return "duration"
+        values = system.advance()
+        steps += 1
+    if system.ended == "truncated":
+        return "truncated"
+    panel.finish()
+    panel.note()
+    record.amend()
+    return "terminated"
+
+
+class _Record:
+    """Feeds samples to the monitors, and keeps all of them and what the monitors say."""
+
+    def __init__(self, panel: Panel, variables: Sequence[str]) -> None:
+        self._panel = panel
+        self._variables = variables
+        self._samples: list[Sequence[float]] = []
+        self._curves: dict[str, list[tuple[float, float, float]]] = {}
+        self._feeds = []
+        for name, (monitor, judge) in panel.monitors.items():
+            indices = [variables.index(variable) for variable in panel.variables[name]]
+            self._curves[name] = []
+            self._feeds.append((monitor.update, _pick(indices), judge, self._curves[name].append))
+
+    def take(self, values: Sequence[float]) -> int:
+        """Feeds a sample; says how many verdicts are certain."""
+        decided = 0
+        for update, pick, judge, note in self._feeds:
+            robustness = update(*pick(values))
+            lower, upper = judge.lower, judge.upper
+            note((robustness, lower, upper))
+            decided += upper < 0.0 or lower > 0.0
+        self._samples.append(values)
+        return decided
+
+    def amend(self) -> None:
+        """Puts down the bounds once more: the end of the trace has settled them."""
+        for name, (monitor, judge) in self._panel.monitors.items():
+            self._curves[name][-1] = monitor.robustness, judge.lower, judge.upper
+
+    def signals(self) -> dict[str, Floats]:
+        """The values of every variable."""
+        shape = len(self._samples), len(self._variables)
+        table = np.array(self._samples, dtype=np.float64).reshape(shape)
+        return dict(zip(self._variables, np.ascontiguousarray(table.T), strict=True))
+
+    def courses(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, Course]:
+        """What became of every specification."""
+        outcomes = self._panel.outcomes()
+        courses = {}
+        for name, (_, judge) in self._panel.monitors.items():
+            robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
+            courses[name] = Course(
+                str(specs[name].formula),
+                robustness,
+                lower,
+                upper,
+                judge.robustness,
+                judge.verdict,
+                outcomes[name].get("decided_at"),
+            )
+        return courses
+
+
+def _pick(indices: Sequence[int]) -> Callable[[Sequence[float]], Sequence[float]]:
+    if len(indices) > 1:
+        return itemgetter(*indices)
+    return lambda values: [values[index] for index in indices]
+
+
+def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System:  # noqa: ANN401
+    """The adapter of what a caller wants to run."""
+    if isinstance(system, gym.Env):
+        return Environment(system, policy, seed)
+    if isinstance(system, VectorEnv):
+        raise InputError(
+            f"expected one environment, got {system}; VectorStlMonitor monitors many at once"
+        )
+    if seed is not None:
+        raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
+    if isinstance(system, tuple) and [type(part).__name__ for part in system] == _MUJOCO:
+        from rtamt_gym.mujoco_system import Model
+
+        model, data = system
+        return Model(model, data, policy)
+    if policy is not None:
+        raise InputError(
+            f"policy= is for environments and MuJoCo models, got {policy!r} for {system!r}"
+        )
+    if isinstance(system, System):
+        return system
+    if callable(system) or isinstance(system, Iterable):
+        return Samples(system)
+    raise InputTypeError(
+        "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time or an "
+        f"iterable of samples, got {system!r}"
+    )
+
+
+_MUJOCO = ["MjModel", "MjData"]
+
+
+def _period(
+    specs: Mapping[str, rtamt.Specification], period: float | str | None, system: System
+) -> float | str | None:
+    """The period given, else that of the system.
+
+    Raises:
+        InputError: If neither is there and the system cannot run without.
+        SpecificationError: If neither is there and a specification has a bound.
+    """
+    if period is None:
+        period = system.period
+    if period is None:
+        silent = f"{system.name} does not say how long a step lasts; give period= in seconds"
+        if system.needs_period:
+            raise InputError(silent)
+        for name, spec in specs.items():
+            if spec.timed:
+                raise SpecificationError(
+                    f"specification {name!r} has bounds in time, but {silent}, or period=1 to "
+                    "count steps"
+                )
+    return period
+
+
+def _limit(duration: float | None, period: Fraction | None, system: System) -> int | None:
+    """The steps that a run makes at most.
+
+    Raises:
+        InputError: If nothing limits them, or the duration is no time.
+    """
+    if duration is None:
+        if system.endless:
+            raise InputError(
+                f"{system.name} does not end by itself; give duration= in seconds, or "
+                "duration=math.inf to run until it is stopped"
+            )
+        return system.limit
+    if duration == math.inf:
+        return system.limit
+    # A float duration may lie a little below a whole number of periods.
+    seconds = Fraction(check_number("duration", duration, 0.0)).limit_denominator(10**12)
+    steps = int(seconds / (period or 1))
+    return steps if system.limit is None else min(steps, system.limit)
