@@ -52,10 +52,11 @@ def add(commands: Commands) -> None:
     )
     run.add_argument("--episodes", type=positive, default=1, metavar="N", help="how many (1)")
     run.add_argument(
-        "--on-violation",
-        choices=("terminate", "truncate", "report"),
-        default="terminate",
-        help="what a certain violation does to the episode (terminate)",
+        "--stop",
+        choices=("violation", "decided", "end"),
+        default="violation",
+        help="at the first certain violation, also when every verdict is certain, or at the end "
+        "of the episode only (violation)",
     )
     run.add_argument(
         "--policy", choices=("random", "zero"), default="random", help="the actions (random)"
@@ -86,7 +87,8 @@ def add(commands: Commands) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rtamt_gym.outcomes import report, saved_note, to_json
-    from rtamt_gym.run import POLICIES, Watched, make
+    from rtamt_gym.policies import POLICIES, make
+    from rtamt_gym.simulation import simulate
 
     specs = read_specs(options.spec)
     signals = _read_signals(options.signal)
@@ -98,25 +100,29 @@ def _run(options: argparse.Namespace) -> int:
         check_format(options.plot)
     env = make(options.env_id, options.max_steps)
     policies = POLICIES[options.policy](env.action_space)
-    watched = Watched(
-        env,
-        specs,
-        signals,
-        period=options.period,
-        on_violation=options.on_violation,
-        view=options.view,
-    )
-    episodes = [watched.episode(policies, options.seed + i) for i in range(options.episodes)]
+    runs = [
+        simulate(
+            env,
+            specs,
+            signals,
+            policy=policies(seed),
+            seed=seed,
+            period=options.period,
+            stop=options.stop,
+            view=options.view,
+        )
+        for seed in range(options.seed, options.seed + options.episodes)
+    ]
     env.close()
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
-    print("", *report(episodes), "", *saved_note(episodes), sep="\n")
+    print("", *report(runs), "", *saved_note(runs), sep="\n")
     if options.json:
-        options.json.write_text(to_json(episodes) + "\n", encoding="utf-8")
+        options.json.write_text(to_json(runs) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
-        shown = next((i for i, e in enumerate(episodes) if e.violated_by), 0)
-        save([episodes[shown]], options.plot)
+        shown = next((i for i, run in enumerate(runs) if run.violated_by), 0)
+        save([runs[shown]], options.plot)
         print(f"picture of episode {shown + 1}: {options.plot}")
     return 0
 
