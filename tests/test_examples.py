@@ -1,0 +1,89 @@
+"""The examples: they run as they say, and what they print is what they claim."""
+
+import contextlib
+import importlib.util
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+EPISODES = {"highway_rss": 2, "parking": 5}
+
+
+@dataclass
+class Run:
+    """What an example printed and drew."""
+
+    text: str
+    picture: Path
+
+    def rows(self, column: str) -> list[list[str]]:
+        """The words of the lines below the head of the table that begins with ``column``."""
+        lines = iter(self.text.splitlines())
+        while next(lines).split()[:1] != [column]:
+            pass
+        return [line.split() for line in lines]
+
+
+def run(example: str, folder: Path) -> Run:
+    spec = importlib.util.spec_from_file_location(example, EXAMPLES / f"{example}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    picture = folder / f"{example}.png"
+    with contextlib.redirect_stdout(io.StringIO()) as out, mpl.rc_context():
+        module.main(["--episodes", str(EPISODES[example]), "--plot", str(picture)])
+        plt.close("all")
+    return Run(out.getvalue(), picture)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Run]:
+    folder = tmp_path_factory.mktemp("pictures")
+    return {example: run(example, folder) for example in EPISODES}
+
+
+@pytest.mark.parametrize("example", EPISODES)
+def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
+    example: str, runs: dict[str, Run]
+) -> None:
+    text = (EXAMPLES / f"{example}.py").read_text(encoding="utf-8")
+    assert f"\nRun: python examples/{example}.py" in text
+    assert len(text.splitlines()) < 80
+    assert max(map(len, runs[example].text.splitlines())) <= 80
+    assert runs[example].picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_no_example_is_left_out() -> None:
+    elsewhere = {"lookahead"}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} - elsewhere == set(EPISODES)
+
+
+def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(
+    runs: dict[str, Run],
+) -> None:
+    rows = runs["parking"].rows("start")
+    assert len(rows) == EPISODES["parking"]
+    assert {verdict for _, verdict, *_ in rows} == {"SATISFIED", "VIOLATED"}
+    for _, verdict, seconds, _, lower, _, upper in rows:
+        assert 2 < float(seconds) <= 22  # eventually[0:20] and always[0:2]; the limit is 100 s
+        assert float(lower) > 0 if verdict == "SATISFIED" else float(upper) < 0
+
+
+def test_the_cautious_driver_keeps_the_rules_and_the_aggressive_one_breaks_one_and_crashes(
+    runs: dict[str, Run],
+) -> None:
+    rows = runs["highway_rss"].rows("driver")
+    distance: dict[str, list[float]] = {"cautious": [], "aggressive": []}
+    for driver, margin, *_ in rows:
+        distance[driver].append(float(margin))
+    assert min(distance["cautious"]) > 0 > max(distance["aggressive"])
+    warned = [float(row[row.index("crash,") + 1]) for row in rows if "crash," in row]
+    assert len(warned) > 0
+    assert min(warned) > 0
