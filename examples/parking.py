@@ -1,7 +1,7 @@
 """Reach and stay: a car of highway-env parks in time and stays in its spot, or it does not.
 
 The environment is content with a touch of the spot, at any speed; the specification is not. This
-driver fails with the spot at its side, where it flips between the gears. Episodes stop when decided.
+driver fails with the spot at its side, where it flips the gears. Episodes stop when decided.
 
 Run: python examples/parking.py --episodes 8 --plot parking.png
 """
