@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from typing import Literal, NoReturn, SupportsFloat, cast
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.algebra import FUNCTIONS
 from rtamt.errors import InputError, InputTypeError, nearest
+from rtamt.messages import Field, Messages
 from rtamt.program import Const, Load, Map, Program
 
 __all__ = ["Columns", "NanPolicy", "SampleReader", "array_of_numbers", "nearest"]
@@ -32,7 +34,7 @@ class SampleReader:
         lane: Which of many signals it is, for messages.
     """
 
-    __slots__ = ("_known", "_where", "nan", "program", "variables")
+    __slots__ = ("_known", "_messages", "_where", "nan", "program", "variables")
 
     def __init__(self, program: Program, nan: NanPolicy = "raise", lane: int | None = None) -> None:
         if nan not in ("raise", "hold"):
@@ -42,6 +44,7 @@ class SampleReader:
         self.variables = program.variables
         self.nan = nan
         self._known = frozenset(program.variables)
+        self._messages = Messages(program.specification, program.variables)
         self._where = "" if lane is None else f" of lane {lane}"
 
     def read(
@@ -67,9 +70,9 @@ class SampleReader:
             msg = "expected values by position or by keyword, got both"
             raise InputError(msg)
         if not args:
-            values: Iterable[object] = self._by_name(named)
+            values: Iterable[object] = self._by_name(named, sample)
         elif len(args) == 1 and (isinstance(args[0], Mapping) or hasattr(args[0], "keys")):
-            values = self._by_name(cast("Mapping[str, object]", args[0]))
+            values = self._by_name(cast("Mapping[str, object]", args[0]), sample)
         elif len(args) == 1 and isinstance(args[0], list | tuple | np.ndarray):
             values = self._row(args[0])
         else:
@@ -90,11 +93,14 @@ class SampleReader:
                 floats[i] = previous[i]
         return floats
 
-    def _by_name(self, named: Mapping[str, object]) -> Iterable[object]:
+    def _by_name(self, named: Mapping[str, object], sample: int) -> Iterable[object]:
         if not isinstance(named, Mapping):  # a row of a data frame, which iterates over its values
             named = {name: named[name] for name in named.keys()}  # noqa: SIM118
         if named.keys() != self._known:
-            self._refuse_names(named)
+            if self._messages.names:
+                named = self._messages.spread(named, lambda field, m: field.of(m, sample))
+            if named.keys() != self._known:
+                self._refuse_names(named)
         return [named[name] for name in self.variables]
 
     def _refuse_names(self, named: Mapping[str, object]) -> NoReturn:
@@ -131,6 +137,8 @@ class SampleReader:
         return values
 
     def _number(self, value: object, name: str, sample: int) -> float:
+        if type(value) is float:
+            return value
         if isinstance(value, str | bytes | complex | np.complexfloating) or not hasattr(
             value, "__float__"
         ):
@@ -174,7 +182,10 @@ class SampleReader:
         """
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, ArrayLike]", data)
-            names = dict.fromkeys(map(str, named.keys())).keys()
+            names: AbstractSet[str] = dict.fromkeys(map(str, named.keys())).keys()
+            if not self._known <= names and self._messages.names & names:
+                named = self._with_fields(named, names, sample)
+                names = named.keys()
             if not self._known <= names or not (extra or names <= self._known):
                 self._refuse_names(dict.fromkeys(names & self._known if extra else names))
             columns = [self._column(named[name], name) for name in self.variables]
@@ -203,6 +214,23 @@ class SampleReader:
         for i, column in enumerate(columns):
             columns[i] = self._without_nan(column, self.variables[i], sample, previous[i : i + 1])
         return columns, lengths.pop()
+
+    def _with_fields(
+        self, named: Mapping[str, ArrayLike], names: Iterable[str], sample: int
+    ) -> Mapping[str, ArrayLike]:
+        """The columns with those of fields in place of the messages."""
+
+        def column(field: Field, messages: object) -> object:
+            if isinstance(messages, Mapping):  # of columns
+                return field.of(messages, sample)
+            if not isinstance(messages, Iterable):
+                got = _kind(messages)
+                msg = f"expected a message for every sample as '{field.message}', got {got}"
+                raise InputTypeError(msg)
+            return [field.of(message, sample + i) for i, message in enumerate(messages)]
+
+        columns = self._messages.spread({name: named[name] for name in names}, column)
+        return cast("Mapping[str, ArrayLike]", columns)
 
     def _column(self, values: ArrayLike, name: str) -> NDArray[np.float64]:
         column = array_of_numbers(values, f"'{name}'")

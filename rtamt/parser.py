@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Mapping
+import importlib
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from functools import lru_cache
 from os import PathLike
@@ -17,6 +19,9 @@ from rtamt.specification import Specification
 
 __all__ = ["as_specification", "load", "parse", "parse_as"]
 
+Modules = Mapping[str, object] | Iterable[str]
+"""Modules by name, or names of modules that may be imported."""
+
 _NONE: Mapping[str, object] = MappingProxyType({})
 
 
@@ -25,7 +30,7 @@ def parse(
     *,
     unit: str = "s",
     constants: Mapping[str, Exact] | None = None,
-    modules: Mapping[str, object] | None = None,
+    modules: Modules | None = None,
 ) -> Specification:
     """The specification that a text says.
 
@@ -35,11 +40,13 @@ def parse(
         text: One formula or more, declarations, constants.
         unit: Unit of the bounds that have none: s, ms, us, ns or ps.
         constants: Values of constants that the text may use beside its own.
-        modules: Modules, by name, from which the text may import types. None other is imported.
+        modules: Modules by name from which the text may import types, or names of modules to
+            import. None other is ever imported.
 
     Raises:
         ParseError: If the text is no specification, with line, column and the way out.
         SpecificationError: If an argument is wrong.
+        ImportError: If a module that is named cannot be imported.
 
     Example:
         >>> spec = parse("always((req >= 3) -> F[0:5](gnt >= 3))")
@@ -48,7 +55,12 @@ def parse(
         >>> spec.variables, spec.horizon
         (('req', 'gnt'), inf)
     """
-    return parse_as(text, unit, constants or {}, modules or {}, chains=False)
+    if isinstance(modules, str):
+        msg = f"expected modules by name or names of modules, got {modules!r}; write [{modules!r}]"
+        raise InputTypeError(msg)
+    if not isinstance(modules, Mapping):
+        modules = {name: importlib.import_module(name) for name in modules or ()}
+    return parse_as(text, unit, constants or {}, modules, chains=False)
 
 
 def parse_as(
@@ -92,7 +104,7 @@ def load(
     *,
     unit: str = "s",
     constants: Mapping[str, Exact] | None = None,
-    modules: Mapping[str, object] | None = None,
+    modules: Modules | None = None,
 ) -> Specification:
     """The specification in a file, read as UTF-8; see `parse`.
 
@@ -146,23 +158,34 @@ def _specification_from_text(
     text: str,
     unit: str,
     given: dict[str, Fraction],
-    imports: dict[str, str],
     chains: bool,  # noqa: FBT001 - in a pickle arguments have no names
+    imports: dict[str, tuple[str, type | None]],
 ) -> Specification:
-    # The types were there when the text was first parsed; their names are all that is kept.
-    modules = {m: SimpleNamespace(**dict.fromkeys(imports)) for m in imports.values()}
+    modules: dict[str, SimpleNamespace] = {}
+    for name, (module, kind) in imports.items():
+        vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
     return parse_as(text, unit, given, modules, chains=chains)
+
+
+def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[object, ...]]:
+    # Of a type that no other process could import by its name, the name is all that is kept.
+    imports = {
+        name: (module, _by_name(spec.types.get(name))) for name, module in spec.imports.items()
+    }
+    arguments = (spec.text, spec.unit, dict(spec.given), spec.chains, imports)
+    return _specification_from_text, arguments
+
+
+def _by_name(kind: type | None) -> type | None:
+    found: object = None if kind is None else sys.modules.get(kind.__module__)
+    for step in kind.__qualname__.split(".") if kind is not None else ():
+        found = getattr(found, step, None)
+    return kind if found is kind else None
 
 
 copyreg.pickle(Term, lambda term: (_term_from_text, (str(term),)))
 copyreg.pickle(Formula, lambda formula: (_formula_from_text, (str(formula),)))
-copyreg.pickle(
-    Specification,
-    lambda s: (
-        _specification_from_text,
-        (s.text, s.unit, dict(s.given), dict(s.imports), s.chains),
-    ),
-)
+copyreg.pickle(Specification, _reduced)
 
 
 @lru_cache(maxsize=512)

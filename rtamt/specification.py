@@ -53,6 +53,7 @@ class Specification:
         constants: Values of the constants, those given to `parse` among them.
         topics: Variable to the path of its topic.
         imports: Imported type to its module.
+        types: Imported type to its class, if it is one.
         unit: Unit of the bounds that have none.
         given: Exact values of the constants that were given to `parse`.
         chains: Whether the text was read with operators that group to the left where they chain.
@@ -67,6 +68,7 @@ class Specification:
     constants: Mapping[str, float] = field(default_factory=dict)
     topics: Mapping[str, str] = field(default_factory=dict)
     imports: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, type] = field(default_factory=dict)
     unit: str = "s"
     given: Mapping[str, Fraction] = field(default_factory=dict)
     chains: bool = False
@@ -200,7 +202,16 @@ class Specification:
         return tuple(v for v in self.variables if (d := self.declaration(v)) and d.io == io)
 
 
-_MAPPINGS = ("formulas", "declarations", "constants", "topics", "imports", "given", "positions")
+_MAPPINGS = (
+    "formulas",
+    "declarations",
+    "constants",
+    "topics",
+    "imports",
+    "types",
+    "given",
+    "positions",
+)
 
 
 class _Horizons:

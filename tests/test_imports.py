@@ -23,6 +23,7 @@ FLOORS = (
     ("interface", "timing", "program", "lowering", "polarity"),
     (
         "inputs",
+        "messages",
         "lanes",
         "terms",
         "windows",

@@ -12,9 +12,12 @@ from rtamt.grammar.diagnosis import PRIMITIVES, Token, fail, nearest, nearest_na
 from rtamt.grammar.expressions import TreeBuilder
 from rtamt.grammar.tokens import Part, Statement, Statements, read
 from rtamt.interval import exact
+from rtamt.operators import OPERATORS
 from rtamt.specification import Declaration, Specification
 
 __all__ = ["read_specification"]
+
+_VALUE = OPERATORS["value"]
 
 
 def read_specification(
@@ -49,9 +52,11 @@ class _Reader:
         self.given = given
         self.modules = modules
         self.imports: dict[str, str] = {}
+        self.types: dict[str, type] = {}
         self.constants = dict(given)
         self.declarations: dict[str, Declaration] = {}
         self.declared: set[str] = set()
+        self.declares = False
         self.topics: dict[str, str] = {}
         self.formulas: dict[str, Formula] = {}
         self.used: set[str] = set()
@@ -71,6 +76,8 @@ class _Reader:
         # A declaration of what a formula computes declares no input of the formulas.
         named = {d.name.text for d in statements.definitions if d.name is not None}
         self.declared = self.declarations.keys() - named
+        computed = {name.rpartition(".")[0] for name in named}
+        self.declares = any(name not in computed for name in self.declared)
         *others, last = statements.definitions
         for statement in others:
             if statement.name is None:
@@ -79,6 +86,11 @@ class _Reader:
                 raise fail(self.text, token, "only the last formula may stand without a name", hint)
             self._define(statement)
         formula = self._define(last)
+        if formula.op is _VALUE and not formula.variables and formula in self.formulas.values():
+            token = last.name or last.formula.start
+            reason = f"the result '{token.text}' is the number {formula}, whatever the samples"
+            hint = f"equality is written '==': {token.text} == {formula}"
+            raise self._fail(token, reason, hint)
         for statement in statements.annotations:
             self._annotate(statement)
         return Specification(
@@ -90,6 +102,7 @@ class _Reader:
             constants={name: float(value) for name, value in self.constants.items()},
             topics=self.topics,
             imports=self.imports,
+            types=self.types,
             unit=unit,
             given=self.given,
             chains=self.builder.chains,
@@ -99,13 +112,16 @@ class _Reader:
     def _import(self, statement: Statement) -> None:
         module, name = statement.module.text, cast("Token", statement.name)
         if module not in self.modules:
-            hint = f"pass it: parse(text, modules={{'{module}': {module}}})"
+            hint = f"modules=['{module}'] allows it, modules={{'{module}': ...}} hands it in"
             raise self._fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self.modules[module])
         if name.text not in known:
             reason = f"module '{module}' has no type '{name.text}'"
             raise self._fail(name, reason, nearest(name.text, known))
         self.imports[name.text] = module
+        kind = getattr(self.modules[module], name.text)
+        if isinstance(kind, type):
+            self.types[name.text] = kind
 
     def _constant(self, statement: Statement) -> None:
         name = self._new(statement, PRIMITIVES)
@@ -144,7 +160,7 @@ class _Reader:
             reason = f"unknown annotation '{statement.kind.text}'"
             raise self._fail(statement.kind, reason, "write @ topic(VARIABLE, path)")
         name = statement.variable.text
-        known = self.declarations.keys() | self.used
+        known = self.declarations.keys() | self.used | self.formulas.keys()
         if name not in known:
             hint = nearest_name(name, known, f"float {name}")
             raise self._fail(statement.variable, f"unknown variable '{name}'", hint)
@@ -177,6 +193,7 @@ class _Reader:
         elif name.text in self.constants:
             reason = f"'{name.text}' already names a constant"
         else:
+            self._check_field(name)
             return
         raise self._fail(name, reason, "choose another name")
 
@@ -192,20 +209,24 @@ class _Reader:
         return variable(name)
 
     def _check_declared(self, token: Token) -> None:
-        if not self.declared:
-            return
-        message = token.text
-        while message not in self.declared and "." in message:
-            message = message.rpartition(".")[0]
-        if message not in self.declared:
+        if self.declares and self._check_field(token) not in self.declared:
             known = (*self.declared, *self.formulas, *self.constants)
             hint = nearest_name(token.text, known, f"float {token.text}")
             raise self._fail(token, f"'{token.text}' is not declared", hint)
-        kind = self.declarations[message].type
-        if message != token.text and kind in PRIMITIVES:
-            reason = f"'{message}' is a {kind} and has no field '{token.text[len(message) + 1 :]}'"
-            hint = f"only variables of imported types have fields; '{message}' is the whole"
-            raise self._fail(token, reason, hint)
+
+    def _check_field(self, token: Token) -> str:
+        """The message of which a name is a field, if it is declared; else what is left of it."""
+        message = token.text
+        while message not in self.declared and "." in message:
+            message = message.rpartition(".")[0]
+        if message in self.declared and message != token.text:
+            kind = self.declarations[message].type
+            if kind in PRIMITIVES:
+                field = token.text[len(message) + 1 :]
+                reason = f"'{message}' is a {kind} and has no field '{field}'"
+                hint = f"only variables of imported types have fields; '{message}' is the whole"
+                raise self._fail(token, reason, hint)
+        return message
 
     def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:
         return fail(self.text, token, reason, hint)

@@ -1,0 +1,179 @@
+"""Variables that are fields of messages: read out of what a caller hands in, and written back.
+
+``cmd.linear.x`` is the field ``x`` of the field ``linear`` of the message ``cmd``. A message is any
+object with attributes, or a mapping; the fields of one may be the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from rtamt.errors import InputError, InputTypeError, nearest
+from rtamt.specification import Specification
+
+__all__ = ["Field", "Messages", "write_fields"]
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A variable as a field of a message.
+
+    Attributes:
+        variable: Its dotted name.
+        message: The name of the message, which begins it.
+        path: The rest of it.
+        type: The class that the message must have; None: any. A mapping stands for any class.
+    """
+
+    variable: str
+    message: str
+    path: tuple[str, ...]
+    type: type | None
+
+    def of(self, message: object, place: object, unit: str = "sample") -> Any:  # noqa: ANN401
+        """The value of the field; the place is for errors: a number of samples or a time.
+
+        Raises:
+            InputError: If the message has no such field.
+            InputTypeError: If the message is of another class.
+        """
+        return self._follow(message, self.path, f" at {unit} {place}")
+
+    def holder(self, message: object) -> object:
+        """What has the field as an attribute or under a key, so that it can be set there.
+
+        Raises:
+            InputError: If there is no such field; a mapping need not have it.
+            InputTypeError: If the message is of another class.
+        """
+        *path, last = self.path
+        holder = self._follow(message, path, "")
+        if not isinstance(holder, MutableMapping) and not hasattr(holder, last):
+            raise self._absent(holder, len(path), "")
+        return holder
+
+    def _follow(self, message: object, path: Iterable[str], where: str) -> object:
+        value = message
+        mapping = isinstance(value, Mapping)
+        if self.type is not None and not mapping and not isinstance(value, self.type):
+            msg = (
+                f"expected a {self.type.__name__} or a mapping for '{self.message}'{where}, "
+                f"got {type(value).__name__}"
+            )
+            raise InputTypeError(msg)
+        for depth, step in enumerate(path):
+            try:
+                value = value[step] if isinstance(value, Mapping) else getattr(value, step)
+            except (KeyError, AttributeError):
+                raise self._absent(value, depth, where) from None
+        return value
+
+    def _absent(self, holder: object, depth: int, where: str) -> InputError:
+        name, step = ".".join((self.message, *self.path[:depth])), self.path[depth]
+        known: list[str] = []
+        if isinstance(holder, Mapping):
+            known = [str(key) for key in holder]
+        elif not hasattr(holder, "__float__"):
+            methods = {n for n in dir(type(holder)) if callable(getattr(type(holder), n, None))}
+            known = [n for n in dir(holder) if n not in methods and not n.startswith("_")]
+        near = nearest(step, known)
+        if not near and known and len(", ".join(known)) <= _LONG:
+            near = f"; its fields are {', '.join(known)}"
+        msg = f"'{name}'{where} ({type(holder).__name__}) has no field '{step}'{near}"
+        return InputError(msg)
+
+
+_LONG = 60
+
+
+class Messages:
+    """The fields of messages among names, such as the variables of a specification.
+
+    Attributes:
+        names: What can be handed in as a message: ``cmd.linear`` and ``cmd`` for ``cmd.linear.x``.
+    """
+
+    __slots__ = ("_fields", "names")
+
+    def __init__(self, specification: Specification, names: Iterable[str]) -> None:
+        self._fields = {name: tuple(_fields(name, specification)) for name in names if "." in name}
+        self.names = frozenset(f.message for fields in self._fields.values() for f in fields)
+
+    def spread(
+        self, named: Mapping[str, _T], split: Callable[[Field, _T], object]
+    ) -> dict[str, object]:
+        """The mapping with the fields of its messages in place of the messages.
+
+        Args:
+            named: Variables and messages by name; the innermost one that is there gives the field.
+            split: Gives what stands for a field, from what stands for its message.
+        """
+        spread: dict[str, object] = {n: v for n, v in named.items() if n not in self.names}
+        for variable, fields in self._fields.items():
+            if variable not in named:
+                for field in fields:
+                    if field.message in named:
+                        spread[variable] = split(field, named[field.message])
+                        break
+        return spread
+
+    def under(self, message: str) -> Iterator[Field]:
+        """The fields that a message has."""
+        for fields in self._fields.values():
+            yield from (field for field in fields if field.message == message)
+
+
+def _fields(variable: str, specification: Specification) -> Iterator[Field]:
+    """A variable as the field of every message that it may be of, innermost first."""
+    steps = variable.split(".")
+    for depth in range(len(steps) - 1, 0, -1):
+        message = ".".join(steps[:depth])
+        declared = specification.declarations.get(message)
+        cls = None if declared is None else specification.types.get(declared.type)
+        yield Field(variable, message, tuple(steps[depth:]), cls)
+
+
+def write_fields(
+    specification: Specification, values: Mapping[str, float], messages: Mapping[str, object]
+) -> bool:
+    """Set the fields of messages that formulas name to the values of the formulas.
+
+    Args:
+        specification: Has formulas with dotted names.
+        values: Those of its formulas by name.
+        messages: What to write to, by name. Nothing is written if one of them is refused.
+
+    Returns:
+        Whether all that was written are numbers: no latency has still to pass.
+
+    Raises:
+        InputError: If no formula names a field of a message, or a message has no such field.
+        InputTypeError: If a message is of another class than declared, or cannot be changed.
+    """
+    fields = Messages(specification, values)
+    targets: list[tuple[Field, object]] = []
+    for name, message in messages.items():
+        here = [(field, field.holder(message)) for field in fields.under(name)]
+        if not here:
+            listed = ", ".join(sorted(fields.names))
+            known = (
+                f"; they name fields of {listed}" if listed else "; write one as out.value = ..."
+            )
+            msg = f"no formula names a field of '{name}'{known}"
+            raise InputError(msg)
+        targets += here
+    for field, holder in targets:
+        try:
+            if isinstance(holder, MutableMapping):
+                holder[field.path[-1]] = values[field.variable]
+            else:
+                setattr(holder, field.path[-1], values[field.variable])
+        except (AttributeError, TypeError) as error:
+            msg = f"'{field.variable}' cannot be set: {error}"
+            raise InputTypeError(msg) from error
+    return not any(math.isnan(values[field.variable]) for field, _ in targets)
