@@ -6,7 +6,7 @@ import enum
 import functools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol, TypeVar, cast
 
 import numpy as np
@@ -24,6 +24,7 @@ from rtamt.errors import InputError
 from rtamt.inputs import Columns, NanPolicy, SampleReader
 from rtamt.interface import Names, Semantics, as_interface
 from rtamt.lowering import compile_program
+from rtamt.messages import write_fields
 from rtamt.offline import run_offline
 from rtamt.online import Online, Spec
 from rtamt.parser import as_specification
@@ -37,12 +38,15 @@ _UPDATE = """Take in one sample{result}
 
 The sample is given by keyword (``update(x=1.0, y=2.0)``), as one mapping, by position in the order
 of ``variables``, or as one 1-D array or list in that order. Integers, booleans and numpy scalars
-are converted; +-inf is legal.
+are converted; +-inf is legal. Of a variable that is a field, such as ``cmd.linear.x``, the message
+may be given, an object with attributes or a mapping: ``update(cmd=message)``.
 
 Raises:
-    InputError: On a missing or unknown variable, a wrong count or shape, a nan, or a term that is
-        not a number (``sqrt(-1)``). The monitor is as it was before the call.
-    InputTypeError: On a value that is no real number; likewise.
+    InputError: On a missing or unknown variable, a wrong count or shape, a message without the
+        field, a nan, or a term that is not a number (``sqrt(-1)``). The monitor is as it was before
+        the call.
+    InputTypeError: On a value that is no real number, or a message of another class than the text
+        declares; likewise.
 """
 
 
@@ -122,9 +126,8 @@ class Monitor(_Single[DiscreteMachine]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
-        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
-            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
-            ``"output-vacuity"``.
+        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
+            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics ask for them.
         outputs: Variables that the system sets; likewise.
@@ -172,12 +175,39 @@ class Monitor(_Single[DiscreteMachine]):
         """Samples by which the value of every named formula is late."""
         return {n: self.program.latencies[r] or 0 for n, r in self.program.outputs.items()}
 
+    def write(self, messages: Mapping[str, object] | None = None, /, **named: object) -> bool:
+        """Set fields of messages to the values of the formulas that are named after them.
+
+        Where the text says ``out.value = always(...)``, ``write(out=message)`` sets the field
+        ``value`` of the message to ``values["out.value"]``: nan before its latency has passed.
+
+        Args:
+            messages: Objects with attributes, or mappings, by name.
+            named: The same by keyword.
+
+        Returns:
+            Whether every value written is a number.
+
+        Raises:
+            InputError: If no formula is named after a field of the message, or the message has no
+                such field (a mapping need not have it). No message is changed.
+            InputTypeError: If a message is of another class than the text declares; likewise.
+
+        Example:
+            >>> monitor, message = Monitor("out.value = always[0:1](x > 0)"), {}
+            >>> for x in (3.0, 1.0):
+            ...     monitor.update(x), monitor.write(out=message), message
+            (nan, False, {'value': nan})
+            (1.0, True, {'value': 1.0})
+        """
+        return write_fields(self.specification, self.values, {**(messages or {}), **named})
+
     def update_many(self, block: Columns) -> NDArray[np.float64]:
         """Take in a block of samples; what `update` gives for each, as an array.
 
         Args:
-            block: A mapping of every variable to its n values (a data frame too), and of nothing
-                else, or an array of shape (n, variables).
+            block: A mapping of every variable to its n values, or of a message to its n (a data
+                frame too), and of nothing else, or an array of shape (n, variables).
 
         Returns:
             n values; those of the first ``latency`` samples since the reset are nan.
@@ -242,9 +272,8 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the fastest machine that there is.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
-        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
-            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
-            ``"output-vacuity"``.
+        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
+            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics ask for them.
         outputs: Variables that the system sets; likewise.
@@ -329,15 +358,14 @@ def evaluate(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        data: A mapping of every variable to its n values (a data frame too; other columns are
-            ignored), or an array of shape (n, variables).
+        data: A mapping of every variable to its n values, or of a message to its n (a data frame
+            too; other columns are ignored), or an array of shape (n, variables).
         period: Seconds between samples; None: bounds are numbers of samples.
         n: The length, for a formula without variables.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
-        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
-            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
-            ``"output-vacuity"``.
+        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
+            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics ask for them.
         outputs: Variables that the system sets; likewise.

@@ -95,9 +95,8 @@ class VectorMonitor(_Lockstep[DiscreteBank]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value in that lane.
-        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
-            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
-            ``"output-vacuity"``.
+        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
+            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics ask for them.
         outputs: Variables that the system sets; likewise.
@@ -173,9 +172,8 @@ class VectorEpisodeMonitor(_Lockstep[EpisodeBank]):
             the formula are numbers of samples.
         backend: ``"auto"`` takes the C++ machine where it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value in that lane.
-        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
-            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
-            ``"output-vacuity"``.
+        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
+            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics ask for them.
         outputs: Variables that the system sets; likewise.
