@@ -1,7 +1,8 @@
 """Reach and stay: a car of highway-env parks in time and stays in its spot, or it does not.
 
 The environment is content with a touch of the spot, at any speed; the specification is not. This
-driver fails with the spot at its side, where it flips the gears. Episodes stop when decided.
+driver goes straight at the spot in the gear that faces it. With the spot at its side it flips
+between the gears and gets nowhere. A run stops when its verdict is certain, not at the time limit.
 
 Run: python examples/parking.py --episodes 8 --plot parking.png
 """
@@ -14,7 +15,7 @@ import gymnasium as gym
 import matplotlib.pyplot as plt
 import numpy as np
 
-from rtamt_gym import StlMonitor
+from rtamt_gym import simulate
 
 SPEC = """
 distance = 100 * sqrt(pow(x - goal_x, 2) + pow(y - goal_y, 2))  // metres
@@ -29,7 +30,7 @@ SIGNALS = {
 
 
 def drive(obs: Any) -> Any:  # noqa: ANN401 - highway-env has no types
-    """Acceleration and steering: straight at the spot in the gear that faces it, ever slower."""
+    """Acceleration and steering, the slower the nearer."""
     vx, vy, cos, sin = obs["achieved_goal"][2:]
     dx, dy = 100 * (obs["desired_goal"] - obs["achieved_goal"])[:2]
     ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
@@ -47,31 +48,27 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--plot", type=Path, help="draw the episodes into this file")
     arguments = parser.parse_args(argv)
     plt.style.use(Path(__file__).with_name("paper.mplstyle"))
-    figure, (lot, course) = plt.subplots(1, 2, width_ratios=[1.6, 1])
+    figure, (lot, distance) = plt.subplots(1, 2, width_ratios=[1.6, 1])
     # A goal of 0 is never met: the environment would end an episode at the first touch.
     env = gym.make("highway_env:parking-v0", config={"success_goal_reward": 0.0})
-    monitor = StlMonitor(env, SPEC, SIGNALS)
     print(f"{SPEC}\nstart  verdict    certain after  robustness in m")
     for seed in range(arguments.episodes):
-        obs, info = monitor.reset(seed=seed)
-        path = [100 * obs["achieved_goal"][:2]]
-        while info["stl_lower"] <= 0 <= info["stl_upper"]:  # undecided
-            obs, _, _, _, info = monitor.step(drive(obs))
-            path.append(100 * obs["achieved_goal"][:2])
-        verdict, colour = ("VIOLATED", "C1") if info["stl_violated"] else ("SATISFIED", "C0")
-        bounds = f"{info['stl_lower']:.2f} to {info['stl_upper']:.2f}"
-        print(f"{seed:5}  {verdict:9} {monitor.samples / 5 - 0.2:12.1f} s  {bounds}")
-        goal = 100 * obs["desired_goal"][:2]
-        lot.bar(goal[0], 8, 4, goal[1] - 4, fill=False, edgecolor=colour)
-        lot.plot(*np.transpose(path), "o-", color=colour, markevery=[-1])
-        lot.annotate(f" {seed}", path[-1], va="bottom")
-        gaps = np.linalg.norm(path - goal, axis=1)
-        course.semilogy(np.arange(len(gaps)) / 5, gaps, "o-", color=colour, markevery=[-1])
+        run = simulate(env, SPEC, SIGNALS, policy=drive, seed=seed, stop="decided")
+        course = run.courses["parked"]
+        bounds = f"{course.lower[-1]:.2f} to {course.upper[-1]:.2f}"
+        print(f"{seed:5}  {course.verdict.name:9} {run.duration:12.1f} s  {bounds}")
+        x, y, goal_x, goal_y = (100 * run.signals[name] for name in SIGNALS)
+        colour = "C0" if course.verdict > 0 else "C1"
+        lot.bar(goal_x[0], 8, 4, goal_y[0] - 4, fill=False, edgecolor=colour)
+        lot.plot(x, y, "o-", color=colour, markevery=[-1])
+        lot.annotate(f" {seed}", (x[-1], y[-1]), va="bottom")
+        gaps = np.hypot(x - goal_x, y - goal_y)
+        distance.semilogy(run.times, gaps, "o-", color=colour, markevery=[-1])
     if arguments.plot:
         lot.set(title="paths; blue: satisfied, orange: violated", aspect="equal", ylim=(-20, 20))
         lot.set(xlabel="x in m", ylabel="y in m")
-        course.set(title="distance to the spot in m", xlabel="time in s")
-        course.axhline(0.5, color="0.5", linestyle="--")
+        distance.set(title="distance to the spot in m", xlabel="time in s")
+        distance.axhline(0.5, color="0.5", linestyle="--")
         figure.savefig(arguments.plot)
 
 
