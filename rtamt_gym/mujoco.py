@@ -11,10 +11,11 @@ import mujoco  # type: ignore[import-untyped]
 
 from rtamt import EpisodeMonitor, InputError, StateError, Verdict
 from rtamt_gym.arguments import check_choice, check_number
-from rtamt_gym.mujoco_signals import bind_numbers
+from rtamt_gym.mujoco_callback import Attached
+from rtamt_gym.mujoco_signals import bind_signal
 from rtamt_gym.panel import Panel
-from rtamt_gym.selectors import MUJOCO, Selector
-from rtamt_gym.signals import Number, Signal, SignalLike, parse_signals
+from rtamt_gym.selectors import MUJOCO
+from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import InstantMonitor, SpecsLike, View, load_specs
 
 __all__ = ["Controller", "OnStepViolation", "StepMonitor", "bind_signal"]
@@ -119,6 +120,7 @@ class StepMonitor:
         self._bind_signals()
         self._start = self._timestep = math.nan  # time of sample 0, time between samples
         self._unchecked = 0
+        self._tries = False
         self._running = False
 
     def reset(self) -> None:
@@ -130,8 +132,8 @@ class StepMonitor:
             InputError: If a signal is nan or cannot be read.
         """
         self._running = False
-        self._panel.reset()
         mujoco.mj_forward(self.model, self.data)
+        self._panel.reset()
         self._start, self._timestep = self.data.time, float(self.model.opt.timestep)
         self._unchecked = 0
         self._feed()
@@ -157,12 +159,7 @@ class StepMonitor:
         self._unchecked += 1
         if self._unchecked == _CHECKED:
             self._check_time(self.samples)
-        try:
-            return self._feed()
-        except BaseException:
-            # A monitor that misses a sample would count wrong ever after.
-            self._running = False
-            raise
+        return self._feed_guarded()
 
     def run(
         self,
@@ -194,6 +191,34 @@ class StepMonitor:
                 controller(self.model, self.data)
             self.step()
         return self.verdict
+
+    def attached(self) -> Attached:
+        """A context in which a program that runs the loop itself is monitored.
+
+        Samples come from ``mjcb_control``, which MuJoCo calls inside of ``mj_step``, one for every
+        step; the first is sample 0, unless `reset` took it, and the state that the last step leaves
+        is fed at the end. A controller that is set before is called too. There, positions are
+        those of the sample, but forces and sensors those of the step before. The callback belongs
+        to the whole process: where the loop can be written anew, `step` is better.
+
+        Raises:
+            StateError: At the end of the context, if a sample was missed: the program changed the
+                time of the simulation, its timestep, or the callback.
+            InputError: Likewise, if a signal was nan or could not be read.
+
+        Example:
+            >>> import mujoco
+            >>> model = mujoco.MjModel.from_xml_string('''
+            ...     <mujoco><worldbody><body><joint type="slide" axis="0 0 1" name="lift"/>
+            ...     <geom size=".1"/></body></worldbody></mujoco>''')
+            >>> data = mujoco.MjData(model)
+            >>> monitor = StepMonitor(model, data, "always(z > -1)", {"z": "joint:lift.qpos"})
+            >>> with monitor.attached():
+            ...     mujoco.mj_step(model, data, nstep=100)
+            >>> monitor.samples, monitor.verdict.name
+            (101, 'UNDECIDED')
+        """
+        return Attached(self.data, self._offer, self._offer_last)
 
     def finish(self) -> float:
         """Ends the trace with the last sample, and returns the robustness of the whole.
@@ -318,6 +343,39 @@ class StepMonitor:
             )
         self.reset()
 
+    def _feed_guarded(self) -> float:
+        try:
+            return self._feed()
+        except BaseException:
+            # A monitor that misses a sample would count wrong ever after.
+            self._running = False
+            raise
+
+    def _offer(self) -> None:
+        """Feeds the state inside of ``mj_step``, if it is one that the simulation is in."""
+        now, sample = self.data.time, self.samples
+        if sample == 0:
+            self._start, self._timestep = now, float(self.model.opt.timestep)
+        elif not self._running:
+            self._begin()
+        ahead = (now - self._start) / self._timestep - sample
+        if abs(ahead + 0.5) < 0.25:  # RK4 tries the half of the step, twice, and then its end
+            self._tries = True
+        elif abs(ahead) < 0.25 and self._tries:
+            self._tries = False
+        elif abs(ahead) < 0.25:
+            self._feed_guarded()
+            self._running = True
+        elif abs(ahead + 1.0) > 0.25:
+            self._check_time(sample)
+
+    def _offer_last(self) -> None:
+        """Feeds the state that the last ``mj_step`` has left."""
+        self._tries = False
+        if self._forward:
+            mujoco.mj_forward(self.model, self.data)
+        self._offer()
+
     def _decide(self) -> None:
         """Notes new verdicts, but none of a simulation that has left its course."""
         self._check_time(self.samples - 1)
@@ -339,10 +397,3 @@ _mj_step = mujoco.mj_step
 _CHECKED = 16
 """Samples after which the time is checked; to read it every time costs as much as to monitor."""
 _UNPICKLED = frozenset({"_reads", "_feed"})
-
-
-def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401
-    """The function that reads a signal from a simulation, whatever it is called with."""
-    if isinstance(signal.reads, Selector):
-        return bind_numbers(signal.name, signal.reads, model, data)
-    return lambda *_: signal.number(signal.call(model, data))

@@ -26,9 +26,20 @@ import numpy as np
 
 from rtamt import InputError
 from rtamt_gym.selectors import NAMED, Selector
-from rtamt_gym.signals import Number
+from rtamt_gym.signals import Number, Signal
 
-__all__ = ["bind_numbers", "bind_simulation"]
+__all__ = ["bind_numbers", "bind_signal", "bind_simulation"]
+
+
+def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401
+    """The function that reads a signal, a selector or a callable, from ``data``.
+
+    Raises:
+        InputError: If the selector does not fit the model.
+    """
+    if isinstance(signal.reads, Selector):
+        return bind_numbers(signal.name, signal.reads, model, data)
+    return lambda *_: signal.number(signal.call(model, data))
 
 
 def bind_simulation(name: str, selector: Selector, simulation: Any) -> Number:  # noqa: ANN401

@@ -43,6 +43,7 @@ class MonitorOptions(TypedDict, total=False):
     details: bool
     cost: Cost | None
     buffer_length: int
+    substeps: bool
 
 
 class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
@@ -185,14 +185,15 @@ def resolve_period(
     specs: Mapping[str, rtamt.Specification],
     period: float | str | None,
     env: Env,
+    read: Callable[[Any], float | None] = read_period,
 ) -> float | str | None:
-    """The period given, else the period of the environment.
+    """The period given, else the period of the environment, as ``read`` finds it.
 
     Raises:
         SpecificationError: If neither is there and a specification has a bound.
     """
     if period is None:
-        period = read_period(env)
+        period = read(env)
     if period is None:
         for name, spec in specs.items():
             if spec.timed:

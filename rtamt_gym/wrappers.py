@@ -16,7 +16,7 @@ from gymnasium.utils import RecordConstructorArgs
 from rtamt import EpisodeMonitor, InputError, StateError
 from rtamt_gym.arguments import check_choice, check_length
 from rtamt_gym.episodes import record
-from rtamt_gym.panel import Panel
+from rtamt_gym.panel import Panel, Sample
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     InstantMonitor,
@@ -27,6 +27,7 @@ from rtamt_gym.specs import (
     recordable,
     resolve_period,
 )
+from rtamt_gym.substeps import SubSteps, read_substep_period
 
 __all__ = ["Cost", "OnViolation", "StlMonitor"]
 
@@ -70,6 +71,14 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     monitors of the old one: reset it.
 
     The last ``buffer_length`` episodes that ended are in :attr:`stl_episodes`.
+
+    With ``substeps=True`` there is a sample for every step of the simulation instead: an
+    environment moves its simulation several times in one step, and what goes wrong in between is
+    gone when the observation is made. Signals are read from the simulation (``qpos[1]``,
+    ``body:torso.xpos[2]``, ``vehicle.speed``, or a callable, which finds it in ``env`` and gets
+    neither observation nor reward nor info) and from the action, which holds during the step. The
+    period is the simulation's, samples are counted likewise, and an episode still ends after a
+    whole step. For the MuJoCo environments of Gymnasium and for highway-env.
 
     With ``view="step"`` a formula is read as a requirement on every instant, as an online monitor
     reads it: ``robustness`` is that of the newest instant whose horizon has passed (before the
@@ -116,6 +125,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
+        substeps: bool = False,
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -137,12 +147,14 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             cost: If to add ``info["cost"]``: ``"indicator"`` is 1 while the episode is violated,
                 ``"depth"`` is how far, ``"first"`` is 1 only at the step that shows the violation
             buffer_length: The size of the buffer :attr:`stl_episodes`
+            substeps: If to feed a sample for every step of the simulation inside of a step, see
+                above
 
         Raises:
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
                 a bound that is not a multiple of the period, or needs a period and has none
             InputError: If a variable has no signal, a signal no variable, or a selector does not
-                fit the environment
+                fit the environment; if ``substeps`` does not
         """
         RecordConstructorArgs.__init__(
             self,
@@ -154,6 +166,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             details=details,
             cost=cost,
             buffer_length=buffer_length,
+            substeps=substeps,
         )
         gym.Wrapper.__init__(self, env)
         check_choice("on_violation", on_violation, get_args(OnViolation))
@@ -170,9 +183,11 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         self._signals = parse_signals(
             signals, [name for spec in loaded.values() for name in spec.variables]
         )
-        self._period = resolve_period(loaded, period, env)
+        self._read_period = read_substep_period if substeps else read_period
+        self._period = resolve_period(loaded, period, env, self._read_period)
         self._guards_period = period is None and any(spec.timed for spec in loaded.values())
         self._panel = Panel(loaded, self._period, view)
+        self._substeps = substeps
         self._bind_signals()
         self._charged = False
         self._running = False
@@ -188,10 +203,10 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         """
         self._running = False
         obs, info = self.env.reset(seed=seed, options=options)
-        if self._guards_period and read_period(self.env) != self._period:
+        if self._guards_period and self._read_period(self.env) != self._period:
             raise StateError(
                 f"expected the period of {self._period} s that {self.env.unwrapped} had at "
-                f"construction, got {read_period(self.env)} s; wrap it again, or give period="
+                f"construction, got {self._read_period(self.env)} s; wrap it again, or give period="
             )
         self._panel.reset()
         self._charged = False
@@ -222,8 +237,11 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
                 "expected a running episode, got step() before reset() or after the end of the "
                 "episode; call reset()"
             )
-        obs, reward, terminated, truncated, info = self.env.step(action)
         panel = self._panel
+        if self._substeps:
+            obs, reward, terminated, truncated, info = self._step_inside(action)
+        else:
+            obs, reward, terminated, truncated, info = self.env.step(action)
         try:
             robustness, lower, upper, decided = self._sample(obs, action, reward, info)
         except BaseException:
@@ -295,11 +313,25 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
     def _bind_signals(self) -> None:
         """Makes what pickle cannot carry: functions that read this environment."""
+        if self._substeps:
+            self._inside = SubSteps(self.env, self._signals, self._panel)
+            self._sample: Sample = self._inside.read
+            self._sample_reset: Sample = self._inside.reset
+            return
         names = [signal.name for signal in self._signals]
         reads = [signal.bind(self.env) for signal in self._signals]
         reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
         self._sample = self._panel.sampler(names, reads)
         self._sample_reset = self._panel.sampler(names, reset_reads)
+
+    def _step_inside(self, action: ActType) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        before = self.samples
+        try:
+            return self._inside.step(action)
+        except BaseException:
+            # An action that the environment refuses is no end, a simulation left midway is.
+            self._running = self.samples == before
+            raise
 
     def _charge(self, upper: float) -> float:
         first = upper < 0.0 and not self._charged
@@ -324,7 +356,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             info.setdefault("is_success", True)
 
 
-_UNPICKLED = frozenset({"_sample", "_sample_reset"})
+_UNPICKLED = frozenset({"_sample", "_sample_reset", "_inside"})
 
 
 class _CallableSpec(EnvSpec):

@@ -1,0 +1,177 @@
+"""Samples from inside of an environment's step: one for every step of its simulation.
+
+An environment that is asked for one step makes several of its simulation: Gymnasium's
+`MujocoEnv` calls ``mj_step`` ``frame_skip`` times, highway-env moves its road once for every frame.
+The functions that make those steps are exchanged while the environment makes a step, and only
+then: copies, pickles, resets and other environments never see it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+
+from rtamt import InputError, StateError
+from rtamt_gym.panel import Panel
+from rtamt_gym.selectors import STEP
+from rtamt_gym.signals import Number, Signal
+
+__all__ = ["SubSteps", "read_substep_period"]
+
+Env = gym.Env[Any, Any]
+
+
+class SubSteps:
+    """Feeds a panel after every step of the simulation that an environment makes.
+
+    Args:
+        env: The environment.
+        signals: What to read of its simulation.
+        panel: What to feed.
+
+    Raises:
+        InputError: If the environment is none whose simulation can be followed, or if a signal
+            needs what only a whole step gives.
+    """
+
+    def __init__(self, env: Env, signals: Sequence[Signal], panel: Panel) -> None:
+        self._env = env
+        self._panel = panel
+        self._follow = _follower(env.unwrapped)
+        self._action: Any = None
+        names = [signal.name for signal in signals]
+        reads = [self._bind(signal) for signal in signals]
+        first = [_constant(signal, read) for signal, read in zip(signals, reads, strict=True)]
+        self._feed = panel.feeder(names, reads, panel.note)
+        self._feed_first = panel.feeder(names, first, panel.note)
+
+    def reset(self, *_: object) -> tuple[float, float, float, int]:
+        """Feeds sample 0; least robustness, lower and upper bound, and verdicts decided."""
+        self._action = None
+        self._feed_first()
+        return self.read()
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
+        """Makes a step of the environment, and feeds every step of the simulation in it.
+
+        Raises:
+            StateError: If there was none.
+            InputError: If a signal is nan or cannot be read.
+        """
+        self._action = action
+        before = self._panel.samples
+        undo = self._follow(self._feed)
+        try:
+            result = self._env.step(action)
+        finally:
+            undo()
+        if self._panel.samples == before:
+            raise StateError(
+                f"expected a step of {self._env.unwrapped} to step its simulation, got none: it "
+                "steps it in a way of its own; leave out substeps=True"
+            )
+        return result
+
+    def read(self, *_: object) -> tuple[float, float, float, int]:
+        """What the monitors say now."""
+        panel = self._panel
+        return panel.robustness, panel.lower, panel.upper, panel.settled
+
+    def _bind(self, signal: Signal) -> Number:
+        if signal.source in STEP and signal.source != "action":
+            raise InputError(
+                f"signal {signal.name!r}: {signal} is not known inside of a step, and "
+                "substeps=True takes samples there; read the simulation instead, such as qpos[0], "
+                "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read"
+            )
+        read = signal.bind(self._env)
+        if signal.source is None or signal.source == "action":
+            return lambda: read(None, self._action, None, {})
+        return read
+
+
+def read_substep_period(env: Env) -> float | None:
+    """Seconds between two steps of an environment's simulation, or None if it does not say."""
+    simulation: Any = env.unwrapped
+    if hasattr(simulation, "_step_mujoco_simulation"):
+        return float(simulation.model.opt.timestep)
+    config = getattr(simulation, "config", {})
+    frequency = config.get("simulation_frequency") if isinstance(config, Mapping) else None
+    return 1.0 / frequency if frequency else None
+
+
+def _constant(signal: Signal, read: Number) -> Number:
+    """What reads sample 0: the default, where there is one."""
+    default = signal.default
+    return read if default is None else lambda: default
+
+
+_Undo = Callable[[], object]
+
+_Follow = Callable[[Number], _Undo]
+"""Lets every step of a simulation be followed by a call, until what it returns is called."""
+
+
+def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
+    config = getattr(simulation, "config", None)
+    if isinstance(config, Mapping) and "simulation_frequency" in config:
+        return lambda feed: _follow_road(simulation, feed)
+    if not hasattr(simulation, "_step_mujoco_simulation"):
+        raise InputError(
+            "substeps=True needs a MujocoEnv of Gymnasium or an environment of highway-env, got "
+            f"{simulation}; leave it out"
+        )
+    from gymnasium.envs.mujoco.mujoco_env import MujocoEnv
+
+    loop = getattr(simulation._step_mujoco_simulation, "__func__", None)  # noqa: SLF001
+    if loop is not MujocoEnv._step_mujoco_simulation:  # noqa: SLF001
+        raise InputError(
+            "substeps=True exchanges MujocoEnv._step_mujoco_simulation, and "
+            f"{type(simulation).__name__} has one of its own; leave it out"
+        )
+    return lambda feed: _follow_mujoco(simulation, feed)
+
+
+class _Loop:
+    """`MujocoEnv._step_mujoco_simulation`, one ``mj_step`` at a time."""
+
+    def __init__(self, simulation: Any, feed: Number) -> None:  # noqa: ANN401
+        self.feeds = [feed]
+        self._simulation = simulation
+
+    def __call__(self, ctrl: Any, n_frames: int) -> None:  # noqa: ANN401
+        import mujoco  # type: ignore[import-untyped]
+
+        model, data = self._simulation.model, self._simulation.data
+        data.ctrl[:] = ctrl
+        for _ in range(n_frames):
+            mujoco.mj_step(model, data)
+            for feed in self.feeds:
+                feed()
+        mujoco.mj_rnePostConstraint(model, data)
+
+
+def _follow_mujoco(simulation: Any, feed: Number) -> _Undo:  # noqa: ANN401
+    around = vars(simulation).get("_step_mujoco_simulation")
+    if isinstance(around, _Loop):  # of a monitor around this one
+        around.feeds.append(feed)
+        return around.feeds.pop
+    simulation._step_mujoco_simulation = _Loop(simulation, feed)  # noqa: SLF001
+    return lambda: vars(simulation).pop("_step_mujoco_simulation")
+
+
+def _follow_road(simulation: Any, feed: Number) -> _Undo:  # noqa: ANN401
+    road = simulation.road  # every reset makes a new one
+    step = road.step
+
+    def followed(dt: float) -> None:
+        step(dt)
+        feed()
+
+    around = vars(road).get("step")
+    road.step = followed
+    if around is None:
+        return lambda: vars(road).pop("step")
+    return lambda: setattr(road, "step", around)
