@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
-import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -219,10 +218,9 @@ class AbstractSpecification:
         self.out_var, _, self.out_var_field = self._result.partition(".")
         computed = {name.partition(".")[0] for name in parsed.formulas} | {self.out_var}
         self.free_vars -= computed
-        for variable in {*parsed.variables, *computed}:
-            if not self._field(variable)[1]:
-                self.var_object_dict.setdefault(variable, self._initial())
-                self.vars.add(variable)
+        for name in {*map(self._source, parsed.variables), *computed}:
+            self.var_object_dict.setdefault(name, self._initial())
+            self.vars.add(name)
         self._parsed = parsed
         self._forget()
 
@@ -278,8 +276,7 @@ class AbstractSpecification:
 
     def _options(self) -> Options:
         """What monitors and evaluations are given."""
-        heads = {self._field(v)[0] for v in self._specification().variables}
-        roles = {head: self.var_io_dict.get(head, "output") for head in sorted(heads)}
+        roles = {name: self.var_io_dict.get(name, "output") for name in self._sources()}
         return {
             "backend": "native" if self.language is Language.CPP else "auto",
             "semantics": self.semantics.value,
@@ -287,18 +284,11 @@ class AbstractSpecification:
             "outputs": tuple(name for name, role in roles.items() if role == "output"),
         }
 
-    def _field(self, variable: str) -> tuple[str, str]:
-        """The declared message and the path of the field that a variable is, or itself and ''."""
-        head, _, path = variable.partition(".")
-        return (head, path) if path and head in self._types else (variable, "")
+    def _source(self, variable: str) -> str:
+        """The name under which a variable is given: that of the declared message, or its own."""
+        message = variable.partition(".")[0]
+        return message if message in self._types else variable
 
-    def _columns(self, data: Mapping[str, Any], signals: Iterable[str]) -> dict[str, Any]:
-        """For each variable what the data say of it: its values, or those of its field."""
-        columns: dict[str, Any] = {}
-        for variable in signals:
-            head, path = self._field(variable)
-            if head in data:
-                columns[variable] = (
-                    [*map(operator.attrgetter(path), data[head])] if path else data[head]
-                )
-        return columns
+    def _sources(self) -> tuple[str, ...]:
+        """The names of all that is needed."""
+        return tuple(dict.fromkeys(map(self._source, self._specification().variables)))

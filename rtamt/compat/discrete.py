@@ -7,7 +7,7 @@ it gives the robustness that the trace has at its first sample if it ends now.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -19,6 +19,7 @@ from rtamt.compat.options import Language, Semantics
 from rtamt.errors import InputError, SpecificationError, StateError
 from rtamt.explanation import Explanation, explain
 from rtamt.interval import UNITS
+from rtamt.messages import write_fields
 from rtamt.monitor import EpisodeMonitor, Monitor, evaluate
 from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
@@ -124,7 +125,10 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
     _robustness: float
     _least: float
     _most: float
-    _read_sample: Callable[[Mapping[str, Any]], Sequence[Any]]
+    _names: tuple[str, ...]
+    """What is read of `var_object_dict`."""
+    _arguments: Callable[[Mapping[str, Any]], Iterable[Any]]
+    """Those values as arguments of a monitor."""
 
     def update(self, timestamp: float, dataset: Iterable[tuple[str, Any]]) -> float:
         """Take in one sample and give the robustness, late by the latency.
@@ -144,7 +148,7 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         monitor = self._monitor or self._start()
         values = self.var_object_dict.copy()
         values.update(dataset)
-        sample = self._read_sample(values)
+        sample = self._arguments(values)
         last = self._time
         violated = last is not None and not self._least <= timestamp - last <= self._most
         robustness = monitor.update(*sample)
@@ -158,7 +162,8 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         if violated:
             self.sampling_violation_counter += 1
         if self._published:
-            self._publish(robustness)
+            message = {self.out_var: values[self.out_var]}
+            write_fields(monitor.specification, {self._result: robustness}, message)
         return robustness
 
     def reset(self) -> None:
@@ -177,27 +182,17 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         self._time = None
         self._least, self._most = self._durations()
         self.sampling_violation_counter = 0
-        fields = [self._field(name) for name in monitor.variables]
-        self._fields = [
-            (head, operator.attrgetter(path) if path else None) for head, path in fields
-        ]
-        self._read_sample = self._row
-        if len(fields) > 1 and not any(path for _, path in fields):
-            # The same in a sixth of the time; of one name it would give no tuple.
-            self._read_sample = operator.itemgetter(*monitor.variables)
-        self._published = bool(self._field(self._result)[1])
+        self._names = self._sources()
+        self._arguments = self._by_name
+        if len(self._names) > 1 and self._names == monitor.variables:
+            # By position, in a sixth of the time; of one name it would give no tuple.
+            self._arguments = operator.itemgetter(*self._names)
+        self._published = self._source(self._result) != self._result
         self._monitor, self._ran = monitor, self._now
         return monitor
 
-    def _row(self, values: Mapping[str, Any]) -> list[Any]:
-        return [read(values[head]) if read else values[head] for head, read in self._fields]
-
-    def _publish(self, robustness: float) -> None:
-        """Write the robustness into the message of which it is a field."""
-        message, _, field = self._result.rpartition(".")
-        head, _, path = message.partition(".")
-        holder = self.var_object_dict[head]
-        setattr(operator.attrgetter(path)(holder) if path else holder, field, robustness)
+    def _by_name(self, values: Mapping[str, Any]) -> tuple[dict[str, Any]]:
+        return ({name: values[name] for name in self._names},)
 
     def _now(self, formula: str) -> float:
         assert self._monitor is not None  # noqa: S101 - for the type checker
@@ -238,7 +233,7 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
             msg = "expected the times of the samples as 'time', got none"
             raise InputError(msg)
         time = list(dataset["time"])
-        columns = self._columns(dataset, spec.variables)
+        columns = {name: dataset[name] for name in self._sources() if name in dataset}
         robustness = self._robustness_of(spec, columns, len(time))
         least, most = self._durations()
         steps = np.diff(np.asarray(time, dtype=np.float64))
