@@ -160,10 +160,9 @@ def write_fields(
     for name, message in messages.items():
         here = [(field, field.holder(message)) for field in fields.under(name)]
         if not here:
-            listed = ", ".join(sorted(fields.names))
-            known = (
-                f"; they name fields of {listed}" if listed else "; write one as out.value = ..."
-            )
+            known = f"; write {name}.value = FORMULA"
+            if fields.names:
+                known = f"; they name fields of {', '.join(sorted(fields.names))}"
             msg = f"no formula names a field of '{name}'{known}"
             raise InputError(msg)
         targets += here
