@@ -19,7 +19,15 @@ from rtamt.errors import InputError, InputTypeError, nearest
 from rtamt.messages import Field, Messages
 from rtamt.program import Const, Load, Map, Program
 
-__all__ = ["Columns", "NanPolicy", "SampleReader", "array_of_numbers", "nearest"]
+__all__ = [
+    "Columns",
+    "NanPolicy",
+    "SampleReader",
+    "array_of_numbers",
+    "kind_of",
+    "nearest",
+    "refuse_term",
+]
 
 NanPolicy = Literal["raise", "hold"]
 Columns = Mapping[str, ArrayLike] | ArrayLike
@@ -142,12 +150,12 @@ class SampleReader:
         if isinstance(value, str | bytes | complex | np.complexfloating) or not hasattr(
             value, "__float__"
         ):
-            msg = f"expected a number for '{name}' at sample {sample}, got {_kind(value)}"
+            msg = f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
             raise InputTypeError(msg)
         try:
             return float(cast("SupportsFloat", value))
         except (TypeError, ValueError, OverflowError):  # an array of several values, for one
-            msg = f"expected a number for '{name}' at sample {sample}, got {_kind(value)}"
+            msg = f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
             raise InputTypeError(msg) from None
 
     def refuse_nan(self, name: str, sample: int) -> NoReturn:
@@ -224,7 +232,7 @@ class SampleReader:
             if isinstance(messages, Mapping):  # of columns
                 return field.of(messages, sample)
             if not isinstance(messages, Iterable):
-                got = _kind(messages)
+                got = kind_of(messages)
                 msg = f"expected a message for every sample as '{field.message}', got {got}"
                 raise InputTypeError(msg)
             return [field.of(message, sample + i) for i, message in enumerate(messages)]
@@ -258,26 +266,35 @@ class SampleReader:
         Raises:
             InputError: Naming the term, the sample and the values.
         """
-        registers: list[float] = []
-        for instruction in self.program.instructions[: self.program.terms]:
-            match instruction:
-                case Load(variable):
-                    registers.append(values[self.variables.index(variable)])
-                case Const(value):
-                    registers.append(value)
-                case Map(function, args):
-                    registers.append(FUNCTIONS[function].apply(*(registers[a] for a in args)))
-            if math.isnan(registers[-1]):
-                source = self.program.sources[len(registers) - 1]
-                where = ", ".join(
-                    f"{v} = {x!r}"
-                    for v, x in zip(self.variables, values, strict=True)
-                    if v in source.variables
-                )
-                msg = f"'{source}' is not a number at sample {sample}{self._where}, where {where}"
-                raise InputError(msg)
-        msg = f"no term is nan at sample {sample}"
-        raise AssertionError(msg)
+        refuse_term(self.program, values, f"sample {sample}{self._where}")
+
+
+def refuse_term(program: Program, values: Sequence[float], place: str) -> NoReturn:
+    """Raise the error of the first term that is nan where the variables have these values.
+
+    Raises:
+        InputError: Naming the term, the place and the values.
+    """
+    registers: list[float] = []
+    for instruction in program.instructions[: program.terms]:
+        match instruction:
+            case Load(variable):
+                registers.append(values[program.variables.index(variable)])
+            case Const(value):
+                registers.append(value)
+            case Map(function, args):
+                registers.append(FUNCTIONS[function].apply(*(registers[a] for a in args)))
+        if math.isnan(registers[-1]):
+            source = program.sources[len(registers) - 1]
+            where = ", ".join(
+                f"{v} = {x!r}"
+                for v, x in zip(program.variables, values, strict=True)
+                if v in source.variables
+            )
+            msg = f"'{source}' is not a number at {place}, where {where}"
+            raise InputError(msg)
+    msg = f"no term is nan at {place}"
+    raise AssertionError(msg)
 
 
 def array_of_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
@@ -291,10 +308,10 @@ def array_of_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
     try:
         array = np.asarray(values)
     except ValueError as ragged:
-        msg = f"expected an array of numbers for {what}, got {_kind(values)}"
+        msg = f"expected an array of numbers for {what}, got {kind_of(values)}"
         raise InputTypeError(msg) from ragged
     if array.dtype.kind not in "biuf" and array.size:
-        kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else _kind(values)
+        kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else kind_of(values)
         msg = f"expected an array of numbers for {what}, got {kind}"
         raise InputTypeError(msg)
     return array.astype(np.float64, copy=False)
@@ -304,7 +321,8 @@ def _is_count(n: object) -> bool:
     return isinstance(n, int | np.integer) and not isinstance(n, bool) and int(n) >= 0
 
 
-def _kind(value: object) -> str:
+def kind_of(value: object) -> str:
+    """Type and beginning of a value, for messages."""
     text = repr(value)
     shown = text if len(text) <= 40 else text[:37] + "..."
     return f"{type(value).__name__} {shown}"

@@ -24,10 +24,10 @@ from rtamt.program import (
 from rtamt.specification import Specification
 from rtamt.timing import samples
 
-__all__ = ["compile_program"]
+__all__ = ["ProgramBuilder", "compile_program"]
 
 
-class _Builder:
+class ProgramBuilder:
     """Writes instructions; equal ones share a register."""
 
     def __init__(
@@ -44,6 +44,30 @@ class _Builder:
         self.node: Node
         self.term = False
 
+    def program(self) -> Program:
+        """The program of the whole specification."""
+        specification = self.specification
+        known: dict[Node, int] = {}
+        formulas: Iterable[Formula] = (*specification.formulas.values(), specification.formula)
+        for formula in formulas:
+            for node in formula.nodes():
+                if node not in known:
+                    known[node] = self.lower(node, known)
+        raw = Program(
+            instructions=tuple(self.instructions),
+            terms=sum(self.is_term),
+            latencies=tuple(self.latencies),
+            result=known[specification.formula],
+            outputs={name: known[f] for name, f in specification.formulas.items()},
+            variables=specification.variables,
+            sources=tuple(self.sources),
+            specification=specification,
+        )
+        terms_first = sorted(range(len(raw.instructions)), key=lambda r: not self.is_term[r])
+        program = raw.reordered(terms_first, raw.terms).pruned()
+        program.verify()
+        return program
+
     def lower(self, node: Node, known: Mapping[Node, int]) -> int:
         """Write one node whose operands are written."""
         self.node = node
@@ -54,12 +78,15 @@ class _Builder:
             return self.constant(cast("float", node.leaf))
         args = [known[a] for a in node.args]
         if node.op.timed:
-            error = functools.partial(self.specification.error, node)
-            bounds = samples(node.interval, self.period, self.specification.unit, error)
-            return node.op.meaning(self, bounds, *args)
+            return node.op.meaning(self, self.bounds(node), *args)
         if node.op.holds is not None:
             return self._predicate(node, node.op.meaning, node.op.holds, args)
         return node.op.meaning(self, *args)
+
+    def bounds(self, node: Node) -> Bounds:
+        """The bounds of an operator's interval, in samples."""
+        error = functools.partial(self.specification.error, node)
+        return samples(node.interval, self.period, self.specification.unit, error)
 
     def _predicate(self, node: Node, value: Meaning, sign: Meaning, args: Sequence[int]) -> int:
         match self.interface.reading(node):
@@ -86,9 +113,11 @@ class _Builder:
         return register
 
     def constant(self, value: float) -> int:
+        """The same value at every sample, seen or not."""
         return self._emit(Const(value), term=True)
 
     def map(self, function: str, *args: int) -> int:
+        """The function of the operands' values now; of constants, a constant."""
         values = [i.value for i in map(self.instructions.__getitem__, args) if isinstance(i, Const)]
         if len(values) == len(args):
             value = FUNCTIONS[function].apply(*values)
@@ -98,11 +127,13 @@ class _Builder:
         return self._emit(Map(function, args), term=self.term)
 
     def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+        """The fold over offsets lo to hi from now; of the present alone, the last operand."""
         if lo == hi == 0:
             return args[-1]
         return self._emit(Window(monoid, lo, hi, args), term=False)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """The fold up to the begin of the interval, and p since then."""
         begin, end = bounds
         fold = self.window("since", None if end is None else -end, -begin, p, q)
         if begin == 0:
@@ -110,6 +141,7 @@ class _Builder:
         return self.map("min", self.window("min", 1 - begin, 0, p), fold)
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """P up to the begin of the interval, and the fold from there."""
         begin, end = bounds
         late_p, late_q = self.latencies[p], self.latencies[q]
         if begin == end:
@@ -160,27 +192,4 @@ def _cached(
 ) -> Program:
     if online:
         return _cached(specification, text, period, interface, online=False).online()
-    builder = _Builder(specification, period, interface)
-    known: dict[Node, int] = {}
-    formulas: Iterable[Formula] = (
-        *specification.formulas.values(),
-        specification.formula,
-    )
-    for formula in formulas:
-        for node in formula.nodes():
-            if node not in known:
-                known[node] = builder.lower(node, known)
-    raw = Program(
-        instructions=tuple(builder.instructions),
-        terms=sum(builder.is_term),
-        latencies=tuple(builder.latencies),
-        result=known[specification.formula],
-        outputs={name: known[f] for name, f in specification.formulas.items()},
-        variables=specification.variables,
-        sources=tuple(builder.sources),
-        specification=specification,
-    )
-    terms_first = sorted(range(len(raw.instructions)), key=lambda r: not builder.is_term[r])
-    program = raw.reordered(terms_first, raw.terms).pruned()
-    program.verify()
-    return program
+    return ProgramBuilder(specification, period, interface).program()

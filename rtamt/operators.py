@@ -70,6 +70,7 @@ class Operator:
             left, ``none`` does not chain.
         timed: Whether an interval may follow the operator.
         future: Whether the value depends on later samples.
+        sampled: Whether it speaks of neighbouring samples, which dense time has not.
         holds: For predicates: +inf where they hold, -inf where not; over a builder and registers.
         meaning: The robustness, over a builder and the operands' registers (after the bounds).
         doc: The robustness at sample i, in one line.
@@ -87,6 +88,7 @@ class Operator:
     grouping: Grouping = "none"
     timed: bool = False
     future: bool = False
+    sampled: bool = False
     holds: Meaning | None = None
 
     def __post_init__(self) -> None:
@@ -238,11 +240,14 @@ def _neighbour(name: str, other: str, meaning: Meaning, doc: str, *, future: boo
         meaning,
         doc,
         future=future,
+        sampled=True,
     )
 
 
 def _edge(name: str, meaning: Meaning, doc: str) -> Operator:
-    return Operator(name, (name,), "call", 13, "formula", "formula", (1, 1), meaning, doc)
+    return Operator(
+        name, (name,), "call", 13, "formula", "formula", (1, 1), meaning, doc, sampled=True
+    )
 
 
 def _binary(

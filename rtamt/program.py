@@ -183,8 +183,10 @@ class Program:
             msg = f"register {register} {what}"
             raise AssertionError(msg)
 
-    def online(self) -> Program:
-        """The program whose every register has a latency, for `Monitor`.
+    def online(
+        self, monitor: str = "Monitor", instead: str = "EpisodeMonitor or evaluate()"
+    ) -> Program:
+        """The program whose every register has a latency, for a monitor.
 
         A top-level ``always p`` or ``eventually p`` without end becomes the fold over all samples
         so far. Any other unbounded future is refused.
@@ -218,8 +220,8 @@ class Program:
                 raise program.specification.error(
                     source,
                     f"'{symbol}' without an end needs the whole future, "
-                    "for which Monitor cannot wait",
-                    f"write an end, as in {symbol}[0:10], or use EpisodeMonitor or evaluate()",
+                    f"for which {monitor} cannot wait",
+                    f"write an end, as in {symbol}[0:10], or use {instead}",
                 )
         return program
 

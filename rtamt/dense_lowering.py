@@ -1,0 +1,172 @@
+"""From a specification to a program over dense time.
+
+The meanings are those of the table of operators, the instructions those of discrete time. Offsets
+are whole numbers of ticks, the greatest time that divides every bound: they are exact, and become
+seconds only where a machine is made.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rtamt.formula import Node
+from rtamt.interface import STANDARD, Interface
+from rtamt.lowering import ProgramBuilder
+from rtamt.operators import Bounds
+from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.specification import Specification
+
+__all__ = ["DenseProgram", "compile_dense", "encoded_dense"]
+
+
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
+class DenseProgram:
+    """A compiled specification over dense time.
+
+    Attributes:
+        program: Its offsets and latencies are in ticks.
+        tick: A tick in the specification's unit.
+    """
+
+    program: Program
+    tick: Fraction
+
+    def time(self, ticks: int) -> float:
+        """Ticks in the specification's unit."""
+        return float(ticks * self.tick)
+
+    def latency(self, register: int) -> float:
+        """The time by which a register is late; inf if it needs the whole future."""
+        ticks = self.program.latencies[register]
+        return math.inf if ticks is None else self.time(ticks)
+
+
+class _DenseBuilder(ProgramBuilder):
+    """Writes instructions over intervals of time instead of samples."""
+
+    def __init__(self, specification: Specification, tick: Fraction, interface: Interface) -> None:
+        super().__init__(specification, None, interface)
+        self._tick = tick
+
+    def bounds(self, node: Node) -> Bounds:
+        """The bounds of an operator's interval, in ticks."""
+        begin, end = self.specification.bounds(node.interval)
+        return int(begin / self._tick), None if end is None else int(end / self._tick)
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """Write p on (t', t]: a witness inside a step needs p on the rest of that step."""
+        begin, end = bounds
+        if end == 0:
+            return q
+        oldest = None if end is None else begin - end
+        if oldest == 0:
+            recent = q
+        else:
+            fold = self.window("since", oldest, 0, p, self.map("min", p, q))
+            recent = self.map("max", q, fold)
+        if begin == 0:
+            return recent
+        held = self.window("min", -begin, 0, p)
+        return self.map("min", held, self.window("max", -begin, -begin, recent))
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """Write p on [t, t'): up to the begin of the interval, and from there to the witness."""
+        begin, end = bounds
+        # [t, t + begin] in place of [t, t + begin): another value at isolated instants only.
+        reached = self.window("until", 0, None if end is None else end - begin, p, q)
+        if begin == 0:
+            return reached
+        held = self.window("min", 0, begin, p)
+        return self.map("min", held, self.window("max", begin, begin, reached))
+
+    def lower(self, node: Node, known: Mapping[Node, int]) -> int:
+        """Write one node, unless it speaks of samples."""
+        if node.op is not None and node.op.sampled:
+            symbol = node.op.symbol
+            ways = "eventually[0:d]" if node.op.future else "once[0:d]"
+            raise self.specification.error(
+                node,
+                f"'{symbol}' speaks of neighbouring samples, and dense time has none",
+                f"look a time d away with {ways}, or use Monitor with a period",
+            )
+        return super().lower(node, known)
+
+
+def compile_dense(
+    specification: Specification, *, interface: Interface = STANDARD, online: bool = False
+) -> DenseProgram:
+    """The program of a specification over dense time.
+
+    Args:
+        specification: What to compile.
+        interface: Which robustness is meant; see `rtamt.interface`.
+        online: Whether every register must have a latency; see `Program.online`.
+
+    Raises:
+        SpecificationError: On operators that speak of neighbouring samples (`prev`, `next`, `rise`,
+            `fall`), a formula without variables, or if ``online`` on a future without end.
+    """
+    # Equal specifications may differ in their text, at which errors point.
+    return _cached(specification, specification.text, interface, online)
+
+
+@functools.lru_cache(maxsize=512)
+def _cached(
+    specification: Specification,
+    text: str,
+    interface: Interface,
+    online: bool,  # noqa: FBT001 - a key of the cache
+) -> DenseProgram:
+    if online:
+        offline = _cached(specification, text, interface, online=False)
+        program = offline.program.online("DenseMonitor", "evaluate_dense()")
+        return DenseProgram(program, offline.tick)
+    tick = _tick(specification)
+    program = _DenseBuilder(specification, tick, interface).program()
+    if not program.variables:
+        raise specification.error(
+            specification.formula,
+            "without variables there are no events, which give a trace its begin and end",
+            "use evaluate() with n=, or a formula of a variable",
+        )
+    return DenseProgram(program, tick)
+
+
+def _tick(specification: Specification) -> Fraction:
+    """The greatest time of which every bound is a multiple."""
+    formulas: Iterable[Node] = (*specification.formulas.values(), specification.formula)
+    intervals = {node.interval for formula in formulas for node in formula.nodes()}
+    bounds = [b for i in intervals for b in specification.bounds(i) if b]
+    if not bounds:
+        return Fraction(1)
+    scale = math.lcm(*(b.denominator for b in bounds))
+    return Fraction(math.gcd(*(int(b * scale) for b in bounds)), scale)
+
+
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def encoded_dense(dense: DenseProgram) -> tuple[tuple[object, ...], ...]:
+    """The instructions as the tuples that the C++ machine reads; a row for each register.
+
+    ``(kind, name, first operand, second operand, value, lo, hi)``: bounds that are none are -inf
+    and inf, and where there is no second operand the first stands twice.
+    """
+    program = dense.program
+    rows: list[tuple[object, ...]] = []
+    for instruction in program.instructions:
+        match instruction:
+            case Load(variable):
+                index = program.variables.index(variable)
+                rows.append(("LOAD", variable, index, 0, 0.0, 0.0, 0.0))
+            case Const(value):
+                rows.append(("CONST", "", 0, 0, value, 0.0, 0.0))
+            case Map(function, args):
+                rows.append(("MAP", function, args[0], args[-1], 0.0, 0.0, 0.0))
+            case Window(monoid, lo, hi, args):
+                first = -math.inf if lo is None else dense.time(lo)
+                last = math.inf if hi is None else dense.time(hi)
+                rows.append(("WINDOW", monoid, args[0], args[-1], 0.0, first, last))
+    return tuple(rows)

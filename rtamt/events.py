@@ -1,0 +1,303 @@
+"""Signals over dense time: events, and from what a caller hands in to arrays of them.
+
+Both back-ends use the reader: the Python machine for everything, the native one for the forms that
+it does not take itself and for every message.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NoReturn, SupportsFloat, cast, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.errors import InputError, InputTypeError, StateError
+from rtamt.inputs import array_of_numbers, kind_of, nearest, refuse_term
+from rtamt.program import Program
+
+__all__ = ["Column", "EventReader", "Events", "EventsLike"]
+
+Array = NDArray[np.float64]
+Column = tuple[Array, Array]
+"""Times and values of one variable's events."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Events(Sequence[tuple[float, float]]):
+    """A signal over dense time: each value lasts until the time of the next one.
+
+    A sequence of (time, value), equal to any other of the same pairs. The last event is the end.
+
+    Attributes:
+        times: Finite numbers that increase; read-only.
+        values: As many numbers, infinite ones too; read-only.
+
+    Raises:
+        InputError: On times that do not increase, a nan, arrays of different length.
+        InputTypeError: On what holds no real numbers.
+
+    Example:
+        >>> speed = Events([0, 1.5, 4], [10, 12, 11])
+        >>> speed[1], len(speed), speed == [(0, 10), (1.5, 12), (4, 11)]
+        ((1.5, 12.0), 3, True)
+    """
+
+    times: Array
+    values: Array
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, and close them."""
+        for name in ("times", "values"):
+            array = array_of_numbers(getattr(self, name), f"the {name} of events").copy()
+            if array.ndim != 1:
+                msg = f"expected a 1-D array for the {name} of events, got shape {array.shape}"
+                raise InputError(msg)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        if len(self.times) != len(self.values):
+            msg = f"expected as many values as times, got {len(self.values)} and {len(self.times)}"
+            raise InputError(msg)
+        _check(self.times, self.values, "", -math.inf)
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[float, float]: ...
+    @overload
+    def __getitem__(self, index: slice) -> Events: ...
+    def __getitem__(self, index: int | slice) -> tuple[float, float] | Events:
+        if isinstance(index, slice):
+            return Events(self.times[index], self.values[index])
+        return float(self.times[index]), float(self.values[index])
+
+    def __iter__(self) -> Iterator[tuple[float, float]]:
+        return iter(zip(self.times.tolist(), self.values.tolist(), strict=True))
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, Events):
+            same = (
+                np.array_equal(self.times, other.times),
+                np.array_equal(self.values, other.values),
+            )
+            return all(same)
+        if isinstance(other, str | bytes) or not isinstance(other, Sequence | np.ndarray):
+            return NotImplemented
+        return len(self) == len(other) and all(
+            isinstance(pair, Sequence | np.ndarray) and mine == tuple(pair)
+            for mine, pair in zip(self, other, strict=True)
+        )
+
+    __hash__ = None  # type: ignore[assignment] # equal to lists, which have none
+
+    def __reduce__(self) -> tuple[type[Events], Column]:
+        return Events, (self.times, self.values)
+
+    def __repr__(self) -> str:
+        times, values = (reprlib.repr(a.tolist()) for a in (self.times, self.values))
+        return f"Events({times}, {values})"
+
+
+EventsLike = Events | ArrayLike | Iterable[Sequence[float]]
+"""What means events: a sequence of (time, value), an array of shape (n, 2), or `Events`."""
+
+
+class EventReader:
+    """Reads the events of a program's variables.
+
+    Args:
+        program: Says which variables there are and which terms can fail.
+    """
+
+    __slots__ = ("program", "variables")
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self.variables = program.variables
+
+    def read(self, events: Mapping[str, EventsLike], last: Sequence[float]) -> list[Column]:
+        """The new events of every variable, in the order of the variables.
+
+        Args:
+            events: Of some variables or all; no new events of the others.
+            last: Time of every variable's last event; -inf where there was none.
+
+        Raises:
+            InputError: On an unknown variable, times that do not increase, a nan, a wrong shape.
+            InputTypeError: On what is no mapping, or on what are no real numbers.
+        """
+        named = _mapping(events)
+        for name in named:
+            if name not in self.variables:
+                hint = nearest(str(name), self.variables) or self._list()
+                msg = f"unknown variable '{name}'{hint}"
+                raise InputError(msg)
+        return [
+            _column(named[name], name, after) if name in named else _NONE
+            for name, after in zip(self.variables, last, strict=True)
+        ]
+
+    def whole(self, events: Mapping[str, EventsLike]) -> list[Column]:
+        """All events of every variable, in the order of the variables; others are ignored.
+
+        Raises:
+            InputError: As `read` does, and on a variable without events.
+            InputTypeError: As `read` does.
+        """
+        named = _mapping(events)
+        columns = []
+        for name in self.variables:
+            column = _column(named[name], name, -math.inf) if name in named else _NONE
+            if not len(column[0]):
+                msg = f"expected events of every variable, got none of '{name}'{self._list()}"
+                raise InputError(msg)
+            columns.append(column)
+        return columns
+
+    def refuse(self, values: Sequence[float], time: float) -> NoReturn:
+        """Raise the error of the first term that is nan at a time.
+
+        Raises:
+            InputError: Naming the term, the time and the values.
+        """
+        refuse_term(self.program, values, f"time {time!r}")
+
+    def refuse_end(self, first: Sequence[float], last: Sequence[float]) -> NoReturn:
+        """Raise the error of a trace that cannot end, as it has no beginning.
+
+        Args:
+            first: Time of every variable's first event; inf where there was none.
+            last: Time of every variable's last event; -inf where there was none.
+
+        Raises:
+            StateError: If a variable has no event yet.
+            InputError: If there is no time at which all variables are known.
+        """
+        latest, earliest = max(first), min(last)
+        ends = self.variables[list(last).index(earliest)]
+        if math.isinf(earliest):
+            msg = f"finish() needs an event of every variable, got none of '{ends}' since reset"
+            raise StateError(msg)
+        begins = self.variables[list(first).index(latest)]
+        msg = (
+            f"expected signals that overlap in time, got '{ends}', which ends at {earliest!r}, "
+            f"and '{begins}', which begins at {latest!r}"
+        )
+        raise InputError(msg)
+
+    def refuse_update(self) -> NoReturn:
+        """Raise the error of events after the end.
+
+        Raises:
+            StateError: Always.
+        """
+        msg = "the trace is finished; call reset() before the next update"
+        raise StateError(msg)
+
+    def _list(self) -> str:
+        return f"; the variables are {', '.join(self.variables)}"
+
+
+_NOTHING = np.empty(0)
+_NONE: Column = (_NOTHING, _NOTHING)
+
+
+def _mapping(events: object) -> Mapping[str, EventsLike]:
+    if not isinstance(events, Mapping):
+        msg = (
+            "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
+            f"got {kind_of(events)}"
+        )
+        raise InputTypeError(msg)
+    return events
+
+
+def _column(given: object, name: str, after: float) -> Column:
+    """The events of a variable, which come after a time."""
+    if isinstance(given, Events):
+        times, values = given.times, given.values
+    else:
+        table = _table(given, name)
+        times, values = (np.ascontiguousarray(column) for column in table.T)
+    _check(times, values, f" of '{name}'", after)
+    return times, values
+
+
+def _table(given: object, name: str) -> Array:
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+        msg = f"expected {_forms(name)}, got {kind_of(given)}"
+        raise InputTypeError(msg)
+    if isinstance(given, np.ndarray):
+        table = array_of_numbers(given, f"the events of '{name}'")
+        if not table.size:
+            return np.empty((0, 2))
+        if table.ndim != 2 or table.shape[1] != 2:
+            msg = f"expected {_forms(name)}, got shape {table.shape}"
+            raise InputError(msg)
+        return table
+    events = list(given)
+    try:
+        table = np.array(events)
+    except (ValueError, TypeError):  # pairs and others
+        table = _NOTHING
+    if table.dtype.kind in "biuf" and table.ndim == 2 and table.shape[1] == 2:
+        return table.astype(np.float64, copy=False)
+    pairs = [_pair(event, i, name) for i, event in enumerate(events)]
+    return np.array(pairs, np.float64).reshape(-1, 2)
+
+
+def _forms(name: str) -> str:
+    return f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or Events"
+
+
+def _pair(event: object, i: int, name: str) -> tuple[float, float]:
+    if isinstance(event, Sequence | np.ndarray) and not isinstance(event, str | bytes):
+        parts = list(event) if np.ndim(cast("ArrayLike", event)) else []
+        if len(parts) == 2:
+            return _number(parts[0], "time", i, name), _number(parts[1], "value", i, name)
+    msg = f"expected (time, value) as event {i} of '{name}', got {kind_of(event)}"
+    raise InputError(msg)
+
+
+def _number(value: object, what: str, i: int, name: str) -> float:
+    if not isinstance(value, str | bytes | complex | np.complexfloating):
+        try:
+            return float(cast("SupportsFloat", value))
+        except (TypeError, ValueError, OverflowError):
+            pass
+    msg = f"expected a number as the {what} of event {i} of '{name}', got {kind_of(value)}"
+    raise InputTypeError(msg)
+
+
+def _check(times: Array, values: Array, name: str, after: float) -> None:
+    """Refuse what is no signal: times that do not increase or are not finite, values that are nan.
+
+    Raises:
+        InputError: Naming the event.
+    """
+    finite = np.isfinite(times)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        msg = f"expected a finite time at event {i}{name}, got {times[i].item()!r}"
+        raise InputError(msg)
+    before = np.concatenate([[after], times[:-1]])
+    late = times > before
+    if not late.all():
+        i = int(np.argmin(late))
+        msg = (
+            f"expected a time after {before[i].item()!r} at event {i}{name}, "
+            f"got {times[i].item()!r}"
+        )
+        raise InputError(msg)
+    missing = np.isnan(values)
+    if missing.any():
+        i = int(np.argmax(missing))
+        msg = (
+            f"event {i}{name}, at time {times[i].item()!r}, is nan; "
+            "leave it out: a value lasts until the next event"
+        )
+        raise InputError(msg)
