@@ -23,6 +23,7 @@ FLOORS = (
     ("interface", "timing", "program", "lowering", "dense_lowering", "polarity"),
     (
         "inputs",
+        "events",
         "messages",
         "lanes",
         "terms",
