@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-EPISODES = {"highway_rss": 2, "parking": 5}
+EPISODES = {"highway_rss": 2, "parking": 5, "walking_response": 3}
 
 
 @dataclass
@@ -87,3 +87,14 @@ def test_the_cautious_driver_keeps_the_rules_and_the_aggressive_one_breaks_one_a
     assert min(distances["cautious"]) > 0 > max(distances["aggressive"])
     crashes = [(float(row[5]), float(row[7])) for row in rows if row[-1] == "crash"]
     assert any(broken < crash for broken, crash in crashes)
+
+
+def test_a_walker_that_limps_is_stopped_within_a_stride_and_the_time_of_the_response(
+    runs: dict[str, Run],
+) -> None:
+    (_, sound, *_), *lame = runs["walking_response"].rows("knee")
+    assert sound == "SATISFIED"
+    assert len(lame) == 2
+    for fault, _, verdict, seconds, _ in lame:
+        assert verdict == "VIOLATED"
+        assert float(fault) < float(seconds) < float(fault) + 0.8 + 0.5
