@@ -1,6 +1,7 @@
-"""The command line: `rtamt demo`, `rtamt run`, `rtamt monitor`.
+"""The command line: `rtamt demo`, `rtamt run`, `rtamt monitor`, `rtamt explain`.
 
-Exit codes: 0, or 1 where `monitor` finds a violation; 2 on bad input, with one message on stderr.
+Exit codes: 0, or 1 where `monitor` or `explain` finds a violation; 2 on bad input, with one message
+on stderr.
 Gymnasium, MuJoCo and matplotlib are imported by the commands that need them.
 """
 
@@ -15,11 +16,17 @@ from typing import NoReturn
 
 import rtamt
 from rtamt import InputError, RtamtError
-from rtamt_gym.commands import demo, monitor, run
+from rtamt_gym.commands import demo, explain, monitor, run
 
 __all__ = ["main"]
 
-_EXTRAS = {"gymnasium": "gym", "mujoco": "gym", "highway_env": "highway", "matplotlib": "plot"}
+_EXTRAS = {
+    "gymnasium": "gym",
+    "mujoco": "gym",
+    "highway_env": "highway",
+    "matplotlib": "plot",
+    "pyarrow": "parquet",
+}
 """What has to be imported, and the extra that installs it."""
 
 _OPTIONS = (
@@ -82,7 +89,7 @@ def _parser() -> argparse.ArgumentParser:
         "--version", action="version", version=f"rtamt {rtamt.__version__} ({rtamt.BACKEND})"
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (demo, run, monitor):
+    for command in (demo, run, monitor, explain):
         command.add(commands)
     return parser
 

@@ -1,8 +1,9 @@
-"""A recorded trace under a specification: the verdict, and where the named formulas fail."""
+"""Recorded traces under specifications: the verdict, and where the named formulas fail."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -11,42 +12,54 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import SpecificationError, Verdict
-from rtamt_gym.tables import moment, number, shorten, table
-from rtamt_gym.trace import Trace
+from rtamt_gym.progress import progress
+from rtamt_gym.tables import instant, moment, number, shorten, table
+from rtamt_gym.trace import EventTrace, Trace
 
-__all__ = ["Judgement", "Row", "judge"]
+__all__ = [
+    "RESULT",
+    "Judgement",
+    "Series",
+    "described",
+    "judge",
+    "report",
+    "viewed",
+]
+
+Floats = NDArray[np.float64]
+
+_BLOCK = 1 << 14
+"""Samples after which the bar of progress is moved."""
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """What became of one formula.
+class Series:
+    """The robustness of one formula over a trace.
 
     Attributes:
-        name: Its name.
-        robustness: At the first sample.
-        least: The least over all samples.
-        least_at: The sample of the least robustness.
-        below_at: The first sample of negative robustness, or None.
+        times: When it takes each value; sample numbers where the period is unknown.
+        values: The values.
+        step: How far apart times usually are; None where they are sample numbers.
     """
 
-    name: str
-    robustness: float
-    least: float
-    least_at: int
-    below_at: int | None
+    times: Floats
+    values: Floats
+    step: float | None
 
-    @classmethod
-    def of(cls, name: str, values: NDArray[np.float64]) -> Row:
-        """The row of a formula of these robustness values."""
-        below = values < 0
-        least_at = int(values.argmin())
-        return cls(
-            name,
-            float(values[0]),
-            float(values[least_at]),
-            least_at,
-            int(below.argmax()) if below.any() else None,
-        )
+    def at(self, place: int) -> str:
+        """The time of a value, in words."""
+        return instant(float(self.times[place]), self.step)
+
+    @property
+    def least(self) -> int:
+        """The place of the first least value."""
+        return int(self.values.argmin())
+
+    @property
+    def below(self) -> int | None:
+        """The place of the first negative value."""
+        below = self.values < 0
+        return int(below.argmax()) if below.any() else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,117 +68,145 @@ class Judgement:
 
     Attributes:
         verdict: The sign of the robustness; UNDECIDED if that is 0.
-        robustness: Of the trace, which ends with its last sample.
-        certain_at: The sample from which the verdict was certain whatever came; None if only the
-            end of the trace decided it.
-        rows: The named formulas, the last of which is the result.
-        trace: The samples.
-        period: Seconds between samples, or None.
-        view: What was judged.
+        robustness: Of the trace, which ends with its last sample or event.
+        certain: In words, when the verdict was certain whatever came.
+        series: The robustness of the named formulas, the last of which is the result.
+        period: Seconds between samples; None for events, or where bounds count samples.
     """
 
     verdict: Verdict
     robustness: float
-    certain_at: int | None
-    rows: Sequence[Row]
-    trace: Trace
-    period: Fraction | None
-    view: str
+    certain: str
+    series: Mapping[str, Series]
+    period: Fraction | None = None
 
-    def lines(self) -> list[str]:
-        """The judgement in words and a table."""
-        certain = "at the end of the trace"
-        if self.certain_at is not None:
-            certain = f"certain from {self._at(self.certain_at)} on"
-        pace = "bounds count samples" if self.period is None else self._pace()
-        cells = [("formula", "at the start", "least", "at", "below 0 from")]
-        cells += [
-            (
-                shorten(row.name, 30),
-                number(row.robustness),
-                number(row.least),
-                self._at(row.least_at),
-                "-" if row.below_at is None else self._at(row.below_at),
+    def __str__(self) -> str:
+        return f"{self.verdict.name}, robustness {number(self.robustness)}, {self.certain}"
+
+
+def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
+    """A trace in words: how long it is, and from when to when."""
+    if isinstance(trace, EventTrace):
+        begin, end = (instant(time, trace.step) for time in trace.span)
+        return f"{trace.source}: {_count(trace.events, 'event')}, {begin} to {end}"
+    samples = f"{trace.source}: {_count(trace.samples, 'sample')}"
+    if period is None:
+        return f"{samples}, bounds count samples"
+    begin, end = (moment(i, period, trace.start) for i in (0, trace.samples - 1))
+    return f"{samples}, one every {number(float(period))} s, {begin} to {end}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"1 {what}" if number == 1 else f"{number} {what}s"
+
+
+RESULT = "(result)"
+"""Stands for the name of a result that has none."""
+
+
+def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
+    """Judgements in words and a table.
+
+    Args:
+        judgements: By the name of the specification, which is shown if there are several.
+        trace: What was judged, in words.
+    """
+    several = len(judgements) > 1
+    cells = [("spec", "formula", "at the start", "least", "at", "below 0 from")]
+    for name, judgement in judgements.items():
+        for formula, series in judgement.series.items():
+            least, below = series.least, series.below
+            cells.append(
+                (
+                    shorten(name, 20) if formula == next(iter(judgement.series)) else "",
+                    shorten(formula, 20 if several else 30),
+                    number(float(series.values[0])),
+                    number(float(series.values[least])),
+                    series.at(least),
+                    "-" if below is None else series.at(below),
+                )
             )
-            for row in self.rows
-        ]
-        return [
-            f"{self.verdict.name}, robustness {number(self.robustness)}, {certain}",
-            f"{self.trace.source}: {_count(self.trace.samples)}, {pace}",
-            "",
-            *table(cells, "<>>>>"),
-        ]
-
-    def _at(self, sample: int) -> str:
-        return moment(sample, self.period, self.trace.start)
-
-    def _pace(self) -> str:
-        period = self.period or Fraction(0)
-        last = moment(self.trace.samples - 1, self.period, self.trace.start)
-        return f"one every {number(float(period))} s, {self._at(0)} to {last}"
+    return [
+        *(f"{name}: {j}" if several else str(j) for name, j in judgements.items()),
+        trace,
+        "",
+        *(table(cells, "<<>>>>") if several else table([row[1:] for row in cells], "<>>>>")),
+    ]
 
 
-def judge(
-    spec: rtamt.Specification,
-    trace: Trace,
-    period: str | Fraction | None = None,
-    view: str = "episode",
-) -> Judgement:
-    """Judges a trace that ends with its last sample.
+def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
+    """The specification of the whole.
 
     Args:
         spec: The specification.
-        trace: The samples.
-        period: Seconds between samples, or text with a unit; None reads the column of times.
         view: ``"episode"``: the formula speaks of the first sample, and through its operators of
             what follows; ``"step"``: of every sample, as ``always(formula)`` does.
 
     Raises:
-        SpecificationError: If a bound is not a multiple of the period, or if the formula says
-            nothing of any sample but the first and ``view`` is ``"episode"``.
-        InputError: If the times of the trace do not go up in even steps.
+        SpecificationError: If the formula says nothing of any sample but the first and ``view`` is
+            ``"episode"``.
     """
-    if period is None:
-        period = trace.period()
-    if period is None and trace.times is not None and spec.timed:
-        raise SpecificationError(
-            f"{trace.source}: expected at least two samples to read the period from, got one; "
-            "give period= in seconds"
-        )
-    monitor = rtamt.EpisodeMonitor(spec, period)
-    period = monitor.period
     if view == "step":
-        monitor = rtamt.EpisodeMonitor(spec.always(), period)
-    elif not spec.looks_ahead:
+        return spec.always()
+    if not spec.looks_ahead:
         raise SpecificationError(
             f"the specification speaks of the first sample only: {spec.formula}; "
-            f"write always({spec.formula}) or view='step'"
+            f"write always({spec.formula}) or --view step"
         )
+    return spec
+
+
+def judge(
+    spec: rtamt.Specification, trace: Trace, period: Fraction | str | None, view: str
+) -> Judgement:
+    """Judges samples, of which the last ends the trace.
+
+    Args:
+        spec: The specification.
+        trace: The samples.
+        period: Seconds between samples, or text with a unit, or None.
+        view: As for `viewed`.
+
+    Raises:
+        SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
+    """
+    monitor = rtamt.EpisodeMonitor(viewed(spec, view), period)
     certain_at = _feed(monitor, trace)
     robustness = monitor.finish()
-    verdict = monitor.verdict
+    period = monitor.period
+    step = None if period is None else float(period)
+    times = np.arange(float(trace.samples))
+    if period is not None:
+        times = trace.start + times * period.numerator / period.denominator
+    series = {
+        name: Series(times, rtamt.evaluate(formula, trace.columns, period, n=trace.samples), step)
+        for name, formula in _formulas(spec).items()
+    }
+    certain = "at the end of the trace"
+    if certain_at is not None:
+        certain = f"certain from {instant(float(times[certain_at]), step)} on"
+    return Judgement(monitor.verdict, robustness, certain, series, period)
+
+
+def _formulas(spec: rtamt.Specification) -> dict[str, rtamt.Formula]:
     formulas = dict(spec.formulas)
     if spec.formula not in formulas.values():
-        formulas["(result)"] = spec.formula
-    rows = [
-        Row.of(name, rtamt.evaluate(formula, trace.columns, period, n=trace.samples))
-        for name, formula in formulas.items()
-    ]
-    return Judgement(verdict, robustness, certain_at, rows, trace, period, view)
+        formulas[RESULT] = spec.formula
+    return formulas
 
 
 def _feed(monitor: rtamt.EpisodeMonitor, trace: Trace) -> int | None:
     """Feeds all samples; the first at which the verdict was certain."""
     columns = [trace.columns[name].tolist() for name in monitor.variables]
     samples = zip(*columns, strict=True) if columns else iter([()] * trace.samples)
-    for at, sample in enumerate(samples):
-        monitor.update(*sample)
-        if monitor.verdict != Verdict.UNDECIDED:
-            for later in samples:
-                monitor.update(*later)
-            return at
-    return None
-
-
-def _count(samples: int) -> str:
-    return "1 sample" if samples == 1 else f"{samples} samples"
+    certain_at = None
+    with progress("judging", trace.samples, " samples") as advance:
+        at = 0
+        while block := list(itertools.islice(samples, _BLOCK)):
+            for sample in block:
+                monitor.update(*sample)
+                if certain_at is None and monitor.verdict:
+                    certain_at = at
+                at += 1
+            advance(len(block))
+    return certain_at

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-__all__ = ["moment", "number", "shorten", "table"]
+__all__ = ["instant", "moment", "number", "shorten", "table"]
 
 
 def number(value: float) -> str:
@@ -18,6 +19,19 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
+def instant(time: float, step: float | None) -> str:
+    """A time in seconds, in the digits that tell it from one a step later; or a sample's number.
+
+    Example:
+        >>> instant(1 / 3, 0.1), instant(1.7e9 + 0.1, 0.1), instant(3, None)
+        ('0.333333 s', '1700000000.1 s', 'sample 3')
+    """
+    if step is None:
+        return f"sample {time:.0f}"
+    digits = int(math.log10(max(abs(time) / step, 1.0))) + 3
+    return f"{time:.{max(digits, 6)}g} s"
+
+
 def moment(sample: int, period: Fraction | None, start: float = 0.0) -> str:
     """When a sample was taken: in seconds where the period is known.
 
@@ -26,8 +40,8 @@ def moment(sample: int, period: Fraction | None, start: float = 0.0) -> str:
         ('1.5 s', 'sample 3')
     """
     if period is None:
-        return f"sample {sample}"
-    return f"{number(start + float(sample * period))} s"
+        return instant(sample, None)
+    return instant(start + float(sample * period), float(period))
 
 
 def shorten(text: str, width: int) -> str:

@@ -1,11 +1,10 @@
-"""Recorded traces: comma-separated samples below a line of names."""
+"""Recorded traces: samples at even distances, or events at any time."""
 
 from __future__ import annotations
 
-import csv
 import difflib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -13,11 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt_gym.recordings import Recording, Rows
 
-__all__ = ["TIME", "Trace", "read_trace"]
+__all__ = ["TIME", "EventTrace", "Trace", "read_events", "read_trace"]
+
+Floats = NDArray[np.float64]
 
 TIME = "time"
-"""The column that says when a sample was taken, in seconds."""
+"""The column that says when a sample was taken, or an event came, in seconds."""
+
+VARIABLE, VALUE = "variable", "value"
+"""The columns of a recording of which every row is one event."""
 
 _JITTER = 0.01
 """Part of the period by which the distance of two samples may be off."""
@@ -25,29 +30,32 @@ _JITTER = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Samples of the variables of a specification.
+    """Samples of the variables of specifications.
 
     Attributes:
         source: Where they come from, for messages.
         columns: The variables and their values.
         samples: How many there are.
         times: The column of times, if there is one.
-        lines: The line of each sample in the file, from 1.
+        where: The file and line of a sample, for messages.
     """
 
     source: str
-    columns: dict[str, NDArray[np.float64]]
+    columns: Mapping[str, Floats]
     samples: int
-    times: NDArray[np.float64] | None
-    lines: Sequence[int]
+    times: Floats | None
+    where: Callable[[int], str]
 
     @property
     def start(self) -> float:
         """Time of the first sample; 0 if no column says."""
         return 0.0 if self.times is None else float(self.times[0])
 
-    def period(self) -> Fraction | None:
+    def period(self, uneven: str = "") -> Fraction | None:
         """Seconds between samples by the column of times; None if there is none, or one sample.
+
+        Args:
+            uneven: One more thing to do about times that increase unevenly, for the message.
 
         Raises:
             InputError: If the times do not increase, or not evenly.
@@ -60,10 +68,12 @@ class Trace:
             at = int((steps <= 0).argmax() if usual <= 0 else odd.argmax())
             before, after = self.times[at], self.times[at + 1]
             rest = "" if usual <= 0 else f", elsewhere {usual:.6g} s"
+            way_out = f"resample the trace, or give --period to leave the column '{TIME}' aside"
+            if uneven and (steps > 0).all():
+                way_out = f"{uneven}, {way_out}"
             raise InputError(
-                f"{self.source}, line {self.lines[at + 1]}: expected samples at even distances, "
-                f"got time {after:.6g} after {before:.6g}{rest}; "
-                f"resample the trace, or give period= to leave the column '{TIME}' aside"
+                f"{self.where(at + 1)}: expected samples at even distances, "
+                f"got time {after:.6g} after {before:.6g}{rest}; {way_out}"
             )
         mean = float(self.times[-1] - self.times[0]) / (self.samples - 1)
         # What the times cannot resolve, 0.1 + 0.2 = 0.30000000000000004, is no part of the period.
@@ -71,89 +81,161 @@ class Trace:
         return _simple(mean, blur)
 
 
-def read_trace(lines: Iterable[str], source: str, variables: Sequence[str]) -> Trace:
+@dataclass(frozen=True, slots=True)
+class EventTrace:
+    """Signals that keep a value from one event to the next.
+
+    Attributes:
+        source: Where they come from, for messages.
+        signals: Times and values of the events of every variable.
+    """
+
+    source: str
+    signals: Mapping[str, tuple[Floats, Floats]]
+
+    @property
+    def events(self) -> int:
+        """How many there are."""
+        return sum(len(times) for times, _ in self.signals.values())
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From when to when every variable has a value."""
+        ends = [(float(times[0]), float(times[-1])) for times, _ in self.signals.values()]
+        return max(first for first, _ in ends), min(last for _, last in ends)
+
+    @property
+    def step(self) -> float:
+        """The usual distance of two events of the most frequent variable, in seconds."""
+        gaps = [float(np.median(np.diff(t))) for t, _ in self.signals.values() if len(t) > 1]
+        return min(gaps, default=1.0)
+
+
+def read_trace(recording: Recording, variables: Sequence[str]) -> Trace:
     """The samples of the variables; other columns but that of times are not looked at.
 
-    Args:
-        lines: The lines of the file; the first names the columns.
-        source: Name of the file, for messages.
-        variables: Names of the columns that are needed.
-
     Raises:
-        InputError: On a missing column, a line with too few or too many values, or a value that is
-            no number; nan is none. Says which line.
+        InputError: On a missing column, a value that is no number, or if there is no sample.
 
     Example:
-        >>> trace = read_trace(["time,x", "0,5", "0.5,4"], "trace.csv", ["x"])
+        >>> from rtamt_gym.recordings import CsvFile
+        >>> trace = read_trace(CsvFile(["time,x", "0,5", "0.5,4"], "trace.csv"), ["x"])
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
     """
-    rows = _rows(lines, source)
-    _, names = next(rows, (1, []))
-    names = [name.strip() for name in names]
-    if not names:
-        raise InputError(f"{source}: expected a first line with the names of the columns, got none")
-    _check_names(names, source, variables)
-    wanted = [v for v in dict.fromkeys((*variables, TIME)) if v in names]
-    places = [names.index(name) for name in wanted]
-    values: list[list[float]] = [[] for _ in wanted]
-    numbers: list[int] = []
-    for line, row in rows:
-        if len(row) != len(names):
+    _check_names(recording, variables)
+    wanted = [v for v in dict.fromkeys((*variables, TIME)) if v in recording.names]
+    rows = _read(recording, wanted)
+    columns = {name: rows.numbers[name] for name in variables}
+    return Trace(recording.source, columns, len(rows.lines), rows.numbers.get(TIME), rows.where)
+
+
+def read_events(recording: Recording, variables: Sequence[str]) -> EventTrace:
+    """The events of the variables.
+
+    Rows are events of all variables of which a cell is not empty; or, where the columns are
+    ``time``, ``variable`` and ``value``, each is one event.
+
+    Raises:
+        InputError: On a missing column or variable, a value that is no number, or times that do
+            not increase.
+
+    Example:
+        >>> from rtamt_gym.recordings import CsvFile
+        >>> wide = CsvFile(["time,x,y", "0,5,1", "0.2,4,"], "trace.csv")
+        >>> long = CsvFile(["time,variable,value", "0,x,5", "0,y,1", "0.2,x,4"], "trace.csv")
+        >>> for recording in (wide, long):
+        ...     signals = read_events(recording, ["x", "y"]).signals
+        ...     print({name: values.tolist() for name, (_, values) in signals.items()})
+        {'x': [5.0, 4.0], 'y': [1.0]}
+        {'x': [5.0, 4.0], 'y': [1.0]}
+    """
+    if {VARIABLE, VALUE} <= {*recording.names} and not {*variables} <= {*recording.names}:
+        return _by_rows(recording, variables)
+    _check_names(recording, (*variables, TIME))
+    rows = _read(recording, dict.fromkeys((TIME, *variables)), gaps=variables)
+    _check_order(rows, np.arange(len(rows.lines)))
+    signals = {}
+    for name in variables:
+        (given,) = np.nonzero(~np.isnan(rows.numbers[name]))
+        if not len(given):
+            raise InputError(f"{recording.source}: expected events of '{name}', got none")
+        signals[name] = rows.numbers[TIME][given], rows.numbers[name][given]
+    return EventTrace(recording.source, signals)
+
+
+def _by_rows(recording: Recording, variables: Sequence[str]) -> EventTrace:
+    _check_names(recording, (TIME, VARIABLE, VALUE))
+    rows = _read(recording, (TIME, VALUE), (VARIABLE,))
+    named = np.array(rows.texts[VARIABLE])
+    known = list(dict.fromkeys(rows.texts[VARIABLE]))
+    signals = {}
+    for name in variables:
+        if name not in known:
             raise InputError(
-                f"{source}, line {line}: expected {len(names)} values "
-                f"({', '.join(names)}), got {len(row)}"
+                f"{recording.source}: no events of '{name}', which the specification reads; "
+                f"the variables are {', '.join(known)}{_nearest(name, known)}"
             )
-        for place, column in zip(places, values, strict=True):
-            try:
-                value = float(row[place])
-            except ValueError:
-                value = math.nan
-            if math.isnan(value) or (names[place] == TIME and math.isinf(value)):
-                raise InputError(
-                    f"{source}, line {line}, column '{names[place]}': "
-                    f"expected a number, got {row[place]!r}"
-                )
-            column.append(value)
-        numbers.append(line)
-    if not numbers:
-        raise InputError(f"{source}: expected at least one sample below the line of names")
-    arrays = {name: np.array(column) for name, column in zip(wanted, values, strict=True)}
-    columns = {name: arrays[name] for name in variables}
-    return Trace(source, columns, len(numbers), arrays.get(TIME), numbers)
+        (given,) = np.nonzero(named == name)
+        _check_order(rows, given, f" of '{name}'")
+        signals[name] = rows.numbers[TIME][given], rows.numbers[VALUE][given]
+    return EventTrace(recording.source, signals)
 
 
-def _rows(lines: Iterable[str], source: str) -> Iterator[tuple[int, list[str]]]:
-    """The rows that are not empty, with the numbers of their lines."""
-    reader = csv.reader(lines, skipinitialspace=True)
-    try:
-        for row in reader:
-            if row:
-                yield reader.line_num, row
-    except UnicodeDecodeError:
-        raise InputError(f"{source}: expected UTF-8 text") from None
-    except csv.Error as error:
-        raise InputError(f"{source}, line {reader.line_num}: {error}") from None
+def _read(
+    recording: Recording,
+    numbers: Iterable[str],
+    texts: Sequence[str] = (),
+    gaps: Sequence[str] = (),
+) -> Rows:
+    rows = recording.read(list(numbers), texts, gaps)
+    if not rows.lines:
+        raise InputError(f"{rows.source}: expected at least one sample below the line of names")
+    infinite = ~np.isfinite(rows.numbers.get(TIME, np.zeros(1)))
+    if infinite.any():
+        at = int(infinite.argmax())
+        raise InputError(
+            f"{rows.where(at)}, column '{TIME}': expected a finite number, "
+            f"got {rows.numbers[TIME][at]}"
+        )
+    return rows
 
 
-def _check_names(names: Sequence[str], source: str, variables: Sequence[str]) -> None:
+def _check_order(rows: Rows, given: NDArray[np.intp], what: str = "") -> None:
+    times = rows.numbers[TIME][given]
+    late = np.diff(times) <= 0
+    if late.any():
+        at = int(late.argmax())
+        raise InputError(
+            f"{rows.where(int(given[at + 1]))}: expected times{what} that increase, "
+            f"got {times[at + 1]:.15g} after {times[at]:.15g}"
+        )
+
+
+def _check_names(recording: Recording, wanted: Sequence[str]) -> None:
+    source, names = recording.source, recording.names
     if all(map(_is_number, names)):
         raise InputError(
             f"{source}, line 1: expected the names of the columns, got {', '.join(names)}; "
-            f"write a line of names first, such as {','.join((TIME, *variables))}"
+            f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *wanted)))}"
         )
-    for name in variables:
+    for name in wanted:
         if name not in names:
-            near = difflib.get_close_matches(name, names, 1)
-            hint = f"; did you mean '{near[0]}'?" if near else ""
+            hint = _nearest(name, names)
             if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
                 hint = "; columns are separated by commas"
+            reader = "--dense" if name in (TIME, VALUE, VARIABLE) else "the specification"
             raise InputError(
-                f"{source}: no column '{name}', which the specification reads; "
+                f"{source}: no column '{name}', which {reader} reads; "
                 f"the columns are {', '.join(names)}{hint}"
             )
         if names.count(name) > 1:
             raise InputError(f"{source}, line 1: expected one column '{name}', got two")
+
+
+def _nearest(name: str, names: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, names, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def _is_number(text: str) -> bool:

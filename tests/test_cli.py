@@ -244,7 +244,7 @@ def test_version_says_which_machines_run(capsys: Output) -> None:
 
 def test_help_fits_80_columns(capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    for command in ([], ["demo"], ["run"], ["monitor"]):
+    for command in ([], ["demo"], ["run"], ["monitor"], ["explain"]):
         assert main([*command, "--help"]) == 0
         assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
 
@@ -252,10 +252,10 @@ def test_help_fits_80_columns(capsys: Output, monkeypatch: pytest.MonkeyPatch) -
 def test_an_interrupt_exits_130_without_a_word(
     capsys: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(_argument: str) -> None:
+    def interrupted(_arguments: list[str]) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(monitor, "read_spec", interrupted)
+    monkeypatch.setattr(monitor, "read_specs", interrupted)
     assert main(["monitor", "spec.stl", "trace.csv"]) == 130
     assert capsys.readouterr() == ("", "")
 

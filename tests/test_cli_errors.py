@@ -53,13 +53,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("x,y\n1,2\n3\n", "stdin, line 3: expected 2 values (x, y), got 1"),
         ("x,y\n1,2\n\na,4\n", "stdin, line 4, column 'x': expected a number, got 'a'"),
         ("x\nnan\n", "stdin, line 2, column 'x': expected a number, got 'nan'"),
-        ("x,time\n1,inf\n", "stdin, line 2, column 'time': expected a number, got 'inf'"),
+        ("x,time\n1,inf\n", "stdin, line 2, column 'time': expected a finite number, got inf"),
         (
             "time,x\n0,1\n0.5,1\n1,1\n1.7,1\n2.2,1\n",
             (
                 "stdin, line 5: expected samples at even distances, got time 1.7 after 1, "
-                "elsewhere 0.5 s; resample the trace, or give --period to leave the column 'time' "
-                "aside"
+                "elsewhere 0.5 s; resample the "
+                "trace, or give --period to leave the column 'time' aside"
             ),
         ),
         (

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import rtamt
 from rtamt import InputError
 
+if TYPE_CHECKING:
+    from rtamt_gym.trace import Trace
+
 __all__ = [
     "Commands",
     "add_reading",
+    "add_trace",
     "check_folder",
     "positive",
-    "read_spec",
+    "read_samples",
     "read_specs",
+    "variables_of",
     "whole",
 ]
 
@@ -41,6 +47,20 @@ def add_reading(command: argparse.ArgumentParser, otherwise: str) -> None:
     )
 
 
+def add_trace(command: argparse.ArgumentParser) -> None:
+    """Adds specifications, a trace, and how it is read."""
+    command.add_argument(
+        "specs",
+        nargs="+",
+        metavar="SPEC",
+        help="the path of a .stl file, name=path, or a formula; one or more",
+    )
+    command.add_argument(
+        "trace", metavar="TRACE", help="the path of a .csv or .parquet file, or - for CSV on stdin"
+    )
+    add_reading(command, "read from a column 'time', else bounds count samples")
+
+
 def whole(text: str) -> int:
     """The type of a whole number, 0 or more."""
     if not text.isdecimal():
@@ -55,7 +75,7 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def read_spec(argument: str) -> rtamt.Specification:
+def _read_spec(argument: str) -> rtamt.Specification:
     """The specification that an argument means: a path has no blank, bracket or comparison."""
     if re.search(r"[\s(<>=!]", argument) and not Path(argument).is_file():
         return rtamt.parse(argument)
@@ -67,7 +87,7 @@ def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
     specs: dict[str, rtamt.Specification] = {}
     for argument in arguments:
         named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
-        spec = read_spec(named[2] if named else argument)
+        spec = _read_spec(named[2] if named else argument)
         own = (n for n, formula in spec.formulas.items() if formula is spec.formula)
         name = named[1] if named else spec.name or next(own, None)
         if name is None:
@@ -77,6 +97,37 @@ def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
             raise InputError(f"expected one specification {name!r}, got two; name one of them")
         specs[name] = spec
     return specs
+
+
+def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:
+    """The variables of all specifications."""
+    return list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
+
+
+def read_samples(
+    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification], uneven: str = ""
+) -> tuple[Trace, str | Fraction | None]:
+    """The samples that the arguments of `add_trace` mean, and the period.
+
+    Args:
+        options: The arguments.
+        specs: Say which columns are read.
+        uneven: As for `Trace.period`.
+    """
+    from rtamt_gym.recordings import open_recording
+    from rtamt_gym.trace import read_trace
+
+    with open_recording(options.trace) as recording:
+        trace = read_trace(recording, variables_of(specs))
+    if options.period is not None:
+        return trace, options.period
+    period = trace.period(uneven)
+    if period is None and trace.times is not None and any(s.timed for s in specs.values()):
+        raise InputError(
+            f"{trace.source}: expected at least two samples to read the period from, got one; "
+            "give --period in seconds"
+        )
+    return trace, period
 
 
 def check_folder(path: Path) -> None:

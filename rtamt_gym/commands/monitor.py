@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from rtamt import Verdict
-from rtamt_gym.commands.arguments import Commands, add_reading, read_spec
+from rtamt_gym.commands.arguments import (
+    Commands,
+    add_trace,
+    check_folder,
+    read_samples,
+    read_specs,
+)
 
 __all__ = ["add"]
 
@@ -17,27 +22,34 @@ def add(commands: Commands) -> None:
     monitor = commands.add_parser(
         "monitor",
         help="judge a recorded trace",
-        description="Judges a file of samples: comma-separated values below a line of names. "
-        "Columns that the specification does not read are ignored. Exits 1 on a violation, "
-        "else 0.",
+        description="Judges a file of samples under one specification or more. Columns "
+        "that no specification reads are ignored. Exits 1 on a violation, else 0.",
+        epilog="example: rtamt monitor requirements.stl drive.csv --out robustness.csv",
         allow_abbrev=False,
     )
-    monitor.add_argument("spec", metavar="SPEC", help="the path of a .stl file, or a formula")
-    monitor.add_argument("trace", metavar="TRACE", help="the path of a .csv file, or - for stdin")
-    add_reading(monitor, "read from a column 'time', else bounds count samples")
+    add_trace(monitor)
+    monitor.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write the robustness of every formula as .csv",
+    )
     monitor.set_defaults(run=_monitor)
 
 
 def _monitor(options: argparse.Namespace) -> int:
-    from rtamt_gym.judge import judge
-    from rtamt_gym.trace import read_trace
+    from rtamt_gym.judge import described, judge, report
+    from rtamt_gym.output import save_csv
 
-    spec = read_spec(options.spec)
-    if options.trace == "-":
-        trace = read_trace(sys.stdin, "stdin", spec.variables)
-    else:
-        with Path(options.trace).open(encoding="utf-8-sig", newline="") as file:
-            trace = read_trace(file, options.trace, spec.variables)
-    judgement = judge(spec, trace, options.period, options.view)
-    print(*judgement.lines(), sep="\n")
-    return 1 if judgement.verdict == Verdict.VIOLATED else 0
+    specs = read_specs(options.specs)
+    if options.out:
+        check_folder(options.out)
+    trace, period = read_samples(options, specs)
+    judgements = {name: judge(spec, trace, period, options.view) for name, spec in specs.items()}
+    first = next(iter(judgements.values()))
+    print(*report(judgements, described(trace, first.period)), sep="\n")
+    if options.out:
+        save_csv(judgements, options.out, dense=False)
+        print(f"robustness: {options.out}")
+    violated = any(j.verdict == Verdict.VIOLATED for j in judgements.values())
+    return 1 if violated else 0
