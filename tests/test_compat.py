@@ -1,0 +1,415 @@
+"""The released classes for samples: laws on generated formulas, and the shapes of their calls."""
+
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracle import robustness
+from strategies import VARIABLES, Trace, formulas, length, traces
+
+import rtamt
+from rtamt import (
+    EpisodeMonitor,
+    Formula,
+    Language,
+    Monitor,
+    Semantics,
+    StlDiscreteTimeOfflineSpecification,
+    StlDiscreteTimeOnlineSpecification,
+    StlDiscreteTimeSpecification,
+)
+
+LANGUAGES = {"python": Language.PYTHON, "native": Language.CPP}
+
+
+def declared(
+    text: object,
+    names: tuple[str, ...] = VARIABLES,
+    semantics: Semantics | str = Semantics.STANDARD,
+    language: Language = Language.PYTHON,
+) -> StlDiscreteTimeSpecification:
+    """A parsed specification of variables of type float."""
+    spec = StlDiscreteTimeSpecification(semantics, language)
+    for name in names:
+        spec.declare_var(name, "float")
+    spec.spec = str(text)
+    spec.parse()
+    return spec
+
+
+def play(spec: StlDiscreteTimeOnlineSpecification, trace: Trace) -> list[float]:
+    """What update gives at every sample."""
+    n = length(trace)
+    return [spec.update(i, [(name, trace[name][i]) for name in trace]) for i in range(n)]
+
+
+# Laws. -------------------------------------------------------------------------------------------
+
+
+@given(formula=formulas(endless=True), trace=traces())
+def test_evaluate_gives_time_and_the_definition_at_every_sample(
+    formula: Formula, trace: Trace, backend: str
+) -> None:
+    n = length(trace)
+    time = [i / 4 for i in range(n)]
+    spec = declared(formula, language=LANGUAGES[backend])
+    spec.set_sampling_period(1, "s")
+    expected = [[t, value] for t, value in zip(time, robustness(formula, trace, n), strict=True)]
+    assert spec.evaluate({"time": time, **trace}) == expected
+
+
+@given(formula=formulas(), trace=traces(most=16))
+def test_update_gives_the_value_at_t_minus_latency_and_before_that_the_one_of_the_samples_so_far(
+    formula: Formula, trace: Trace, backend: str
+) -> None:
+    n, late = length(trace), Monitor(formula).latency
+    whole = robustness(formula, trace, n)
+    so_far = [
+        robustness(formula, {name: trace[name][: i + 1] for name in trace}, i + 1)[0]
+        for i in range(min(late, n))
+    ]
+    assert play(declared(formula, language=LANGUAGES[backend]), trace) == [*so_far, *whole][:n]
+
+
+@given(formula=formulas(), trace=traces())
+def test_pastify_changes_nothing(formula: Formula, trace: Trace) -> None:
+    plain, pastified = declared(formula), declared(formula)
+    pastified.pastify()
+    assert play(pastified, trace) == play(plain, trace)
+    data = {"time": range(length(trace)), **trace}
+    assert pastified.evaluate(data) == plain.evaluate(data)
+
+
+@given(formula=formulas(), trace=traces(least=2), stop=st.integers(0, 12), rest=st.integers(0, 1))
+def test_a_variable_that_is_absent_keeps_its_value_and_an_unknown_one_is_ignored(
+    formula: Formula, trace: Trace, stop: int, rest: int
+) -> None:
+    held = {name: list(values) for name, values in trace.items()}
+    spec, robustnesses = declared(formula), []
+    for i in range(length(trace)):
+        sample: list[tuple[str, float]] = [("unknown", 7.0)]
+        for k, name in enumerate(VARIABLES):
+            if (i + k + stop) % 3 <= rest:
+                held[name][i] = held[name][i - 1] if i else 0.0
+            else:
+                sample.append((name, trace[name][i]))
+        robustnesses.append(spec.update(i, sample))
+    assert robustnesses == play(declared(formula), held)
+
+
+@given(formula=formulas(), trace=traces(), after=st.integers(1, 12))
+def test_reset_starts_afresh(formula: Formula, trace: Trace, after: int) -> None:
+    spec = declared(formula)
+    play(spec, {name: values[:after] for name, values in trace.items()})
+    spec.reset()
+    assert play(spec, trace) == play(declared(formula), trace)
+
+
+@settings(max_examples=50)
+@given(formula=formulas(), trace=traces(least=2), after=st.integers(0, 12))
+def test_copies_go_on_by_themselves(formula: Formula, trace: Trace, after: int) -> None:
+    spec = declared(formula)
+    play(spec, {name: values[:after] for name, values in trace.items()})
+    rest = {name: values[after:] for name, values in trace.items()}
+    twins = [copy.deepcopy(spec), pickle.loads(pickle.dumps(spec))]
+    expected = play(spec, rest)
+    assert [play(twin, rest) for twin in twins] == [expected, expected]
+
+
+@settings(max_examples=50)
+@given(p=formulas(2), q=formulas(2), trace=traces())
+def test_get_value_gives_the_last_robustness_of_named_formulas(
+    p: Formula, q: Formula, trace: Trace
+) -> None:
+    spec, monitor = declared("c > 0"), Monitor(f"p = {p}\nq = {q}\nout = p or q")
+    spec.add_sub_spec(f"p = {p}")
+    spec.add_sub_spec(f"q = {q}")
+    spec.spec = "p or q"
+    spec.parse()
+    *_, last = play(spec, trace)
+    for i in range(length(trace)):
+        monitor.update({name: trace[name][i] for name in monitor.variables})
+    assert spec.get_value("out") == last
+    for name in "pq":
+        now, expected = spec.get_value(name), monitor.values[name]
+        assert now == expected or (now != now and expected != expected)  # noqa: PLR0124 - nan
+    n = length(trace)
+    spec.evaluate({"time": range(n), **trace})
+    assert [spec.get_value(name) for name in "pq"] == [robustness(f, trace, n) for f in (p, q)]
+    assert spec.get_value("a") == trace["a"]
+
+
+@pytest.mark.parametrize("semantics", list(Semantics))
+def test_semantics_are_those_of_all_monitors(semantics: Semantics, backend: str) -> None:
+    text, trace = "always[0:1](a > b) implies (b > 1)", {"a": [3.0, 0.0, 5.0], "b": [1.0, 2.0, 0.5]}
+    spec = declared(text, ("a", "b"), semantics=semantics, language=LANGUAGES[backend])
+    spec.set_var_io_type("a", "input")
+    interface: dict[str, Any] = {"semantics": semantics.value, "inputs": ["a"], "outputs": ["b"]}
+    whole = rtamt.evaluate(text, trace, **interface)
+    assert [value for _, value in spec.evaluate({"time": [0, 1, 2], **trace})] == list(whole)
+    episode = EpisodeMonitor(text, **interface)
+    assert play(spec, trace) == [episode.update(3.0, 1.0), *whole[:2]]
+
+
+@pytest.mark.parametrize("given_as", ["input", rtamt.StlIOType.IN])
+def test_an_io_type_is_a_word_or_a_member(given_as: str | rtamt.StlIOType) -> None:
+    spec = declared("a > 2", semantics="output-robustness")
+    spec.set_var_io_type("a", given_as)
+    spec.spec = "a > 2 or b > 2"
+    spec.parse()
+    assert spec.update(0, [("a", 3.0), ("b", 0.0)]) == float("inf")
+    spec.set_var_io_type("a", rtamt.StlIOType.UNDEFINED)
+    assert spec.var_io_dict["a"] == "undefined"
+
+
+def test_operators_that_do_not_chain_group_to_the_left() -> None:
+    trace = {"a": [3.0, 2.0], "b": [1.0, 4.0], "c": [0.0, 5.0]}
+    for word in ("implies", "until", "since", "unless[0:1]"):
+        chained = declared(f"a > 1 {word} b > 1 {word} c > 1")
+        grouped = declared(f"(a > 1 {word} b > 1) {word} c > 1")
+        data = {"time": [0, 1], **trace}
+        assert chained.evaluate(data) == grouped.evaluate(data), word
+
+
+# Time. -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("unit", "period", "text"),
+    [
+        ("s", (500, "ms"), "eventually[0.5:1.5](a > 0)"),
+        ("ms", (500, "ms"), "eventually[500:1500](a > 0)"),
+        ("us", (0.5, "s"), "eventually[500:1500ms](a > 0)"),
+        ("s", (1, "s"), "eventually[1:3](a > 0)"),
+        ("s", (1 / 3, "s"), "eventually[0.333333333333:1](a > 0)"),
+    ],
+)
+def test_bounds_periods_and_units_go_together(
+    unit: str, period: tuple[float, str], text: str
+) -> None:
+    spec = StlDiscreteTimeOnlineSpecification()
+    spec.declare_var("a", "float")
+    spec.unit = unit
+    spec.set_sampling_period(*period, 0.1)
+    spec.spec = text
+    spec.parse()
+    if "333" in text:
+        with pytest.raises(rtamt.RTAMTException, match="is not a multiple of the period 1/3 s"):
+            spec.update(0, [("a", 1.0)])
+        return
+    assert [spec.update(i, [("a", x)]) for i, x in enumerate([1.0, 2.0, 3.0, 9.0])][3] == 9.0
+
+
+def test_the_unit_and_the_period_may_come_after_parse() -> None:
+    spec = declared("always[0:200](a > 0)", ("a",))
+    spec.unit = "ms"
+    spec.set_sampling_period(100, "ms")
+    values = [spec.update(100 * i, [("a", x)]) for i, x in enumerate([3.0, 2.0, 1.0, 4.0])]
+    assert (values, spec.sampling_violation_counter) == ([3.0, 2.0, 1.0, 1.0], 0)
+    assert spec.get_sampling_frequency() == 10.0
+
+
+@pytest.mark.parametrize(
+    ("times", "period", "unit", "violations"),
+    [
+        ([0, 1, 2], (1, "s", 0.1), "s", 0),
+        ([0, 1.02, 1.98], (1, "s", 0.1), "s", 0),
+        ([0, 1.02, 2.14], (1, "s", 0.1), "s", 1),
+        ([0, 1.02, 2.14], (1, "s", 0.2), "s", 0),
+        ([0, 0.9, 2.0], (1, "s", 0.1), "s", 0),
+        ([0, 0.5, 1.0], (500, "ms", 0.1), "s", 0),
+        ([0, 500, 1000], (500, "ms", 0.1), "ms", 0),
+        ([0, 0.5, 1.0], (1, "s", 0.1), "s", 2),
+        ([3, 3, 9, 10], (1, "s", 0), "s", 2),
+    ],
+)
+def test_samples_that_come_early_or_late_are_counted(
+    times: list[float], period: tuple[float, str, float], unit: str, violations: int
+) -> None:
+    spec = declared("a > 0", ("a",))
+    spec.unit = unit
+    spec.set_sampling_period(*period)
+    for time in times:
+        spec.update(time, [("a", 1.0)])
+    assert spec.sampling_violation_counter == violations
+    spec.reset()
+    assert spec.sampling_violation_counter == 0
+    spec.evaluate({"time": times, "a": [1.0] * len(times)})
+    assert spec.sampling_violation_counter == violations
+
+
+# Declarations. -----------------------------------------------------------------------------------
+
+
+def test_what_is_declared_can_be_read_back() -> None:
+    spec = declared("out = a >= k", ("a", "b", "out"))
+    assert spec.free_vars == {"a", "b"}
+    assert (spec.out_var, spec.out_var_field) == ("out", "")
+    assert spec.var_object_dict == {"a": 0.0, "b": 0.0, "out": 0.0, "k": 0.0}
+    spec.set_var_topic("a", "plant/a")
+    assert spec.var_topic_dict == {"a": "plant/a", "b": "rtamt/b", "out": "rtamt/out"}
+    assert spec.var_io_dict == dict.fromkeys(("a", "b", "out"), "output")
+
+
+def test_the_text_may_declare_what_the_calls_do_not() -> None:
+    spec = declared("specification brake\ninput float c = 2\nout = a > c", ("a", "b"))
+    assert (spec.name, spec.var_io_dict["c"]) == ("brake", "input")
+    assert spec.update(0, [("a", 5.0)]) == 3.0
+
+
+def test_constants_are_numbers_or_text_and_may_be_bounds() -> None:
+    spec = StlDiscreteTimeOfflineSpecification()
+    spec.declare_const("k", "float", "1.5")
+    spec.declare_const("n", "int", 1)
+    spec.declare_var("a", "float")
+    spec.spec = "always[0:n](a > k)"
+    spec.parse()
+    assert spec.evaluate({"time": [0, 1], "a": [2.0, 4.0]}) == [[0, 0.5], [1, 2.5]]
+
+
+def test_named_formulas_may_be_terms() -> None:
+    spec = declared("d = c >= -2;", ("a", "b", "c", "d"))
+    spec.add_sub_spec("c = a + b;")
+    spec.parse()
+    data = {"time": [0, 1], "a": [100.0, -1.0], "b": [20.0, 2.0]}
+    assert spec.evaluate(data) == [[0, 122.0], [1, 3.0]]
+    assert spec.get_value("c") == [120.0, 1.0]
+
+
+class Float:
+    """A message."""
+
+    def __init__(self, value: float = 0.0) -> None:
+        self.value = value
+
+
+def test_variables_may_be_messages() -> None:
+    spec = StlDiscreteTimeSpecification()
+    spec.import_module(__name__, "Float")
+    for name in ("req", "gnt", "rob"):
+        spec.declare_var(name, "Float")
+    spec.spec = "rob.value = req.value >= 3 implies eventually[0:1](gnt.value >= 3)"
+    spec.parse()
+    assert (spec.out_var, spec.out_var_field, spec.free_vars) == ("rob", "value", {"req", "gnt"})
+    samples = [(4.0, 0.0), (0.0, 5.0), (0.0, 0.0)]
+    for i, (req, gnt) in enumerate(samples):
+        now = spec.update(i, [("req", Float(req)), ("gnt", Float(gnt))])
+        assert spec.get_value("rob").value == now
+    assert now == 3.0
+    reqs, gnts = ([Float(sample[k]) for sample in samples] for k in (0, 1))
+    expected = [[0, 2.0], [1, 3.0], [2, 3.0]]
+    assert spec.evaluate({"time": [0, 1, 2], "req": reqs, "gnt": gnts}) == expected
+
+
+def test_a_text_imports_what_the_calls_have_imported() -> None:
+    spec = StlDiscreteTimeSpecification()
+    spec.spec = f"from {__name__} import Float\nFloat req\nreq.value > 1"
+    with pytest.raises(rtamt.ParseError, match="was not given"):
+        spec.parse()
+    spec.import_module(__name__, "Float")
+    spec.parse()
+    assert spec.update(0, [("req", Float(3.0))]) == 2.0
+
+
+# Errors. -----------------------------------------------------------------------------------------
+
+
+def test_every_error_is_the_released_exception() -> None:
+    assert issubclass(rtamt.ParseError, rtamt.RTAMTException)
+    spec = StlDiscreteTimeSpecification()
+    calls: dict[str, Callable[[], object]] = {
+        "expected the text of a specification in the attribute spec, got None": spec.parse,
+        "expected a parsed specification; call parse() first": lambda: spec.update(0, []),
+        "unknown type 'Foo'; import it first: import_module(MODULE, 'Foo')": (
+            lambda: spec.declare_var("a", "Foo")
+        ),
+        "cannot import the module 'nowhere': No module named 'nowhere'": (
+            lambda: spec.import_module("nowhere", "Foo")
+        ),
+        "expected a unit out of s, ms, us, ns, ps, got 'h'": (
+            lambda: spec.set_sampling_period(1, "h")
+        ),
+        "expected a tolerance between 0 and 1, got 2": lambda: spec.set_sampling_period(1, "s", 2),
+        'expected a period greater than 0, in seconds or as text such as "100ms", got -1': (
+            lambda: spec.set_sampling_period(-1)
+        ),
+        "no variable and no formula is named 'z'": lambda: spec.get_value("z"),
+        "expected a file with a specification, found none at /no/such.stl": (
+            lambda: spec.get_spec_from_file("/no/such.stl")
+        ),
+    }
+    for message, call in calls.items():
+        with pytest.raises(rtamt.RTAMTException) as raised:
+            call()
+        assert str(raised.value) == message
+    spec.declare_const("k", "float", "1")
+    with pytest.raises(rtamt.RTAMTException, match="'k' is already declared"):
+        spec.declare_const("k", "float", "2")
+
+
+def test_evaluate_says_what_is_wrong_with_the_data() -> None:
+    spec = declared("a > b", ("a", "b"))
+    wrong: dict[str, dict[str, list[float]]] = {
+        "expected the times of the samples as 'time', got none": {"a": [1.0], "b": [1.0]},
+        "expected a value for every variable, got none for 'b'; the variables are a, b": {
+            "time": [0],
+            "a": [1.0],
+        },
+        "expected columns of one length, got a: 1, b: 1 and n=2": {
+            "time": [0, 1],
+            "a": [1.0],
+            "b": [1.0],
+        },
+        "expected a trace of at least 1 sample, got 0": {"time": [], "a": [], "b": []},
+    }
+    for message, data in wrong.items():
+        with pytest.raises(rtamt.InputError) as raised:
+            spec.evaluate(data)
+        assert str(raised.value) == message
+    with pytest.raises(rtamt.StateError, match="expected a trace to explain"):
+        spec.explain()
+
+
+def test_after_an_error_all_is_as_before() -> None:
+    spec, twin = declared("historically[0:1](a > b)"), declared("historically[0:1](a > b)")
+    for each in (spec, twin):
+        each.update(0, [("a", 3.0), ("b", 1.0)])
+    for bad in ([("a", float("nan"))], [("a", "3")], [("b", None)]):
+        with pytest.raises(rtamt.RTAMTException):
+            spec.update(5, bad)
+    assert spec.update(1, [("b", 2.0)]) == twin.update(1, [("b", 2.0)]) == 1.0
+    assert spec.sampling_violation_counter == 0
+    assert spec.var_object_dict == twin.var_object_dict
+    spec.spec = "a >"
+    with pytest.raises(rtamt.ParseError):
+        spec.parse()
+    assert spec.update(2, [("a", 9.0)]) == twin.update(2, [("a", 9.0)])
+
+
+def test_a_future_without_end_is_refused_online_alone() -> None:
+    spec = declared("a > 1 implies eventually(b > 1)")
+    assert spec.evaluate({"time": [0, 1], "a": [2.0, 0.0], "b": [0.0, 3.0]})[0] == [0, 2.0]
+    with pytest.raises(rtamt.RTAMTException, match="'eventually' without an end"):
+        spec.update(0, [])
+
+
+def test_the_native_machines_are_asked_for_by_language() -> None:
+    spec = declared("a > 1", language=Language.CPP)
+    if rtamt.BACKEND == "native":
+        assert spec.update(0, [("a", 3.0)]) == 2.0
+    else:
+        with pytest.raises(rtamt.RTAMTException, match="native"):
+            spec.update(0, [("a", 3.0)])
+
+
+def test_explain_says_what_decided_the_first_sample() -> None:
+    spec = declared("always(a > b)", ("a", "b"))
+    spec.set_sampling_period(0.5)
+    spec.evaluate({"time": [3.0, 3.5, 4.0], "a": [5.0, 1.0, 4.0], "b": [0.0, 3.0, 1.0]})
+    explanation = spec.explain()
+    assert explanation.robustness == -2.0
+    assert [cause.sample for cause in explanation.causes] == [1, 1]
