@@ -12,10 +12,10 @@ import mujoco  # type: ignore[import-untyped]
 from rtamt import EpisodeMonitor, InputError, StateError, Verdict
 from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.mujoco_callback import Attached
-from rtamt_gym.mujoco_signals import bind_signal
+from rtamt_gym.mujoco_signals import StepSignal, bind_signal
 from rtamt_gym.panel import Panel
 from rtamt_gym.selectors import MUJOCO
-from rtamt_gym.signals import SignalLike, parse_signals
+from rtamt_gym.signals import parse_signals
 from rtamt_gym.specs import InstantMonitor, SpecsLike, View, load_specs
 
 __all__ = ["Controller", "OnStepViolation", "StepMonitor", "bind_signal"]
@@ -96,7 +96,7 @@ class StepMonitor:
         model: Any,  # noqa: ANN401 - MuJoCo is not typed
         data: Any,  # noqa: ANN401
         specs: SpecsLike,
-        signals: Mapping[str, SignalLike],
+        signals: Mapping[str, StepSignal],
         *,
         period: float | str | None = None,
         view: View = "episode",

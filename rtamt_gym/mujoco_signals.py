@@ -18,7 +18,7 @@ count: those that MuJoCo's solver has taken in.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import mujoco  # type: ignore[import-untyped]
@@ -28,7 +28,11 @@ from rtamt import InputError
 from rtamt_gym.selectors import NAMED, Selector
 from rtamt_gym.signals import Number, Signal
 
-__all__ = ["bind_numbers", "bind_signal", "bind_simulation"]
+__all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation"]
+
+
+StepSignal = str | Callable[[Any, Any], float]
+"""A selector, or a callable of model and data."""
 
 
 def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401
@@ -116,8 +120,9 @@ def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
     if field not in fields:
         close = difflib.get_close_matches(field, fields, 1)
         raise InputError(
-            f"signal {name!r}: {selector} reads no field of a {selector.source}; the fields are "
-            f"{', '.join(fields)}" + (f"; did you mean {close[0]!r}?" if close else "")
+            f"signal {name!r}: {selector} does not fit: expected one of the fields "
+            f"{', '.join(fields)}, got {field!r}"
+            + (f"; did you mean {close[0]!r}?" if close else "")
         )
     return getattr(named, field)
 

@@ -2,7 +2,7 @@
 
 A selector is a source, then names, a field and indices as the source has them::
 
-    source  [":" name {"," name}]  ["." field]  {"[" (integer | string) "]"}
+    source  [":" name ["," name]]  ["." field]  {"[" (integer | string) "]"}
 
 A name is text without blanks, quotes and ``. , : [ ]``, or any text in quotes:
 ``body:'arm.left'.xpos[2]``. Nothing is ever evaluated as Python.
@@ -124,14 +124,11 @@ _EXAMPLES: Final = {
 
 def _names(scan: _Scanner, source: str) -> tuple[str, ...]:
     scan.expect(":", f"':' and a name, {NAMED[source]}")
-    names = [scan.name()]
-    while scan.peek() == ",":
-        scan.next()
-        names.append(scan.name())
-    most = 2 if source == "contact" else 1
-    if len(names) > most:
-        scan.refuse(f"at most {most} name{'s' * (most > 1)}, {NAMED[source]}")
-    return tuple(names)
+    first = scan.name()
+    if source != "contact" or scan.peek() != ",":
+        return (first,)
+    scan.next()
+    return first, scan.name()
 
 
 def _field(scan: _Scanner, source: str) -> str:

@@ -280,14 +280,15 @@ class Signal:
 
 
 def parse_signals(
-    signals: Mapping[str, SignalLike],
+    signals: Mapping[str, Any],
     variables: Iterable[str],
     sources: Sequence[str] = SOURCES,
 ) -> tuple[Signal, ...]:
     """The signals of the variables, in the order of the variables.
 
     Args:
-        signals: Selector, callable, or pair with a value at reset, for every variable.
+        signals: Selector, callable, or pair with a value at reset, for every variable; see
+            `SignalLike`.
         variables: Names that the specifications read.
         sources: The words that selectors may begin with.
 

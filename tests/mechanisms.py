@@ -1,0 +1,77 @@
+"""Small MuJoCo models whose every name is known, and runs of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+
+INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast")
+
+ARM = """
+<mujoco model="arm">
+  <option timestep="0.01" integrator="{integrator}"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <light name="sun" pos="0 0 3"/>
+    <camera name="eye" pos="0 -2 1"/>
+    <body name="arm" pos="0 0 .4">
+      <joint name="shoulder" axis="0 1 0" damping=".1"/>
+      <geom name="rod" type="capsule" fromto="0 0 0 .3 0 0" size=".02"/>
+      <body name="hand" pos=".3 0 0">
+        <joint name="elbow" axis="0 1 0" damping=".02"/>
+        <geom name="finger" type="capsule" fromto="0 0 0 .2 0 0" size=".02"/>
+        <geom name="thumb" type="sphere" pos=".2 0 0" size=".04"/>
+        <site name="grip" pos=".2 0 0"/>
+      </body>
+    </body>
+    <body name="ball.1" pos=".8 0 .3">
+      <freejoint name="loose"/>
+      <geom name="skin" size=".1"/>
+    </body>
+  </worldbody>
+  <tendon><fixed name="cord"><joint joint="elbow" coef="1"/></fixed></tendon>
+  <actuator>
+    <motor name="motor" joint="shoulder" gear="2"/>
+    <motor name="pull" joint="elbow"/>
+  </actuator>
+  <sensor>
+    <framepos name="where" objtype="site" objname="grip"/>
+    <jointvel name="rate" joint="elbow"/>
+    <accelerometer name="imu" site="grip"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def arm(integrator: str = "Euler") -> tuple[Any, Any]:
+    """A model and its data: an arm of two joints above a floor, and a ball that falls."""
+    model = mujoco.MjModel.from_xml_string(ARM.format(integrator=integrator))
+    return model, mujoco.MjData(model)
+
+
+def swing(model: Any, data: Any) -> None:  # noqa: ANN401
+    """A controller that moves the arm without looking at it."""
+    data.ctrl[:] = [np.sin(3.0 * data.time), 0.3 * np.cos(7.0 * data.time)][: model.nu]
+
+
+def record(
+    model: Any,  # noqa: ANN401
+    data: Any,  # noqa: ANN401
+    steps: int,
+    look: Callable[[Any], float],
+    *,
+    forward: bool = False,
+) -> list[float]:
+    """What a loop written by hand sees: the state at the start and after every step."""
+    mujoco.mj_forward(model, data)
+    seen = [look(data)]
+    for _ in range(steps):
+        swing(model, data)
+        mujoco.mj_step(model, data)
+        if forward:
+            mujoco.mj_forward(model, data)
+        seen.append(look(data))
+    return seen

@@ -1,0 +1,273 @@
+"""Selectors of a MuJoCo simulation read what MuJoCo has by name, and say what it has not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mechanisms import arm, swing
+
+from rtamt import InputError
+from rtamt_gym import StlMonitor
+from rtamt_gym.mujoco_signals import bind_signal
+from rtamt_gym.selectors import MUJOCO, Selector, parse_selector
+from rtamt_gym.signals import Signal
+
+
+def reader(selector: str, model: Any, data: Any) -> Callable[[], float]:  # noqa: ANN401
+    return bind_signal(Signal.parse("x", selector, MUJOCO), model, data)
+
+
+READS: list[tuple[str, Callable[[Any], float]]] = [
+    ("time", lambda d: d.time),
+    ("qpos[1]", lambda d: d.qpos[1]),
+    ("qpos[-1]", lambda d: d.qpos[-1]),
+    ("qvel[0]", lambda d: d.qvel[0]),
+    ("qacc[1]", lambda d: d.qacc[1]),
+    ("ctrl[0]", lambda d: d.ctrl[0]),
+    ("sensordata[2]", lambda d: d.sensordata[2]),
+    ("sensor:where[2]", lambda d: d.sensor("where").data[2]),
+    ("sensor:rate", lambda d: d.sensor("rate").data[0]),
+    ("sensor:imu.data[-1]", lambda d: d.sensor("imu").data[2]),
+    ("body:hand.xpos[2]", lambda d: d.body("hand").xpos[2]),
+    ("body:hand.xmat[4]", lambda d: d.body("hand").xmat.flat[4]),
+    ("body:'ball.1'.xpos[0]", lambda d: d.body("ball.1").xpos[0]),
+    ('body : "ball.1" . xpos [ 0 ]', lambda d: d.body("ball.1").xpos[0]),
+    ("joint:shoulder.qpos", lambda d: d.joint("shoulder").qpos[0]),
+    ("joint:shoulder.qvel[0]", lambda d: d.joint("shoulder").qvel[0]),
+    ("joint:loose.qpos[6]", lambda d: d.joint("loose").qpos[6]),
+    ("geom:thumb.xpos[2]", lambda d: d.geom("thumb").xpos[2]),
+    ("site:grip.xpos[0]", lambda d: d.site("grip").xpos[0]),
+    ("camera:eye.xpos[1]", lambda d: d.camera("eye").xpos[1]),
+    ("light:sun.xpos[2]", lambda d: d.light("sun").xpos[2]),
+    ("tendon:cord.length", lambda d: d.tendon("cord").length[0]),
+    ("actuator:motor.force", lambda d: d.actuator("motor").force[0]),
+]
+
+
+@pytest.mark.parametrize(("selector", "expected"), READS, ids=[text for text, _ in READS])
+def test_a_selector_reads_what_mujoco_has_under_that_name(
+    selector: str, expected: Callable[[Any], float]
+) -> None:
+    model, data = arm()
+    read = reader(selector, model, data)
+    for _ in range(30):
+        swing(model, data)
+        mujoco.mj_step(model, data)
+        value = read()
+        assert value == expected(data)
+        assert type(value) is float
+    mujoco.mj_resetData(model, data)
+    assert read() == expected(data)
+
+
+def contacts(model: Any, data: Any, one: set[int], two: set[int]) -> tuple[float, float]:  # noqa: ANN401
+    """Whether geoms of the two sets push each other, and how strongly."""
+    touch, total, wrench = 0.0, 0.0, np.zeros(6)
+    for i in range(data.ncon):
+        contact = data.contact[i]
+        pair = {int(contact.geom1), int(contact.geom2)}
+        if contact.efc_address >= 0 and any(pair == {a, b} for a in one for b in two):
+            touch = 1.0
+            mujoco.mj_contactForce(model, data, i, wrench)
+            total += float(wrench[0])
+    return touch, total
+
+
+@pytest.mark.parametrize(
+    ("names", "one", "two"),
+    [
+        ("skin,floor", {"skin"}, {"floor"}),
+        ("floor,skin", {"floor"}, {"skin"}),
+        ("'ball.1',floor", {"skin"}, {"floor"}),
+        ("hand,floor", {"finger", "thumb"}, {"floor"}),
+        ("thumb,floor", {"thumb"}, {"floor"}),
+        ("thumb", {"thumb"}, {"floor", "rod", "finger", "skin"}),
+        ("hand", {"finger", "thumb"}, {"floor", "rod", "skin", "finger", "thumb"}),
+        ("rod,skin", {"rod"}, {"skin"}),
+    ],
+)
+def test_a_contact_is_one_while_the_two_push_each_other(
+    names: str, one: set[str], two: set[str]
+) -> None:
+    model, data = arm()
+    touch, force = (reader(f"contact:{names}{field}", model, data) for field in ("", ".force"))
+    first, second = ({model.geom(name).id for name in each} for each in (one, two))
+    seen = set()
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+        assert (touch(), force()) == contacts(model, data, first, second)
+        seen.add(touch())
+    assert seen == ({0.0} if names == "rod,skin" else {0.0, 1.0})
+
+
+def test_a_body_at_rest_presses_with_its_weight() -> None:
+    model, data = arm()
+    for _ in range(1500):
+        mujoco.mj_step(model, data)
+    weight = model.body("ball.1").mass[0] * 9.81
+    assert reader("contact:skin,floor.force", model, data)() == pytest.approx(weight, rel=1e-3)
+
+
+NAMES = st.text(min_size=1, max_size=12).filter(
+    lambda text: not ("'" in text and '"' in text) and text.isprintable()
+)
+
+
+@given(NAMES, st.sampled_from(["xpos", "xmat"]), st.integers(-9, 9))
+def test_any_printable_name_can_be_selected(name: str, field: str, index: int) -> None:
+    selector = Selector("body", (name,), field, (index,))
+    assert parse_selector("x", str(selector), MUJOCO) == selector
+
+
+@given(st.text(alphabet="bodysitecnajqp:.,[]0123456789'\"k -+/é", max_size=24))
+def test_any_text_is_a_selector_that_prints_itself_or_an_error(text: str) -> None:
+    try:
+        selector = parse_selector("x", text, MUJOCO)
+    except InputError:
+        return
+    assert parse_selector("x", str(selector), MUJOCO) == selector
+
+
+FIELDS = "force, length, moment, velocity"
+UNFIT = [
+    (
+        "body:hnad.xpos[2]",
+        (
+            "signal 'x': body:hnad.xpos[2] names no body: Invalid name 'hnad'. "
+            "Valid names: ['arm', 'ball.1', 'hand', 'world']"
+        ),
+    ),
+    (
+        "sensor:gyro[0]",
+        (
+            "signal 'x': sensor:gyro[0] names no sensor: Invalid name 'gyro'. "
+            "Valid names: ['imu', 'rate', 'where']"
+        ),
+    ),
+    (
+        "contact:thumb,flor",
+        (
+            "signal 'x': contact:thumb,flor names no geom: Invalid name 'flor'. "
+            "Valid names: ['finger', 'floor', 'rod', 'skin', 'thumb']"
+        ),
+    ),
+    (
+        "geom:thumb.xps[2]",
+        (
+            "signal 'x': geom:thumb.xps[2] does not fit: expected one of the fields {geom}, "
+            "got 'xps'; did you mean 'xpos'?"
+        ),
+    ),
+    (
+        "contact:thumb,floor.dist",
+        (
+            "signal 'x': contact:thumb,floor.dist reads nothing of a contact; write "
+            "contact:thumb,floor, which is 1 or 0, or contact:thumb,floor.force"
+        ),
+    ),
+    (
+        "contact:thumb,floor[0]",
+        (
+            "signal 'x': contact:thumb,floor[0] reads nothing of a contact; write "
+            "contact:thumb,floor, which is 1 or 0, or contact:thumb,floor.force"
+        ),
+    ),
+    (
+        "body:hand.xpos[3]",
+        ("signal 'x': body:hand.xpos[3] does not fit: body:hand.xpos has 3 elements, 0 to 2"),
+    ),
+    (
+        "sensor:rate[1]",
+        "signal 'x': sensor:rate[1] does not fit: sensor:rate has 1 element, [0]",
+    ),
+    ("act[0]", "signal 'x': act[0] does not fit: act has no elements"),
+    ("body:hand.xpos", "signal 'x': expected one index, body:hand.xpos[0], got body:hand.xpos"),
+    ("qpos[0][0]", "signal 'x': expected one index, qpos[0], got qpos[0][0]"),
+    ("time[1]", "signal 'x': time[1] does not fit: time has 1 element, [0]"),
+]
+
+
+@pytest.mark.parametrize(("selector", "message"), UNFIT)
+def test_a_selector_that_does_not_fit_the_model_says_what_there_is(
+    selector: str, message: str
+) -> None:
+    model, data = arm()
+    geom = data.geom(0)
+    fields = [n for n in dir(geom) if isinstance(getattr(geom, n), np.ndarray)]
+    with pytest.raises(InputError) as caught:
+        reader(selector, model, data)
+    assert str(caught.value) == message.replace("{geom}", ", ".join(fields))
+
+
+def test_a_field_that_is_made_when_it_is_read_is_no_field() -> None:
+    model, data = arm()
+    with pytest.raises(InputError, match="got 'moment'"):
+        reader("actuator:motor.moment[0]", model, data)
+
+
+HINT = "  hint: write qpos[0], sensor:imu[0] or body:torso.xpos[2]"
+SOURCES = (
+    "expected one of time, qpos, qvel, qacc, act, ctrl, sensordata, body, joint, geom, site, "
+    "camera, light, tendon, actuator, sensor, contact"
+)
+
+
+@pytest.mark.parametrize(
+    ("selector", "column", "wrong"),
+    [
+        ("obs[2]", 1, f"{SOURCES}, got 'obs'"),
+        ("body", 5, "expected ':' and a name, body:torso.xpos[2], got the end of the selector"),
+        ("body.torso", 5, "expected ':' and a name, body:torso.xpos[2], got '.'"),
+        ("body:", 6, "expected a name, got the end of the selector"),
+        ("body: .xpos", 7, "expected a name, got '.'"),
+        ("body:''.xpos", 6, "expected a name, got \"''\""),
+        (
+            "body:torso",
+            11,
+            "expected '.' and a field, body:torso.xpos[2], got the end of the selector",
+        ),
+        ("body:torso[2]", 11, "expected '.' and a field, body:torso.xpos[2], got '['"),
+        ("body:torso.", 12, "expected the name of a field, got the end of the selector"),
+        ("body:torso.2", 12, "expected the name of a field, got '2'"),
+        ("body:a,b.xpos", 7, "expected '.' and a field, body:torso.xpos[2], got ','"),
+        ("contact:a,b,c", 12, "expected '[' or the end of the selector, got ','"),
+        ("contact:a,", 11, "expected a name, got the end of the selector"),
+        ("sensor:a b", 10, "expected '[' or the end of the selector, got 'b'"),
+        ("sensor:'a", 8, 'expected a name, got "\'"'),
+        ("qpos.x", 5, "expected '[' or the end of the selector, got '.'"),
+    ],
+)
+def test_a_selector_that_cannot_be_read_gets_a_caret(
+    selector: str, column: int, wrong: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_selector("x", selector, MUJOCO)
+    caret = " " * (column - 1) + "^"
+    assert (
+        str(caught.value)
+        == f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
+    )
+
+
+def test_the_same_selectors_serve_an_environment() -> None:
+    env = StlMonitor(
+        gym.make("HalfCheetah-v5"),
+        "always(z > -9 and touch < 9 and t < 9)",
+        {"z": "body:torso.xpos[2]", "touch": "contact:bfoot,floor", "t": "time"},
+        on_violation="report",
+    )
+    simulation: Any = env.unwrapped
+    env.reset(seed=1)
+    env.action_space.seed(1)
+    for _ in range(10):
+        info = env.step(env.action_space.sample())[4]
+    touch = reader("contact:bfoot,floor", simulation.model, simulation.data)()
+    assert info["robustness"] <= min(9.0 - touch, 9.0 - simulation.data.time)
+    env.close()
