@@ -53,6 +53,10 @@ public:
     }
 
     std::size_t size() const { return order_.size(); }
+    // The place of a name, or size(); most often it is the guess.
+    std::size_t place(PyObject* name, std::size_t guess) const {
+        return PyUnicode_CheckExact(name) ? find(name, guess) : size();
+    }
     bool is_array(PyObject* object) const { return numpy_.is_array(object); }
 
     int traverse(visitproc visit, void* arg) const {
@@ -76,24 +80,7 @@ private:
 
     PyObject* name(std::size_t i) const { return PyTuple_GET_ITEM(names_.ptr(), i); }
 
-    bool number(PyObject* object, double& out) const {
-        if (PyFloat_CheckExact(object)) [[likely]] {
-            out = PyFloat_AS_DOUBLE(object);
-            return true;
-        }
-        return other_number(object, out);
-    }
-
-    bool other_number(PyObject* object, double& out) const {
-        if (!PyLong_CheckExact(object) && !numpy_.is_float(object) && !PyBool_Check(object))
-            return false;
-        out = PyFloat_AsDouble(object);
-        if (out == -1.0 && PyErr_Occurred()) {  // an int that no double holds
-            PyErr_Clear();
-            return false;
-        }
-        return true;
-    }
+    bool number(PyObject* object, double& out) const { return numpy_.number(object, out); }
 
     bool looked_up(PyObject* dict, std::size_t from, double* out) const {
         for (std::size_t i = from; i < order_.size(); ++i) {

@@ -113,6 +113,7 @@ NB_MODULE(_native, m) {
 
     bind_episode(m);
     bind_banks(m);
+    bind_dense(m);
 
     nb::dict functions;
     nb::dict monoids;

@@ -175,5 +175,6 @@ PyType_Slot slots[] = {
 // These add classes to the module.
 void bind_episode(nb::module_& m);
 void bind_banks(nb::module_& m);
+void bind_dense(nb::module_& m);
 
 }  // namespace rtamt

@@ -30,14 +30,25 @@ public:
 
     // The numbers of an aligned array of float64 of this shape, row behind row; null of any other.
     const double* table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
-        if (!known_ || !is_array(array)) return nullptr;
-        const auto* fields = reinterpret_cast<const Fields*>(array);
-        if (fields->ndim != 2 || fields->dtype != doubles_ || fields->shape[0] != rows ||
-            fields->shape[1] != columns || fields->strides[1] != sizeof(double) ||
-            fields->strides[0] != columns * static_cast<Py_ssize_t>(sizeof(double)) ||
-            reinterpret_cast<std::uintptr_t>(fields->data) % alignof(double) != 0)
-            return nullptr;
-        return reinterpret_cast<const double*>(fields->data);
+        Py_ssize_t n = 0;
+        const double* values = this->rows(array, columns, n);
+        return n == rows ? values : nullptr;
+    }
+
+    // The numbers of an aligned array of float64 of shape (n,) or (n, columns), row behind row, and
+    // n; null of any other.
+    const double* column(PyObject* array, Py_ssize_t& n) const { return rows(array, 1, 1, n); }
+    const double* rows(PyObject* array, Py_ssize_t columns, Py_ssize_t& n) const {
+        return rows(array, 2, columns, n);
+    }
+
+    // A number, where no code of a caller can run; false of anything else.
+    bool number(PyObject* object, double& out) const {
+        if (PyFloat_CheckExact(object)) [[likely]] {
+            out = PyFloat_AS_DOUBLE(object);
+            return true;
+        }
+        return other_number(object, out);
     }
 
     // Where the elements of a new 1-D array go; null if that is not known.
@@ -85,6 +96,29 @@ private:
         PyObject* dtype;
         int flags;
     };
+
+    const double* rows(PyObject* array, int dimensions, Py_ssize_t columns, Py_ssize_t& n) const {
+        if (!known_ || !is_array(array)) return nullptr;
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        constexpr auto kSize = static_cast<Py_ssize_t>(sizeof(double));
+        if (fields->ndim != dimensions || fields->dtype != doubles_ ||
+            fields->strides[0] != columns * kSize ||
+            (dimensions == 2 && (fields->shape[1] != columns || fields->strides[1] != kSize)) ||
+            reinterpret_cast<std::uintptr_t>(fields->data) % alignof(double) != 0)
+            return nullptr;
+        n = fields->shape[0];
+        return reinterpret_cast<const double*>(fields->data);
+    }
+
+    bool other_number(PyObject* object, double& out) const {
+        if (!PyLong_CheckExact(object) && !is_float(object) && !PyBool_Check(object)) return false;
+        out = PyFloat_AsDouble(object);
+        if (out == -1.0 && PyErr_Occurred()) {  // an int that no double holds
+            PyErr_Clear();
+            return false;
+        }
+        return true;
+    }
 
     // Borrowed for ever: numpy cannot be unloaded.
     static PyTypeObject* named(const char* name) {
