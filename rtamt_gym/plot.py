@@ -9,36 +9,19 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from rtamt import InputError, Verdict
+from rtamt_gym.drawing import BOUNDS, OPEN, ROBUSTNESS, SIGNAL, VERDICTS, frame, tidy
 from rtamt_gym.run import Course, Run
 from rtamt_gym.tables import moment
 
-__all__ = ["check_format", "draw", "save"]
+__all__ = ["draw", "save"]
 
-# Okabe and Ito's palette, which colour-blind readers tell apart.
-_SIGNAL = "#0072B2"
-_NOW = "#222222"
-_BOUNDS = "#9BD0F0"
-_VERDICTS = {Verdict.VIOLATED: "#D55E00", Verdict.SATISFIED: "#009E73"}
-_OPEN = "#666666"
 _AFTER = 0.2
 """Room behind a verdict of the last sample, as part of the length: there the shading is seen."""
-
-
-def check_format(path: Path) -> None:
-    """Refuses a file name that says no format of pictures.
-
-    Raises:
-        InputError: Naming the usual formats.
-    """
-    if path.suffix.lower().removeprefix(".") not in FigureCanvasAgg.get_supported_filetypes():
-        raise InputError(f"cannot draw {path}: expected a name that ends in .png, .svg or .pdf")
 
 
 def save(runs: Sequence[Run], path: Path) -> None:
@@ -66,11 +49,11 @@ def draw(runs: Sequence[Run]) -> Figure:
     verdicts = {c.verdict for run in runs for c in run.courses.values()}
     figure.legend(
         handles=[
-            Line2D([], [], color=_NOW, label="robustness if it ended now"),
-            Patch(color=_BOUNDS, alpha=0.5, label="what it can still become"),
+            Line2D([], [], color=ROBUSTNESS, label="robustness if it ended now"),
+            Patch(color=BOUNDS, alpha=0.5, label="what it can still become"),
             *(
                 Patch(color=c, alpha=0.4, label=v.name)
-                for v, c in _VERDICTS.items()
+                for v, c in VERDICTS.items()
                 if v in verdicts
             ),
         ],
@@ -89,18 +72,18 @@ def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
     signal_axes, course_axes = np.split(axes, [len(run.signals)])
     ax: Axes
     for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
-        _tidy(ax, name)
-        ax.plot(times, values, color=_SIGNAL, linewidth=1.6)
+        tidy(ax, name)
+        ax.plot(times, values, color=SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
-        _tidy(ax, name)
+        tidy(ax, name)
         _draw_course(ax, course, times, end)
         text = "\n".join(textwrap.wrap(course.formula, 64, max_lines=2, placeholder=" ..."))
         ax.set_title(text, fontsize=8.5, loc="left", family="monospace")
         verdict = f"{course.verdict.name}, {course.final:+.3g}"
         if course.decided_at is not None:
             verdict += f", at {moment(course.decided_at, run.period)}"
-        colour = _VERDICTS.get(course.verdict, _OPEN)
+        colour = VERDICTS.get(course.verdict, OPEN)
         ax.set_xlabel(verdict, color=colour, fontsize=9, loc="right", fontweight="bold")
     axes[-1].set_xlim(0.0, end)
     axes[-1].annotate(
@@ -110,7 +93,7 @@ def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
         xycoords="axes fraction",
         textcoords="offset points",
         fontsize=9,
-        color=_OPEN,
+        color=OPEN,
     )
     who = run.label or ("" if run.seed is None else f"seed {run.seed}")
     axes[0].set_title(
@@ -120,30 +103,14 @@ def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
 
 def _draw_course(ax: Axes, course: Course, times: NDArray[Any], end: float) -> None:
     curves = (course.robustness, course.lower, course.upper)
-    low, high = _frame(curves)
+    low, high = frame(curves)
     robustness, lower, upper = (np.clip(c, low, high) for c in curves)
-    ax.fill_between(times, lower, upper, color=_BOUNDS, alpha=0.5, linewidth=0)
-    ax.axhline(0.0, color=_OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
+    ax.fill_between(times, lower, upper, color=BOUNDS, alpha=0.5, linewidth=0)
+    ax.axhline(0.0, color=OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
     if course.decided_at is not None:
-        colour = _VERDICTS[course.verdict]
+        colour = VERDICTS[course.verdict]
         at = float(times[course.decided_at])
         ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
         ax.axvline(at, color=colour, linewidth=1.6)
-    ax.plot(times, robustness, color=_NOW, linewidth=1.6)
+    ax.plot(times, robustness, color=ROBUSTNESS, linewidth=1.6)
     ax.set_ylim(low, high)
-
-
-def _frame(curves: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
-    """The range of the finite values and zero, with room for what goes to infinity."""
-    finite = np.concatenate([[0.0], *(c[np.isfinite(c)] for c in curves)])
-    least, most = float(finite.min()), float(finite.max())
-    room = 0.2 * (most - least) or 1.0
-    return least - room, most + room
-
-
-def _tidy(ax: Axes, name: str) -> None:
-    ax.set_ylabel(name, fontsize=9.5)
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.grid(visible=True, color="#E5E5E5", linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.tick_params(labelsize=8.5)

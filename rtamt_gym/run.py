@@ -189,7 +189,8 @@ class Run(_Record):
         Raises:
             InputError: If the name says no format of pictures.
         """
-        from rtamt_gym.plot import check_format, save
+        from rtamt_gym.drawing import check_format
+        from rtamt_gym.plot import save
 
         check_format(Path(path))
         save([self], Path(path))

@@ -14,7 +14,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 
 from rtamt import InputError, Verdict
-from rtamt_gym.plot import check_format, draw, save
+from rtamt_gym.drawing import check_format
+from rtamt_gym.plot import draw, save
 from rtamt_gym.run import Course, Floats, Run
 
 INF = math.inf

@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
 
 def _demo(options: argparse.Namespace) -> int:
     from rtamt_gym.demo import run
-    from rtamt_gym.plot import check_format
+    from rtamt_gym.drawing import check_format
 
     check_folder(options.plot)
     check_format(options.plot)

@@ -95,7 +95,8 @@ def _run(options: argparse.Namespace) -> int:
     for path in filter(None, (options.plot, options.json)):
         check_folder(path)
     if options.plot:
-        from rtamt_gym.plot import check_format, save
+        from rtamt_gym.drawing import check_format
+        from rtamt_gym.plot import save
 
         check_format(options.plot)
     env = make(options.env_id, options.max_steps)
