@@ -7,7 +7,7 @@ object with attributes, or a mapping; the fields of one may be the other.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, MutableMapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -95,14 +95,16 @@ class Messages:
     """The fields of messages among names, such as the variables of a specification.
 
     Attributes:
-        names: What can be handed in as a message: ``cmd.linear`` and ``cmd`` for ``cmd.linear.x``.
+        names: What can be handed in as a message: ``cmd.linear`` and ``cmd`` for ``cmd.linear.x``,
+            but for what is a variable itself.
     """
 
     __slots__ = ("_fields", "names")
 
-    def __init__(self, specification: Specification, names: Iterable[str]) -> None:
+    def __init__(self, specification: Specification, names: Collection[str]) -> None:
         self._fields = {name: tuple(_fields(name, specification)) for name in names if "." in name}
-        self.names = frozenset(f.message for fields in self._fields.values() for f in fields)
+        messages = {f.message for fields in self._fields.values() for f in fields}
+        self.names = frozenset(messages.difference(names))
 
     def spread(
         self, named: Mapping[str, _T], split: Callable[[Field, _T], object]

@@ -130,6 +130,13 @@ def test_a_held_nan_is_that_of_the_field(backend: Backend) -> None:
     assert monitor.update(m=Vector(NAN, 5)) == 6.0
 
 
+def test_what_is_a_variable_itself_is_no_message(backend: Backend) -> None:
+    monitor = Monitor("m > 0 and m.x > 0", backend=backend)
+    assert monitor.update({"m": 3.0, "m.x": 2.0}) == 2.0
+    with pytest.raises(InputError, match=r"got none for 'm\.x'; the variables are m, m\.x$"):
+        monitor.update(m=Vector(1))
+
+
 @pytest.mark.parametrize(
     "duplicate",
     [copy.copy, copy.deepcopy, lambda m: pickle.loads(pickle.dumps(m))],
