@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal, get_args
 
@@ -12,6 +12,7 @@ import mujoco  # type: ignore[import-untyped]
 from rtamt import EpisodeMonitor, InputError, StateError, Verdict
 from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.mujoco_callback import Attached
+from rtamt_gym.mujoco_clock import Clock
 from rtamt_gym.mujoco_signals import StepSignal, bind_signal
 from rtamt_gym.panel import Panel
 from rtamt_gym.selectors import MUJOCO
@@ -118,7 +119,7 @@ class StepMonitor:
         self._panel = Panel(loaded, float(model.opt.timestep) if period is None else period, view)
         self._forward = forward
         self._bind_signals()
-        self._start = self._timestep = math.nan  # time of sample 0, time between samples
+        self._clock = Clock()
         self._unchecked = 0
         self._tries = False
         self._running = False
@@ -134,7 +135,7 @@ class StepMonitor:
         self._running = False
         mujoco.mj_forward(self.model, self.data)
         self._panel.reset()
-        self._start, self._timestep = self.data.time, float(self.model.opt.timestep)
+        self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
         self._feed()
         self._running = True
@@ -159,7 +160,7 @@ class StepMonitor:
         self._unchecked += 1
         if self._unchecked == _CHECKED:
             self._check_time(self.samples)
-        return self._feed_guarded()
+        return self._take()
 
     def run(
         self,
@@ -199,7 +200,8 @@ class StepMonitor:
         step; the first is sample 0, unless `reset` took it, and the state that the last step leaves
         is fed at the end. A controller that is set before is called too. There, positions are
         those of the sample, but forces and sensors those of the step before. The callback belongs
-        to the whole process: where the loop can be written anew, `step` is better.
+        to the whole process, and MuJoCo compiles no model while it is set: where the loop can be
+        written anew, `step` is better.
 
         Raises:
             StateError: At the end of the context, if a sample was missed: the program changed the
@@ -307,15 +309,16 @@ class StepMonitor:
 
     def state(self) -> tuple[Any, ...]:
         """What the monitors know, for `restore`; the simulation is not in it."""
-        return self._panel.state(), self._start, self._timestep, self._running
+        return self._panel.state(), replace(self._clock), self._running
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state` of a monitor of the same specifications.
 
         The simulation must go back with it: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
-        panel, self._start, self._timestep, self._running = state
+        panel, clock, self._running = state
         self._panel.restore(panel)
+        self._clock = replace(clock)
         self._unchecked = 0
 
     def __getstate__(self) -> dict[str, Any]:
@@ -343,7 +346,8 @@ class StepMonitor:
             )
         self.reset()
 
-    def _feed_guarded(self) -> float:
+    def _take(self) -> float:
+        """Feeds a sample."""
         try:
             return self._feed()
         except BaseException:
@@ -353,21 +357,20 @@ class StepMonitor:
 
     def _offer(self) -> None:
         """Feeds the state inside of ``mj_step``, if it is one that the simulation is in."""
-        now, sample = self.data.time, self.samples
+        now, sample, clock = self.data.time, self.samples, self._clock
         if sample == 0:
-            self._start, self._timestep = now, float(self.model.opt.timestep)
+            clock.start(now, float(self.model.opt.timestep))
+            self._running = True
         elif not self._running:
             self._begin()
-        ahead = (now - self._start) / self._timestep - sample
-        if abs(ahead + 0.5) < 0.25:  # RK4 tries the half of the step, twice, and then its end
+        ahead = clock.ahead(now, sample)
+        if clock.near(ahead, -0.5):  # RK4 tries the half of the step, twice, and then its end
             self._tries = True
-        elif abs(ahead) < 0.25 and self._tries:
+        elif clock.near(ahead, 0.0) and self._tries:
             self._tries = False
-        elif abs(ahead) < 0.25:
-            self._feed_guarded()
-            self._running = True
-        elif abs(ahead + 1.0) > 0.25:
+        elif not clock.near(ahead, -1.0):  # a second look at the last sample
             self._check_time(sample)
+            self._take()
 
     def _offer_last(self) -> None:
         """Feeds the state that the last ``mj_step`` has left."""
@@ -383,14 +386,11 @@ class StepMonitor:
 
     def _check_time(self, sample: int) -> None:
         self._unchecked = 0
-        due, now = self._start + sample * self._timestep, self.data.time
-        if abs(now - due) > 0.5 * self._timestep:
+        try:
+            self._clock.check(self.data.time, sample)
+        except StateError:
             self._running = False
-            raise StateError(
-                f"expected the time {due:.12g} s at sample {sample}, got {now:.12g} s: the "
-                "simulation was stepped or reset by others, its timestep was changed, or it was "
-                "unstable, so that MuJoCo reset it (data.warning); call reset()"
-            )
+            raise
 
 
 _mj_step = mujoco.mj_step

@@ -301,11 +301,12 @@ def parse_signals(
             f'expected a mapping such as signals={{"x": "obs[0]"}}, got {signals!r}'
         )
     names = list(dict.fromkeys(variables))
+    example = "obs[0]" if "obs" in sources else "qpos[0]"
     spare = [name for name in signals if name not in names]
     for name in names:
         if name not in signals:
             near = _nearest(name, spare)
-            way_out = f"did you mean {near!r}?" if near else f'give one: "{name}": "obs[0]"'
+            way_out = f"did you mean {near!r}?" if near else f'give one: "{name}": "{example}"'
             raise InputError(
                 f"variable {name!r} has no signal; the signals are {listing(signals)}; {way_out}"
             )

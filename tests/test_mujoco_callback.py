@@ -1,0 +1,209 @@
+"""A program that owns its loop is monitored from inside of `mj_step`, and nothing stays behind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+from mechanisms import INTEGRATORS, arm, record, swing
+
+import rtamt
+from rtamt.errors import InputError, StateError
+from rtamt_gym import StepMonitor
+
+SPEC = "always(z < 0.2 implies eventually[0:0.1](z > 0.2)) and always(w < 90)"
+SIGNALS = {"z": "qpos[4]", "w": "qvel[0]"}
+
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
+
+
+@integrators
+@pytest.mark.parametrize("chunks", [[120], [1] * 120, [50, 70]])
+def test_samples_are_those_of_a_loop_with_step(integrator: str, chunks: list[int]) -> None:
+    model, data = arm(integrator)
+    attached = StepMonitor(model, data, SPEC, SIGNALS)
+    with attached.attached():
+        for steps in chunks:
+            mujoco.mj_step(model, data, nstep=steps)
+    stepped = StepMonitor(model, mujoco.MjData(model), SPEC, SIGNALS)
+    stepped.run(1.2, on_violation="report")
+    assert attached.samples == stepped.samples == 121
+    assert attached.details == stepped.details
+    assert attached.violated_at == stepped.violated_at is not None
+    assert np.array_equal(data.qpos, stepped.data.qpos)
+
+
+@integrators
+def test_every_state_is_seen_once(integrator: str) -> None:
+    model, data = arm(integrator)
+    seen = []
+
+    def look(_model: Any, data: Any) -> float:  # noqa: ANN401
+        seen.append(data.qpos[0])
+        return 0.0
+
+    with StepMonitor(model, data, "always(x < 1)", {"x": look}).attached():
+        for _ in range(30):
+            swing(model, data)
+            mujoco.mj_step(model, data)
+    assert seen == record(model, mujoco.MjData(model), 30, lambda d: d.qpos[0])
+
+
+@integrators
+def test_a_controller_in_the_slot_goes_on_and_is_put_back(integrator: str) -> None:
+    model, data = arm(integrator)
+    mujoco.set_mjcb_control(swing)
+    try:
+        monitor = StepMonitor(model, data, SPEC, SIGNALS)
+        with monitor.attached():
+            mujoco.mj_step(model, data, nstep=50)
+        assert mujoco.get_mjcb_control() is swing
+        bare = mujoco.MjData(model)
+        mujoco.mj_step(model, bare, nstep=50)
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert np.array_equal(data.qpos, bare.qpos)
+    assert monitor.samples == 51
+
+
+def test_forwards_in_between_are_no_samples() -> None:
+    model, data = arm("RK4")
+    monitor = StepMonitor(model, data, SPEC, SIGNALS)
+    with monitor.attached():
+        for _ in range(20):
+            mujoco.mj_forward(model, data)
+            mujoco.mj_step(model, data)
+            mujoco.mj_forward(model, data)
+    assert monitor.samples == 21
+
+
+def test_a_run_may_begin_with_reset_and_go_on_with_step() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, SPEC, SIGNALS)
+    monitor.reset()
+    with monitor.attached():
+        mujoco.mj_step(model, data, nstep=10)
+    monitor.step()
+    with monitor.attached():
+        mujoco.mj_step(model, data, nstep=10)
+    assert monitor.samples == 22
+    whole = StepMonitor(model, mujoco.MjData(model), SPEC, SIGNALS)
+    whole.run(0.21, on_violation="report")
+    assert monitor.details == whole.details
+
+
+def test_other_simulations_are_left_alone() -> None:
+    model, data = arm()
+    other, others = arm("RK4")
+    env = gym.make("InvertedPendulum-v5")
+    monitor = StepMonitor(model, data, SPEC, SIGNALS)
+    with monitor.attached():
+        mujoco.mj_step(model, data, nstep=5)
+        mujoco.mj_step(other, others, nstep=7)
+        env.reset(seed=1)
+        env.step(env.action_space.sample())
+        mujoco.mj_step(model, data, nstep=5)
+    env.close()
+    assert monitor.samples == 11
+
+
+def test_two_monitors_may_be_attached() -> None:
+    model, data = arm()
+    one, two = (StepMonitor(model, data, SPEC, SIGNALS) for _ in range(2))
+    with one.attached(), two.attached():
+        mujoco.mj_step(model, data, nstep=5)
+    assert mujoco.get_mjcb_control() is None
+    assert one.samples == two.samples == 6
+    assert one.details == two.details
+
+
+def nothing(_model: Any, _data: Any) -> None:  # noqa: ANN401
+    """A controller that does nothing."""
+
+
+@pytest.mark.parametrize("before", [None, nothing])
+def test_the_slot_is_as_it_was_after_an_error_of_the_program(before: Any) -> None:  # noqa: ANN401
+    model, data = arm()
+
+    def program() -> None:
+        with StepMonitor(model, data, SPEC, SIGNALS).attached():
+            mujoco.mj_step(model, data)
+            raise ZeroDivisionError
+
+    mujoco.set_mjcb_control(before)
+    try:
+        with pytest.raises(ZeroDivisionError):
+            program()
+        assert mujoco.get_mjcb_control() is before
+    finally:
+        mujoco.set_mjcb_control(None)
+
+
+def test_an_error_of_a_signal_is_raised_at_the_end_and_not_through_mujoco() -> None:
+    model, data = arm()
+
+    def read(_model: Any, data: Any) -> float:  # noqa: ANN401
+        return float("nan") if data.time > 0.045 else 0.0
+
+    monitor = StepMonitor(model, data, "always(x < 1)", {"x": read})
+    with pytest.raises(InputError, match="variable 'x' is nan at sample 5"), monitor.attached():
+        mujoco.mj_step(model, data, nstep=20)
+    assert data.time == pytest.approx(0.2)
+    assert mujoco.get_mjcb_control() is None
+    assert monitor.samples == 5
+    with pytest.raises(StateError):
+        monitor.step()
+
+
+@pytest.mark.parametrize("how", ["reset", "timestep", "jump"])
+@integrators
+def test_a_program_that_changes_the_time_is_told_at_the_end(how: str, integrator: str) -> None:
+    model, data = arm(integrator)
+    monitor = StepMonitor(model, data, SPEC, SIGNALS)
+
+    def program() -> None:
+        with monitor.attached():
+            mujoco.mj_step(model, data, nstep=10)
+            if how == "reset":
+                mujoco.mj_resetData(model, data)
+            elif how == "timestep":
+                model.opt.timestep = 0.002
+            else:
+                data.time += 1.0
+            mujoco.mj_step(model, data, nstep=10)
+
+    with pytest.raises(StateError, match=r"expected the time .* at sample 1[01], got") as caught:
+        program()
+    assert str(caught.value).endswith("call reset()")
+    assert mujoco.get_mjcb_control() is None
+
+
+def test_a_program_that_sets_another_callback_is_told_at_the_end() -> None:
+    model, data = arm()
+
+    def program() -> None:
+        with StepMonitor(model, data, SPEC, SIGNALS).attached():
+            mujoco.set_mjcb_control(nothing)
+            mujoco.mj_step(model, data)
+
+    try:
+        with pytest.raises(StateError) as caught:
+            program()
+        assert mujoco.get_mjcb_control() is nothing
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert str(caught.value) == (
+        "expected mjcb_control as it was attached, but the program has set another: no samples "
+        "came since; set the controller before, it is called too"
+    )
+
+
+def test_a_program_that_makes_no_step_has_one_sample() -> None:
+    monitor = StepMonitor(*arm(), SPEC, SIGNALS)
+    with monitor.attached():
+        pass
+    assert monitor.samples == 1
+    assert monitor.verdict is rtamt.Verdict.UNDECIDED

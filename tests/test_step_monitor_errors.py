@@ -1,0 +1,230 @@
+"""What `StepMonitor` refuses, when, and what it says; after an error it is to be reset."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco  # type: ignore[import-untyped]
+import pytest
+from mechanisms import INTEGRATORS, arm
+
+import rtamt
+from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, StateError
+from rtamt_gym import StepMonitor
+
+X = {"x": "qpos[0]"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (
+            {"specs": "x < 1"},
+            SpecificationError,
+            (
+                "specification 'spec' speaks of the first sample only: x < 1; "
+                "write always(x < 1) or view='step'"
+            ),
+        ),
+        (
+            {"specs": "always[0:0.015](x < 1)"},
+            SpecificationError,
+            (
+                "STL:1:7: bound 0.015 s is not a multiple of the period 0.01 s (1.5 steps)\n"
+                "  always[0:0.015](x < 1)\n"
+                "        ^\n"
+                "  hint: use 0.01 s or 0.02 s, or period=0.005"
+            ),
+        ),
+        (
+            {"signals": {}},
+            InputError,
+            ('variable \'x\' has no signal; the signals are none; give one: "x": "qpos[0]"'),
+        ),
+        (
+            {"signals": {"x": ("qpos[0]", 0.0)}},
+            InputError,
+            (
+                "signal 'x': qpos[0] has a value at reset, which the default 0.0 would hide; "
+                'write "x": "qpos[0]"'
+            ),
+        ),
+        (
+            {"signals": {"x": (lambda model, data: 0.0, 1.0)}},  # noqa: ARG005
+            InputError,
+            ("signal 'x': <lambda> can be read at sample 0 too, got a default 1.0; leave it out"),
+        ),
+        (
+            {"signals": {"x": 3}},
+            InputTypeError,
+            (
+                "signal 'x': expected a selector, a callable, or a pair of one of them and its "
+                "value at reset, got 3; a selector is qpos[0], sensor:imu[0] or body:torso.xpos[2]"
+            ),
+        ),
+        ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
+    ],
+)
+def test_what_cannot_be_monitored_is_refused_at_construction(
+    arguments: dict[str, Any], error: type[RtamtError], message: str
+) -> None:
+    given = {"specs": "always(x < 1)", "signals": X, **arguments}
+    with pytest.raises(error) as caught:
+        StepMonitor(*arm(), **given)
+    assert str(caught.value) == message
+
+
+def disturbed(data: Any, model: Any, how: str) -> None:  # noqa: ANN401
+    match how:
+        case "reset":
+            mujoco.mj_resetData(model, data)
+        case "step":
+            mujoco.mj_step(model, data)
+        case "timestep":
+            model.opt.timestep = 0.02
+        case "unstable":
+            data.qvel[0] = 1e20
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("how", ["reset", "step", "timestep", "unstable"])
+def test_a_simulation_that_leaves_its_course_is_noticed_within_16_samples(
+    integrator: str,
+    how: str,
+    tmp_path: Any,  # noqa: ANN401
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log about what is unstable
+    model, data = arm(integrator)
+    monitor = StepMonitor(model, data, "always(x < 9)", X)
+    monitor.run(0.2)
+    disturbed(data, model, how)
+    with pytest.raises(StateError, match="expected the time") as caught:
+        monitor.run(16 * model.opt.timestep)
+    assert str(caught.value).startswith(f"expected the time {0.01 * monitor.samples:.12g} s at ")
+    for _ in range(2):
+        with pytest.raises(StateError) as again:
+            monitor.step()
+        assert str(again.value) == (
+            "expected a running simulation, got step() after finish() or after an error; "
+            "call reset()"
+        )
+    monitor.reset()
+    monitor.step()
+    assert monitor.samples == 2
+
+
+def test_the_message_says_what_may_have_happened() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, "always(x < 9)", X)
+    monitor.run(0.25)
+    mujoco.mj_resetData(model, data)
+    with pytest.raises(StateError) as caught:
+        monitor.finish()
+    assert str(caught.value) == (
+        "expected the time 0.25 s at sample 25, got 0 s: the simulation was stepped or reset by "
+        "others, its timestep was changed, or it was unstable, so that MuJoCo reset it "
+        "(data.warning); call reset()"
+    )
+
+
+def test_no_verdict_is_decided_from_samples_of_another_course() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, "always(x < 0.25)", X)
+    model.opt.gravity[:] = 0.0
+    monitor.run(0.05)
+    mujoco.mj_resetData(model, data)
+    data.qpos[0] = 0.5
+    with pytest.raises(StateError, match=r"got 0\.01 s"):
+        monitor.step()
+    assert monitor.violated_by is None
+
+
+def test_a_reset_between_two_runs_begins_a_new_one() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, "always(x < 9)", X)
+    found = []
+    for _ in range(3):
+        mujoco.mj_resetData(model, data)
+        monitor.reset()
+        monitor.run(0.3)
+        found.append((monitor.samples, monitor.robustness))
+    assert found == [found[0]] * 3
+    assert found[0][0] == 31
+
+
+def test_a_nan_ends_the_run_and_a_reset_begins_another() -> None:
+    model, data = arm()
+    values = [0.5, 0.5, math.nan, 0.5, 0.5]
+
+    def read(_model: Any, _data: Any) -> float:  # noqa: ANN401
+        return values.pop(0)
+
+    monitor = StepMonitor(model, data, "always(x < 1)", {"x": read})
+    monitor.step()
+    with pytest.raises(InputError, match="nan"):
+        monitor.step()
+    assert (monitor.samples, monitor.robustness) == (2, 0.5)
+    with pytest.raises(StateError, match="after an error"):
+        monitor.step()
+    monitor.reset()
+    assert monitor.samples == 1
+
+
+def test_a_callable_that_gives_no_number_is_named() -> None:
+    def tell(_model: Any, _data: Any) -> str:  # noqa: ANN401
+        return "high"
+
+    monitor = StepMonitor(*arm(), "always(x < 1)", {"x": tell})  # type: ignore[dict-item]
+    with pytest.raises(InputTypeError) as caught:
+        monitor.reset()
+    assert str(caught.value).startswith("signal 'x': expected a number from test_a_callable_that")
+    assert str(caught.value).endswith("tell, got 'high'")
+    assert monitor.samples == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"duration": 0.0}, "expected duration= as a finite number above 0, got 0.0"),
+        ({"duration": math.inf}, "expected duration= as a finite number above 0, got inf"),
+        (
+            {"duration": 1.0, "on_violation": "terminate"},
+            "expected on_violation='stop' or 'report', got 'terminate'",
+        ),
+    ],
+)
+def test_a_run_that_makes_no_sense_is_refused(arguments: dict[str, Any], message: str) -> None:
+    monitor = StepMonitor(*arm(), "always(x < 1)", X)
+    with pytest.raises(InputError) as caught:
+        monitor.run(**arguments)
+    assert str(caught.value) == message
+    assert monitor.samples == 0
+
+
+def test_finish_needs_a_sample_and_ends_the_run() -> None:
+    monitor = StepMonitor(*arm(), "always(x < 1)", X)
+    with pytest.raises(StateError):
+        monitor.finish()
+    monitor.step()
+    final = monitor.finish()
+    with pytest.raises(StateError, match=r"after finish\(\)"):
+        monitor.step()
+    assert monitor.finish() == final
+    assert monitor.verdict is rtamt.Verdict.SATISFIED
+
+
+def test_a_controller_that_fails_ends_the_run_but_not_the_monitor() -> None:
+    model, data = arm()
+    monitor = StepMonitor(model, data, "always(x < 9)", X)
+
+    def fail(_model: Any, data: Any) -> None:  # noqa: ANN401
+        if data.time > 0.045:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        monitor.run(1.0, fail)
+    assert monitor.samples == 6
+    monitor.run(0.1)
+    assert monitor.samples == 16
