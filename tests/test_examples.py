@@ -3,6 +3,7 @@
 import contextlib
 import importlib.util
 import io
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-EPISODES = {"highway_rss": 2, "parking": 5, "walking_response": 3}
+EPISODES = {"falling_humanoid": 4, "highway_rss": 2, "parking": 5, "walking_response": 3}
 
 
 @dataclass
@@ -65,6 +66,16 @@ def test_no_example_is_left_out() -> None:
     assert {path.stem for path in EXAMPLES.glob("*.py")} - elsewhere == set(EPISODES)
 
 
+def test_the_page_on_examples_shows_them_all() -> None:
+    page = (EXAMPLES.parent / "docs" / "examples.md").read_text(encoding="utf-8")
+    shown = re.findall(r"\]\(([^):]+)\)", page)
+    for example in EPISODES:
+        assert {f"../examples/{example}.py", f"examples/{example}.png"} <= set(shown)
+    pictures = [EXAMPLES.parent / "docs" / link for link in shown]
+    assert [picture for picture in pictures if not picture.is_file()] == []
+    assert max(picture.stat().st_size for picture in pictures) < 150_000
+
+
 def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(
     runs: dict[str, Run],
 ) -> None:
@@ -98,3 +109,14 @@ def test_a_walker_that_limps_is_stopped_within_a_stride_and_the_time_of_the_resp
     for fault, _, verdict, seconds, _ in lame:
         assert verdict == "VIOLATED"
         assert float(fault) < float(seconds) < float(fault) + 0.8 + 0.5
+
+
+def test_a_fall_is_stopped_before_the_floor_and_sub_steps_see_the_harder_blow(
+    runs: dict[str, Run],
+) -> None:
+    rows = runs["falling_humanoid"].rows("start")
+    assert len(rows) == EPISODES["falling_humanoid"]
+    for _, stop, _, floor, _, seen, _, hardest, _ in rows:
+        assert float(stop) < float(floor) < 3
+        assert float(seen) <= float(hardest)
+    assert any(float(row[5]) < 0.8 * float(row[7]) for row in rows)
