@@ -3,13 +3,15 @@
 Text becomes a formula, a formula a program of four instructions, and small machines run it: on
 samples as they come (`Monitor`), on a whole episode with bounds from the first sample on
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
-recorded traces (`evaluate`); `explain` says which samples decided.
+recorded traces (`evaluate`), on events over dense time (`DenseMonitor`, `evaluate_dense`);
+`explain` says which samples decided.
 """
 
 import importlib
 from typing import TYPE_CHECKING
 
 from rtamt.backend import BACKEND
+from rtamt.dense_monitor import DenseMonitor, evaluate_dense
 from rtamt.errors import (
     InputError,
     InputTypeError,
@@ -18,6 +20,7 @@ from rtamt.errors import (
     SpecificationError,
     StateError,
 )
+from rtamt.events import Events
 from rtamt.explanation import Explanation, explain
 from rtamt.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.interval import Interval
@@ -33,7 +36,9 @@ __version__ = "0.5.0"
 
 __all__ = [
     "BACKEND",
+    "DenseMonitor",
     "EpisodeMonitor",
+    "Events",
     "Explanation",
     "Formula",
     "InputError",
@@ -53,6 +58,7 @@ __all__ = [
     "conjunction",
     "disjunction",
     "evaluate",
+    "evaluate_dense",
     "explain",
     "load",
     "number",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt import bank, discrete, episode
+from rtamt import bank, dense, discrete, episode
+from rtamt.dense_lowering import DenseProgram, encoded_dense
 from rtamt.errors import InputError
+from rtamt.events import Column, EventReader, EventsLike
 from rtamt.inputs import SampleReader
 from rtamt.lanes import LaneReader
 from rtamt.placement import place
@@ -28,6 +30,7 @@ else:
 __all__ = [
     "BACKEND",
     "Backend",
+    "DenseMachine",
     "DiscreteBank",
     "DiscreteMachine",
     "EpisodeBank",
@@ -36,6 +39,7 @@ __all__ = [
     "Machine",
     "Stateful",
     "choose",
+    "dense_machine",
     "discrete_bank",
     "discrete_machine",
     "episode_bank",
@@ -115,6 +119,35 @@ class EpisodeMachine(Machine, Protocol):
 
     def finish(self) -> float:
         """End the trace."""
+
+
+class DenseMachine(Stateful, Protocol):
+    """Runs a program on events; `rtamt.dense.Machine` says what it means."""
+
+    @property
+    def settled(self) -> float:
+        """The time before which the result is known."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the trace has ended."""
+
+    @property
+    def values(self) -> Sequence[float]:
+        """The observed registers just before they are unknown."""
+
+    @property
+    def update(self) -> Callable[[Mapping[str, EventsLike]], list[tuple[float, float]]]:
+        """Take in new events; the steps of the result that are settled by them."""
+
+    def finish(self) -> list[tuple[float, float]]:
+        """End the trace; the steps that are left."""
+
+    def run(self, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times and values of the result over the whole trace of a new machine."""
+
+    def reset(self) -> None:
+        """Forget every event."""
 
 
 class LaneMachine(Stateful, Protocol):
@@ -214,6 +247,31 @@ def episode_machine(backend: Backend, program: Program, reader: SampleReader) ->
         placement.program.variables,
         reader,
     )
+
+
+def dense_machine(
+    backend: Backend, program: DenseProgram, reader: EventReader, observed: Sequence[int]
+) -> DenseMachine:
+    """The machine over dense time of a back-end.
+
+    Args:
+        backend: Which one.
+        program: What to run; online, every register has a latency.
+        reader: Turns arguments into events, and refuses them.
+        observed: Registers that ``values`` lists.
+    """
+    native = getattr(_native, "DenseMachine", None) if BACKEND == "native" else None
+    if choose(backend) == "python" or native is None:
+        return dense.Machine(program, reader, observed)
+    machine: DenseMachine = native(
+        encoded_dense(program),
+        program.program.terms,
+        program.program.variables,
+        program.program.result,
+        tuple(observed),
+        reader,
+    )
+    return machine
 
 
 def discrete_bank(backend: Backend, program: Program, num: int, reader: LaneReader) -> DiscreteBank:

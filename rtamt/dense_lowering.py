@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rtamt.formula import Node
@@ -43,6 +43,11 @@ class DenseProgram:
         """The time by which a register is late; inf if it needs the whole future."""
         ticks = self.program.latencies[register]
         return math.inf if ticks is None else self.time(ticks)
+
+    def result_alone(self) -> DenseProgram:
+        """The program without what only other named formulas need."""
+        result = self.program.result
+        return replace(self, program=self.program.restricted(result, {}))
 
 
 class _DenseBuilder(ProgramBuilder):

@@ -41,7 +41,7 @@ class Machine:
         self.inputs: list[float] = []
         self._late = program.latency or 0
         self._result = program.result
-        self._terms = Terms(program, reader)
+        self._terms = Terms(program, reader.refuse)
         self._initial = self._terms.initial
         self._steps: list[Step] = []
         self._parts: list[DelayLine | Fold] = []

@@ -72,7 +72,7 @@ class EpisodeMachine:
         self.samples = 0
         self.inputs: list[float] = []
         self.finished = False
-        self._terms = Terms(self.program, reader)
+        self._terms = Terms(self.program, reader.refuse)
         self._first: Registers = []
         self._tops = placement.tops
         self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}

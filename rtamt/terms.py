@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import assert_never
+from typing import Generic, NoReturn, TypeVar, assert_never
 
 from rtamt.algebra import FUNCTIONS
-from rtamt.inputs import SampleReader
 from rtamt.program import Const, Load, Map, Program, Window
 
 __all__ = ["Registers", "Step", "Terms", "map_step"]
@@ -15,11 +14,19 @@ Registers = list[float]
 Step = Callable[[Registers], None]
 
 
-class Terms:
-    """Evaluates the terms of a program on one sample, and refuses a term that is nan."""
+_Place = TypeVar("_Place", int, float)
 
-    def __init__(self, program: Program, reader: SampleReader) -> None:
-        self._reader = reader
+
+class Terms(Generic[_Place]):
+    """Evaluates the terms of a program on one sample.
+
+    Args:
+        program: Its terms.
+        refuse: Raises the error of a term that is nan: for these values, at a sample or a time.
+    """
+
+    def __init__(self, program: Program, refuse: Callable[[list[float], _Place], NoReturn]) -> None:
+        self._refuse: Callable[[list[float], _Place], NoReturn] = refuse
         self._loads: list[tuple[int, int]] = []
         self._steps: list[Step] = []
         self._constants: Registers = [0.0] * program.terms
@@ -42,20 +49,20 @@ class Terms:
         """The registers before the first sample: constants in place."""
         return self._constants[:]
 
-    def __call__(self, values: list[float], sample: int) -> Registers:
+    def __call__(self, values: list[float], place: _Place) -> Registers:
         """The registers of the terms; touches no state.
 
         Raises:
             InputError: If a term is nan.
         """
         registers = self._constants[:]
-        for out, place in self._loads:
-            registers[out] = values[place]
+        for out, variable in self._loads:
+            registers[out] = values[variable]
         for step in self._steps:
             step(registers)
         for value in registers:
             if value != value:  # noqa: PLR0124 - nan
-                self._reader.refuse(values, sample)
+                self._refuse(values, place)
         return registers
 
 

@@ -1,0 +1,195 @@
+"""The reference machine over dense time: readable, and what the C++ is tested against."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.algebra import MONOIDS
+from rtamt.dense_lowering import DenseProgram
+from rtamt.dense_streams import (
+    Joint,
+    MapNode,
+    Node,
+    Part,
+    Step,
+    Stream,
+    SuffixNode,
+    WindowNode,
+    just_after,
+)
+from rtamt.events import Column, EventReader, EventsLike
+from rtamt.program import Const, Load, Map, Window
+from rtamt.terms import Registers, Terms
+from rtamt.windows import State
+
+__all__ = ["Machine"]
+
+
+class Machine:
+    """Runs a program on events, in chunks of any size, each variable at its own pace.
+
+    The trace begins when the last variable does; it is known up to the first of the variables'
+    last events. Terms are computed wherever a variable has an event, then each register of a
+    formula goes as far as its operands are known. The row of the last known time waits: if nothing
+    follows, it is the end of the trace, an instant; else a step begins there.
+
+    Args:
+        dense: What to run.
+        reader: Turns arguments into events, and refuses them.
+        observed: Registers whose values `values` lists.
+    """
+
+    finished: bool
+    _first: list[float]
+    _last: list[float]
+    _begin: float
+    _end: float
+    _waits: tuple[float, Registers] | None
+
+    def __init__(self, dense: DenseProgram, reader: EventReader, observed: Sequence[int]) -> None:
+        program = dense.program
+        self.reader = reader
+        self._observed = tuple(observed)
+        self._result = program.result
+        self._known = program.terms
+        self._terms = Terms(program, reader.refuse)
+        self._streams = [Stream() for _ in program.instructions]
+        self._nodes = [self._node(dense, r) for r in range(self._known, len(self._streams))]
+        self._inputs = Joint(len(program.variables))
+        self._parts: list[Part] = [self._inputs, *self._streams, *self._nodes]
+        self.reset()
+
+    def _node(self, dense: DenseProgram, register: int) -> Node:
+        out = self._streams[register]
+        match dense.program.instructions[register]:
+            case Load() | Const():
+                msg = f"register {register} is an input behind the terms"
+                raise AssertionError(msg)
+            case Map(function, args):
+                return MapNode(function, [self._streams[a] for a in args], out)
+            case Window(name, lo, hi, args):
+                streams = [self._streams[a] for a in args]
+                begin = -math.inf if lo is None else dense.time(lo)
+                if hi is None:
+                    return SuffixNode(MONOIDS[name], begin, streams, out)
+                return WindowNode(MONOIDS[name], begin, dense.time(hi), streams, out)
+            case _ as never:
+                assert_never(never)
+
+    @property
+    def settled(self) -> float:
+        """Before this time the result is known; -inf until every variable has an event."""
+        return self._end if self.finished else self._streams[self._result].frontier
+
+    @property
+    def values(self) -> list[float]:
+        """The observed registers just before they are unknown; after `finish`, at the end."""
+        return [self._streams[r].value for r in self._observed]
+
+    def update(self, events: Mapping[str, EventsLike]) -> list[Step]:
+        """Take in new events; the steps of the result that are settled by them."""
+        if self.finished:
+            self.reader.refuse_update()
+        return self._take(self.reader.read(events, self._last))
+
+    def _take(self, columns: Sequence[Column]) -> list[Step]:
+        first = [
+            min(old, *times[:1].tolist())
+            for old, (times, _) in zip(self._first, columns, strict=True)
+        ]
+        last = [
+            max(old, *times[-1:].tolist())
+            for old, (times, _) in zip(self._last, columns, strict=True)
+        ]
+        begin, end = max(first), min(last)
+        self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
+        try:
+            rows = self._rows(begin, end)
+        except BaseException:
+            self._inputs.retract([len(times) for times, _ in columns])
+            raise
+        self._first, self._last, self._begin, self._end = first, last, begin, end
+        while self._inputs.next <= end and begin <= end:
+            self._inputs.take()
+        if rows:
+            if self._waits is not None:
+                rows.insert(0, self._waits)
+            self._waits = rows.pop()
+        if not math.isinf(end):
+            self._advance(rows)
+        return self._settled_steps()
+
+    def _rows(self, begin: float, end: float) -> list[tuple[float, Registers]]:
+        """The terms at all times of the trace that are new; touches no state."""
+        if begin > end:
+            return []
+        return [
+            (time, self._terms(list(values), time))
+            for time, values in self._inputs.ahead(end)
+            if time >= begin
+        ]
+
+    def _advance(self, rows: Sequence[tuple[float, Registers]]) -> None:
+        self._push(rows, self._end)
+        for node in self._nodes:
+            node.advance(self._begin, self._end)
+
+    def _push(self, rows: Sequence[tuple[float, Registers]], frontier: float) -> None:
+        for register, stream in enumerate(self._streams[: self._known]):
+            for time, terms in rows:
+                stream.push(time, terms[register])
+            stream.frontier = frontier
+
+    def _settled_steps(self) -> list[Step]:
+        settled = self._streams[self._result].new
+        for stream in self._streams:
+            stream.new = []
+        return settled
+
+    def finish(self) -> list[Step]:
+        """End the trace with the first variable; the steps that are left, its end included."""
+        if self.finished:
+            return []
+        if self._waits is None:
+            self.reader.refuse_end(self._first, self._last)
+        self._push([self._waits], just_after(self._end))
+        for node in self._nodes:
+            node.finish(self._begin, self._end)
+        self.finished = True
+        return self._settled_steps()
+
+    def run(self, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times and values of the result over the whole trace of a new machine."""
+        steps = self._take(columns)
+        steps += self.finish()
+        times, values = zip(*steps, strict=True)
+        return np.array(times), np.array(values)
+
+    def reset(self) -> None:
+        """Forget every event."""
+        width = len(self.reader.variables)
+        self.finished = False
+        self._first, self._last = [math.inf] * width, [-math.inf] * width
+        self._begin, self._end = math.inf, -math.inf
+        self._waits = None
+        for part in self._parts:
+            part.reset()
+
+    def state(self) -> State:
+        """What `restore` needs to continue from here."""
+        times = [self._first[:], self._last[:], self._begin, self._end]
+        parts = [part.state() for part in self._parts]
+        return [self.finished, times, self._waits, parts]
+
+    def restore(self, state: State) -> None:
+        """Continue from where ``state`` was taken."""
+        self.finished, times, self._waits, parts = state
+        first, last, self._begin, self._end = times
+        self._first, self._last = list(first), list(last)
+        for part, saved in zip(self._parts, parts, strict=True):
+            part.restore(saved)

@@ -1,0 +1,416 @@
+"""The parts of the machine over dense time: streams of steps, and what makes one out of others.
+
+A stream is a right-continuous function of time, given by its steps: a step (time, value) lasts
+until the time of the next one. It is known before its *frontier*. Every part takes in the steps
+that are new, and goes as far as the frontiers of what it reads allow: the steps that it makes do
+not depend on how the events were divided into calls.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+import operator
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
+
+from rtamt.algebra import FUNCTIONS, Element, Monoid
+from rtamt.windows import State
+
+__all__ = [
+    "Joint",
+    "MapNode",
+    "Node",
+    "Part",
+    "Step",
+    "Stream",
+    "SuffixNode",
+    "WindowNode",
+    "just_after",
+]
+
+Step = tuple[float, float]
+Values = tuple[float, ...]
+
+
+def just_after(time: float) -> float:
+    """The least number above: what is before it includes the time itself."""
+    return math.nextafter(time, math.inf)
+
+
+class Stream:
+    """What is known of a register.
+
+    Attributes:
+        new: The steps that came with this call.
+        frontier: Before this time it is known.
+        value: Its value just before the frontier; nan where there is none.
+    """
+
+    __slots__ = ("frontier", "new", "value")
+
+    new: list[Step]
+    frontier: float
+    value: float
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def push(self, time: float, value: float) -> None:
+        """Take in the value from a time on; a step only if it is another one."""
+        if value != self.value:
+            self.new.append((time, value))
+            self.value = value
+
+    def reset(self) -> None:
+        """Forget every step."""
+        self.new = []
+        self.frontier = -math.inf
+        self.value = math.nan
+
+    def state(self) -> State:
+        """Frontier and value; between calls nothing is new."""
+        return [self.frontier, self.value]
+
+    def restore(self, state: State) -> None:
+        """Take them over."""
+        self.frontier, self.value = state
+
+
+class Joint:
+    """Steps of several streams that wait to be read together."""
+
+    __slots__ = ("_now", "_waiting")
+
+    _now: list[float]
+
+    def __init__(self, width: int) -> None:
+        self._waiting: list[deque[Step]] = [deque() for _ in range(width)]
+        self.reset()
+
+    def extend(self, steps: Sequence[Iterable[Step]]) -> None:
+        """Take in new steps of every stream."""
+        for waiting, new in zip(self._waiting, steps, strict=True):
+            waiting.extend(new)
+
+    def retract(self, counts: Sequence[int]) -> None:
+        """Give back the newest steps of every stream."""
+        for waiting, count in zip(self._waiting, counts, strict=True):
+            for _ in range(count):
+                waiting.pop()
+
+    @property
+    def next(self) -> float:
+        """The time of the next step of any of them; inf if none waits."""
+        return min((waiting[0][0] for waiting in self._waiting if waiting), default=math.inf)
+
+    def take(self) -> Values:
+        """The values of all streams from the next time on."""
+        time = self.next
+        for i, waiting in enumerate(self._waiting):
+            if waiting and waiting[0][0] == time:
+                self._now[i] = waiting.popleft()[1]
+        return tuple(self._now)
+
+    def ahead(self, last: float) -> Iterator[tuple[float, Values]]:
+        """What `take` will give at all times up to the last, with the times; takes nothing."""
+        now = self._now[:]
+        steps = heapq.merge(*itertools.starmap(_labelled, enumerate(self._waiting)))
+        for time, group in itertools.groupby(steps, key=operator.itemgetter(0)):
+            if time > last:
+                break
+            for _, i, value in group:
+                now[i] = value
+            yield time, tuple(now)
+
+    def reset(self) -> None:
+        """Forget every step."""
+        for waiting in self._waiting:
+            waiting.clear()
+        self._now = [math.nan] * len(self._waiting)
+
+    def state(self) -> State:
+        """The steps that wait, and the values before them."""
+        return [[list(waiting) for waiting in self._waiting], self._now[:]]
+
+    def restore(self, state: State) -> None:
+        """Take them over."""
+        waiting, now = state
+        self._waiting = [deque(steps) for steps in waiting]
+        self._now = list(now)
+
+
+def _labelled(i: int, steps: Iterable[Step]) -> Iterator[tuple[float, int, float]]:
+    return ((time, i, value) for time, value in steps)
+
+
+class Part(Protocol):
+    """What holds steps."""
+
+    def reset(self) -> None:
+        """Forget every step."""
+
+    def state(self) -> State:
+        """What `restore` needs."""
+
+    def restore(self, state: State) -> None:
+        """Become what ``state`` was taken from."""
+
+
+class Node(Part, Protocol):
+    """Makes the stream of one register out of others."""
+
+    def advance(self, begin: float, known: float) -> None:
+        """Go on as far as the operands are known; the trace is known up to a time."""
+
+    def finish(self, begin: float, end: float) -> None:
+        """Go on to the end of the trace; the operands are known there."""
+
+
+class MapNode:
+    """A function of the operands' values at one time."""
+
+    def __init__(self, function: str, args: Sequence[Stream], out: Stream) -> None:
+        self._apply = FUNCTIONS[function].apply
+        self._args, self._out = args, out
+        self._joint = Joint(len(args))
+
+    def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
+        """Make a step at every step of an operand."""
+        self._run(min(arg.frontier for arg in self._args))
+
+    def finish(self, begin: float, end: float) -> None:  # noqa: ARG002
+        """Likewise, the end included."""
+        self._run(just_after(end))
+
+    def _run(self, before: float) -> None:
+        self._joint.extend([arg.new for arg in self._args])
+        while (time := self._joint.next) < before:
+            self._out.push(time, self._apply(*self._joint.take()))
+        self._out.frontier = before
+
+    def reset(self) -> None:
+        """Forget every step."""
+        self._joint.reset()
+
+    def state(self) -> State:
+        """The steps that wait."""
+        return self._joint.state()
+
+    def restore(self, state: State) -> None:
+        """Take them over."""
+        self._joint.restore(state)
+
+
+class WindowNode:
+    """The fold of all steps that a window meets.
+
+    The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and
+    s + lo < t'. So it comes at s = t - hi and leaves at s = t' - lo, and the fold is a
+    right-continuous function of s. The last instant of the trace counts as a step without an end,
+    except for windows that begin after s: those are empty from ``end - lo`` on.
+    """
+
+    def __init__(
+        self, monoid: Monoid, lo: float, hi: float, args: Sequence[Stream], out: Stream
+    ) -> None:
+        self._lo, self._hi = lo, hi
+        self._args, self._out = args, out
+        self._empty = monoid.identity[-1]
+        self._joint = Joint(len(args))
+        self._inside = Total(monoid) if math.isinf(lo) else Queue(monoid, lo)
+        self._begun = False
+
+    def advance(self, begin: float, known: float) -> None:
+        """Go on to where steps may still come."""
+        self._joint.extend([arg.new for arg in self._args])
+        before = min(known, min(arg.frontier for arg in self._args) - self._hi)
+        self._run(begin, before)
+        self._out.frontier = before
+
+    def finish(self, begin: float, end: float) -> None:
+        """Go on to the end; windows that begin later are empty."""
+        self._joint.extend([arg.new for arg in self._args])
+        after = just_after(end)
+        if self._lo > 0:
+            empty = max(begin, end - self._lo)
+            self._run(begin, empty)
+            self._out.push(empty, self._empty)
+        else:
+            self._run(begin, after)
+        self._out.frontier = after
+
+    def _run(self, begin: float, before: float) -> None:
+        joint, inside = self._joint, self._inside
+        while True:
+            # The first value is that of the trace's begin, whenever the first step comes.
+            now = min(joint.next - self._hi, inside.leaves) if self._begun else begin
+            if not now < before:
+                break
+            while joint.next - self._hi <= now:
+                inside.push(joint.next, joint.take())
+            while inside.leaves <= now:
+                inside.pop()
+            self._out.push(now, inside.value)
+            self._begun = True
+
+    def reset(self) -> None:
+        """Forget every step."""
+        self._joint.reset()
+        self._inside.reset()
+        self._begun = False
+
+    def state(self) -> State:
+        """The steps that wait, and those inside the window."""
+        return [self._joint.state(), self._inside.state(), self._begun]
+
+    def restore(self, state: State) -> None:
+        """Take them over."""
+        joint, inside, self._begun = state
+        self._joint.restore(joint)
+        self._inside.restore(inside)
+
+
+class Total:
+    """The fold of all steps so far, for windows that nothing leaves."""
+
+    leaves = math.inf
+    _total: Element
+
+    def __init__(self, monoid: Monoid) -> None:
+        self._monoid = monoid
+        self.reset()
+
+    def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
+        """Take in the next step."""
+        self._total = self._monoid.combine(self._total, x)
+
+    def pop(self) -> None:
+        """Nothing leaves."""
+        raise AssertionError
+
+    @property
+    def value(self) -> float:
+        """The fold."""
+        return self._total[-1]
+
+    def reset(self) -> None:
+        """Forget every step."""
+        self._total = self._monoid.identity
+
+    def state(self) -> State:
+        """The fold."""
+        return [self._total]
+
+    def restore(self, state: State) -> None:
+        """Take it over."""
+        (self._total,) = state
+
+
+class Queue:
+    """The fold of the steps inside a window, first in, first out, in two stacks.
+
+    ``_older`` holds the folds of its steps with all younger ones of it; when it is used up, the
+    steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and Schneider, "General
+    incremental sliding-window aggregation", VLDB 2015).
+    """
+
+    _begins: deque[float]
+    _older: list[Element]
+    _younger: list[Element]
+    _total: Element
+
+    def __init__(self, monoid: Monoid, lo: float) -> None:
+        self._combine, self._identity = monoid.combine, monoid.identity
+        self._lo = lo
+        self.reset()
+
+    def push(self, begin: float, x: Element) -> None:
+        """Take in the next step."""
+        self._begins.append(begin)
+        self._younger.append(x)
+        self._total = self._combine(self._total, x)
+
+    def pop(self) -> None:
+        """Let the oldest step go."""
+        if not self._older:
+            fold = self._identity
+            while self._younger:
+                fold = self._combine(self._younger.pop(), fold)
+                self._older.append(fold)
+            self._total = self._identity
+        self._older.pop()
+        self._begins.popleft()
+
+    @property
+    def value(self) -> float:
+        """The fold."""
+        return self._combine(self._older[-1] if self._older else self._identity, self._total)[-1]
+
+    @property
+    def leaves(self) -> float:
+        """When the oldest step leaves; it ends where the next one, which has come, begins."""
+        return self._begins[1] - self._lo if len(self._begins) > 1 else math.inf
+
+    def reset(self) -> None:
+        """Forget every step."""
+        self._begins = deque()
+        self._older = []
+        self._younger = []
+        self._total = self._identity
+
+    def state(self) -> State:
+        """The steps."""
+        return [list(self._begins), self._older[:], self._younger[:], self._total]
+
+    def restore(self, state: State) -> None:
+        """Take them over."""
+        begins, older, younger, self._total = state
+        self._begins = deque(begins)
+        self._older, self._younger = list(older), list(younger)
+
+
+class SuffixNode:
+    """The fold of all steps from s + lo to the end of the trace: known when that has come."""
+
+    def __init__(self, monoid: Monoid, lo: float, args: Sequence[Stream], out: Stream) -> None:
+        self._monoid, self._lo = monoid, lo
+        self._args, self._out = args, out
+        self._joint = Joint(len(args))
+
+    def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
+        """Collect the steps."""
+        self._joint.extend([arg.new for arg in self._args])
+
+    def finish(self, begin: float, end: float) -> None:
+        """Fold the steps from the last to the first; one leaves where the next one begins."""
+        self.advance(begin, end)
+        steps: list[tuple[float, Element]] = []
+        while (time := self._joint.next) <= end:
+            steps.append((time - self._lo, self._joint.take()))
+        fold = self._monoid.identity
+        values = []
+        if self._lo > 0:  # windows that begin later are empty
+            values.append((end - self._lo, fold[-1]))
+        for time, x in reversed(steps):
+            fold = self._monoid.combine(x, fold)
+            values.append((time, fold[-1]))
+        # Of what is before the begin, the last is the value there.
+        for i, (time, value) in enumerate(reversed(values)):
+            if i == len(values) - 1 or values[-i - 2][0] > begin:
+                self._out.push(max(time, begin), value)
+        self._out.frontier = just_after(end)
+
+    def reset(self) -> None:
+        """Forget every step."""
+        self._joint.reset()
+
+    def state(self) -> State:
+        """The steps."""
+        return self._joint.state()
+
+    def restore(self, state: State) -> None:
+        """Take them over."""
+        self._joint.restore(state)
