@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rtamt_gym.fmi import Fmus
     from rtamt_gym.mujoco import StepMonitor
     from rtamt_gym.rewards import StlReward
     from rtamt_gym.run import Run
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rtamt_gym.wrappers import StlMonitor
 
 __all__ = [
+    "Fmus",
     "Run",
     "Step",
     "StepMonitor",
@@ -28,6 +30,7 @@ __all__ = [
 ]
 
 _MODULES = {
+    "Fmus": "rtamt_gym.fmi",
     "Run": "rtamt_gym.run",
     "Step": "rtamt_gym.signals",
     "StepMonitor": "rtamt_gym.mujoco",

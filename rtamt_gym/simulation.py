@@ -66,7 +66,7 @@ def simulate(
         policy: Who acts.
         seed: Of an environment's reset.
         period: Time between samples, in seconds or as text with a unit. None: as the system says;
-            bounds then count samples if it says nothing.
+            where it says nothing, ``1`` with bounds in the default unit counts steps.
         duration: Simulated time to run at most, in seconds (in steps without a period). None: until
             the system ends by itself. A model, an FMU or a function of time never does; with
             ``math.inf`` they run until they are stopped.

@@ -178,15 +178,12 @@ class Samples:
                 f"got {sample!r}"
             )
         try:
-            values = [
-                sample[read] if isinstance(read, str) else read(sample) for read in self._reads
-            ]
-        except KeyError as missing:
-            if missing.args[0] not in self._reads:
-                raise
+            values = [sample[name] for name in self._reads]
+        except KeyError:
+            missing = next(name for name in self._reads if name not in sample)
             raise InputError(
-                f"sample {self._count} of {self.name} has no {missing.args[0]!r}; "
-                f"it has {listing(sample)}{nearest(missing.args[0], sample)}"
+                f"sample {self._count} of {self.name} has no {missing!r}; "
+                f"it has {listing(sample)}{nearest(missing, sample)}"
             ) from None
         self._count += 1
         return values
@@ -197,18 +194,16 @@ class Samples:
             self._source.close()
 
 
-def named_signals(
-    variables: Sequence[str], signals: Mapping[str, Any] | None
-) -> list[str | Callable[[Sample], Any]]:
+def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:
     """What every variable reads where values have names: its own name, if nothing else is said.
 
     Args:
         variables: Names that the specifications read.
-        signals: For some of them another name, or a function of the sample.
+        signals: For some of them another name.
 
     Raises:
         InputError: If a signal is no variable; names the nearest.
-        InputTypeError: If ``signals`` is no mapping of names to names or functions.
+        InputTypeError: If ``signals`` is no mapping of names to names.
     """
     given = {} if signals is None else signals
     if not isinstance(given, Mapping):
@@ -221,10 +216,8 @@ def named_signals(
                 f"signal {name!r} is read by no specification; the variables are "
                 f"{listing(variables)}{nearest(name, variables) or '; leave it out'}"
             )
-        if not (isinstance(read, str) or callable(read)):
-            raise InputTypeError(
-                f"signal {name!r}: expected a name or a function of the sample, got {read!r}"
-            )
+        if not isinstance(read, str):
+            raise InputTypeError(f"signal {name!r}: expected a name, got {read!r}")
     return [given.get(name, name) for name in variables]
 
 

@@ -1,0 +1,110 @@
+"""FMUs made on the spot: a tank in C, for FMI 2.0 and 3.0."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy  # type: ignore[import-untyped]
+from fmpy.fmi2 import FMU2Slave  # type: ignore[import-untyped]
+from fmpy.fmi3 import FMU3Slave  # type: ignore[import-untyped]
+
+SOURCE = Path(__file__).parent / "fmu" / "tank.c"
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+
+VARIABLES = (
+    # name, value reference, type in FMI 2.0 and 3.0, start value, causality, and the rest
+    ("inflow", 0, "Real", "Float64", "0", "input", ""),
+    ("level", 1, "Real", "Float64", "1", "output", 'initial="exact"'),
+    ("area", 2, "Real", "Float64", "1", "parameter", 'variability="fixed"'),
+    ("drain", 3, "Real", "Float64", "0.5", "parameter", 'variability="fixed"'),
+    ("doubled", 4, "Real", "Float64", "", "output", ""),
+    ("fails_at", 5, "Real", "Float64", "1e9", "parameter", 'variability="fixed"'),
+    ("ends_at", 6, "Real", "Float64", "1e9", "parameter", 'variability="fixed"'),
+    ("count", 16, "Integer", "UInt8", "", "output", 'variability="discrete"'),
+    ("gear", 17, "Integer", "Int32", "1", "input", 'variability="discrete"'),
+    ("full", 32, "Boolean", "Boolean", "", "output", 'variability="discrete"'),
+    ("half", 48, "", "Float32", "", "output", ""),
+    ("maker", 64, "String", "String", "us", "parameter", 'variability="fixed"'),
+)
+
+
+def describe(version: int, interface: str, step: float | None) -> str:
+    """The text of modelDescription.xml."""
+    variables, outputs = [], []
+    for name, reference, *types, start, causality, more in VARIABLES:
+        kind = types[version - 2]
+        said = f'name="{name}" valueReference="{reference}" causality="{causality}" {more}'
+        begin = f'start="{start}"' if start else ""
+        if not kind:
+            continue
+        if version == 2:
+            variables.append(f"<ScalarVariable {said}><{kind} {begin}/></ScalarVariable>")
+        elif kind == "String":
+            variables.append(f'<String {said}><Start value="{start}"/></String>')
+        else:
+            variables.append(f"<{kind} {said} {begin}/>")
+        if causality == "output":
+            outputs.append((len(variables), reference))
+    if version == 2:
+        listed = "".join(f'<Unknown index="{index}"/>' for index, _ in outputs)
+        structure, unique = f"<Outputs>{listed}</Outputs>", "guid"
+    else:
+        variables.append('<Float64 name="time" valueReference="98" causality="independent"/>')
+        variables.append('<Float64 name="row" valueReference="99"><Dimension start="3"/></Float64>')
+        structure = "".join(f'<Output valueReference="{r}"/>' for _, r in outputs)
+        unique = "instantiationToken"
+    size = "" if step is None else f'stepSize="{step}"'
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>'
+        f'<fmiModelDescription fmiVersion="{version}.0" modelName="tank" {unique}="{{tank}}">'
+        f"{interface}<DefaultExperiment {size}/>"
+        f"<ModelVariables>{''.join(variables)}</ModelVariables>"
+        f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
+    )
+
+
+def library(version: int, folder: Path) -> Path:
+    """The shared library of the tank, compiled."""
+    slave, prefix = (FMU2Slave, "fmi2") if version == 2 else (FMU3Slave, "fmi3")
+    ours = SOURCE.read_text()
+    stubs = folder / f"stubs{version}.c"
+    # FMPy asks for every function of the standard, the tank needs few of them.
+    names = [n for n in dir(slave) if n.startswith(prefix) and n[4:5].isupper()]
+    defined = [n for n in names if f" {n}(" in ours or f"{n[4:7].upper()}({n[7:]}," in ours]
+    stubs.write_text("".join(f"int {n}(void) {{ return 3; }}\n" for n in names if n not in defined))
+    made = folder / f"tank{version}.so"
+    command = [os.environ.get("CC", "cc"), "-shared", "-fPIC", "-O1", "-ffp-contract=off"]
+    flags = [f"-I{HEADERS}", f"-DTANK_FMI_{version}", str(SOURCE), str(stubs), "-o", str(made)]
+    subprocess.run([*command, *flags], check=True)
+    return made
+
+
+def write_fmu(
+    path: Path,
+    library: Path | None,
+    version: int,
+    *,
+    step: float | None = 0.1,
+    kind: str = "CoSimulation",
+    fixed: str = "",
+) -> Path:
+    """An FMU of the tank.
+
+    Args:
+        path: Where it is written.
+        library: The compiled tank; None for an FMU that has none.
+        version: Of FMI, 2 or 3.
+        step: The step size of the default experiment.
+        kind: What it is for.
+        fixed: More attributes of the interface.
+    """
+    interface = f'<{kind} modelIdentifier="tank" {fixed}/>'
+    binaries = fmpy.platform if version == 2 else fmpy.platform_tuple
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("modelDescription.xml", describe(version, interface, step))
+        if library is not None:
+            archive.write(library, f"binaries/{binaries}/tank{fmpy.sharedLibraryExtension}")
+    return path
