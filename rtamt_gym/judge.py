@@ -22,7 +22,9 @@ __all__ = [
     "Series",
     "described",
     "judge",
+    "judge_events",
     "report",
+    "signals_of",
     "viewed",
 ]
 
@@ -34,17 +36,21 @@ _BLOCK = 1 << 14
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """The robustness of one formula over a trace.
+    """A signal, or the robustness of a formula, over a trace.
 
     Attributes:
         times: When it takes each value; sample numbers where the period is unknown.
         values: The values.
         step: How far apart times usually are; None where they are sample numbers.
+        text: The formula.
+        held: Whether it holds a value until the next, as in dense time.
     """
 
     times: Floats
     values: Floats
     step: float | None
+    text: str = ""
+    held: bool = False
 
     def at(self, place: int) -> str:
         """The time of a value, in words."""
@@ -174,12 +180,14 @@ def judge(
     certain_at = _feed(monitor, trace)
     robustness = monitor.finish()
     period = monitor.period
-    step = None if period is None else float(period)
-    times = np.arange(float(trace.samples))
-    if period is not None:
-        times = trace.start + times * period.numerator / period.denominator
+    times, step = _clock(trace, period)
     series = {
-        name: Series(times, rtamt.evaluate(formula, trace.columns, period, n=trace.samples), step)
+        name: Series(
+            times,
+            rtamt.evaluate(formula, trace.columns, period, n=trace.samples),
+            step,
+            str(formula),
+        )
         for name, formula in _formulas(spec).items()
     }
     certain = "at the end of the trace"
@@ -188,11 +196,54 @@ def judge(
     return Judgement(monitor.verdict, robustness, certain, series, period)
 
 
+def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
+    """The variables of a trace."""
+    if isinstance(trace, EventTrace):
+        return {
+            name: Series(times, values, trace.step, held=True)
+            for name, (times, values) in trace.signals.items()
+        }
+    times, step = _clock(trace, period)
+    return {name: Series(times, values, step) for name, values in trace.columns.items()}
+
+
+def _clock(trace: Trace, period: Fraction | None) -> tuple[Floats, float | None]:
+    times = np.arange(float(trace.samples))
+    if period is None:
+        return times, None
+    return trace.start + times * period.numerator / period.denominator, float(period)
+
+
+def judge_events(spec: rtamt.Specification, trace: EventTrace, view: str) -> Judgement:
+    """Judges events in dense time, of which the last ends the trace.
+
+    Raises:
+        SpecificationError: On operators that speak of samples, and as `viewed` does.
+        InputError: If the variables have no time in common.
+    """
+    whole = viewed(spec, view)
+    signals = {name: np.column_stack(events) for name, events in trace.signals.items()}
+
+    def robustness(formula: rtamt.Formula | rtamt.Specification) -> Series:
+        events = rtamt.evaluate_dense(formula, signals)
+        return Series(events.times, events.values, trace.step, str(formula), held=True)
+
+    series = {name: robustness(formula) for name, formula in _formulas(spec).items()}
+    result = robustness(whole) if whole is not spec else series[_result(spec)]
+    least = float(result.values[0])
+    verdict = Verdict.UNDECIDED
+    if least:
+        verdict = Verdict.SATISFIED if least > 0 else Verdict.VIOLATED
+    return Judgement(verdict, least, "at the end of the trace", series)
+
+
 def _formulas(spec: rtamt.Specification) -> dict[str, rtamt.Formula]:
-    formulas = dict(spec.formulas)
-    if spec.formula not in formulas.values():
-        formulas[RESULT] = spec.formula
-    return formulas
+    """The named formulas, and the result."""
+    return {**spec.formulas, _result(spec): spec.formula}
+
+
+def _result(spec: rtamt.Specification) -> str:
+    return next((n for n, formula in spec.formulas.items() if formula is spec.formula), RESULT)
 
 
 def _feed(monitor: rtamt.EpisodeMonitor, trace: Trace) -> int | None:

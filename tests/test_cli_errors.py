@@ -58,7 +58,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "time,x\n0,1\n0.5,1\n1,1\n1.7,1\n2.2,1\n",
             (
                 "stdin, line 5: expected samples at even distances, got time 1.7 after 1, "
-                "elsewhere 0.5 s; resample the "
+                "elsewhere 0.5 s; give --dense to take rows as events at any time, resample the "
                 "trace, or give --period to leave the column 'time' aside"
             ),
         ),

@@ -1,0 +1,81 @@
+"""Pictures of recorded traces: the signals, and the robustness of every formula."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from rtamt import Verdict
+from rtamt_gym.drawing import OPEN, ROBUSTNESS, SIGNAL, VERDICTS, frame, tidy
+from rtamt_gym.judge import RESULT, Judgement, Series
+from rtamt_gym.tables import number, shorten
+
+__all__ = ["draw_trace"]
+
+Floats = NDArray[np.float64]
+
+_SHADE: Mapping[str, Any] = {"color": VERDICTS[Verdict.VIOLATED], "alpha": 0.3, "linewidth": 0}
+
+
+def draw_trace(
+    signals: Mapping[str, Series], judgements: Mapping[str, Judgement], title: str
+) -> Figure:
+    """The signals above, below them a panel for every formula, shaded where it is negative.
+
+    Args:
+        signals: The values of the variables.
+        judgements: By the name of the specification; the panel of a result says the verdict.
+        title: Stands above.
+    """
+    formulas = [(spec, name) for spec, each in judgements.items() for name in each.series]
+    heights = [1.0] * len(signals) + [1.3] * len(formulas)
+    figure = Figure(figsize=(8.0, 1.25 * sum(heights) + 0.9), layout="constrained")
+    axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    end = max(float(signal.times[-1]) for signal in signals.values()) if signals else 0.0
+    ax: Axes
+    for ax, (name, signal) in zip(axes, signals.items(), strict=False):
+        tidy(ax, shorten(name, 24))
+        _line(ax, signal, signal.values, end, SIGNAL)
+        ax.margins(x=0.0, y=0.15)
+    for ax, (spec, name) in zip(axes[len(signals) :], formulas, strict=True):
+        judgement = judgements[spec]
+        series = judgement.series[name]
+        tidy(ax, shorten(spec if name == RESULT else name, 24))
+        low, high = frame([series.values])
+        values = np.clip(series.values, low, high)
+        ax.axhline(0.0, color=OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
+        _line(ax, series, values, end, ROBUSTNESS)
+        ax.set_ylim(low, high)
+        ax.set_title(_wrapped(series.text), fontsize=8.5, loc="left", family="monospace")
+        if name == list(judgement.series)[-1]:
+            verdict = f"{judgement.verdict.name}, {number(judgement.robustness)}"
+            colour = VERDICTS.get(judgement.verdict, OPEN)
+            ax.set_xlabel(verdict, color=colour, fontsize=9, loc="right", fontweight="bold")
+    figure.align_ylabels(axes)
+    figure.suptitle(title, fontsize=12, fontweight="bold")
+    timed = any(s.step is not None for each in judgements.values() for s in each.series.values())
+    figure.supxlabel("time in s" if timed else "samples", fontsize=9, color=OPEN)
+    return figure
+
+
+def _line(ax: Axes, series: Series, values: Floats, end: float, colour: str) -> None:
+    times = series.times
+    if series.held:
+        times, values = np.append(times, max(end, times[-1])), np.append(values, values[-1])
+        ax.plot(times, values, color=colour, linewidth=1.4, drawstyle="steps-post")
+    else:
+        ax.plot(times, values, color=colour, linewidth=1.4)
+    if series.text and series.held:
+        ax.fill_between(times, np.minimum(values, 0.0), step="post", **_SHADE)
+    elif series.text:
+        ax.fill_between(times, values, where=list(values < 0.0), interpolate=True, **_SHADE)
+
+
+def _wrapped(text: str) -> str:
+    return "\n".join(textwrap.wrap(text, 96, max_lines=2, placeholder=" ..."))
