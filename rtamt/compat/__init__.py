@@ -8,18 +8,66 @@ of `rtamt`, loaded when first asked for.
 
 from functools import partial
 
+from rtamt.compat.dense import (
+    StlDenseTimeOfflineSpecification,
+    StlDenseTimeOnlineSpecification,
+    StlDenseTimeSpecification,
+)
 from rtamt.compat.discrete import (
     StlDiscreteTimeOfflineSpecification,
     StlDiscreteTimeOnlineSpecification,
     StlDiscreteTimeSpecification,
 )
+from rtamt.compat.earlier import (
+    LTLDiscreteTimeSpecification,
+    LTLException,
+    LTLNotImplementedException,
+    LTLOfflineException,
+    LTLParseException,
+    LTLPastifyException,
+    LTLSpecification,
+    LTLSpecificationException,
+    STLCTSpecification,
+    STLDenseTimeSpecification,
+    STLDiscreteTimeSpecification,
+    STLException,
+    STLIOCTSpecification,
+    STLIOSpecification,
+    STLNotImplementedException,
+    STLOfflineException,
+    STLParseException,
+    STLSpecification,
+    STLSpecificationException,
+)
 from rtamt.compat.options import Language, Semantics, StlIOType, TimeInterpretation
 from rtamt.errors import RtamtError
 
 __all__ = [
+    "LTLDiscreteTimeSpecification",
+    "LTLException",
+    "LTLNotImplementedException",
+    "LTLOfflineException",
+    "LTLParseException",
+    "LTLPastifyException",
+    "LTLSpecification",
+    "LTLSpecificationException",
     "Language",
     "RTAMTException",
+    "STLCTSpecification",
+    "STLDenseTimeSpecification",
+    "STLDiscreteTimeSpecification",
+    "STLException",
+    "STLIOCTSpecification",
+    "STLIOSpecification",
+    "STLNotImplementedException",
+    "STLOfflineException",
+    "STLParseException",
+    "STLSpecification",
+    "STLSpecificationException",
     "Semantics",
+    "StlDenseTimeOfflineSpecification",
+    "StlDenseTimeOnlineSpecification",
+    "StlDenseTimeSpecification",
     "StlDiscreteTimeOfflineSpecification",
     "StlDiscreteTimeOnlineSpecification",
     "StlDiscreteTimeOnlineSpecificationCpp",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -273,6 +274,11 @@ class AbstractSpecification:
         if self._parsed.unit != self.unit:
             self._parsed = self._parse(self._parsed.text)
         return self._parsed
+
+    def _named(self, formula: str) -> Specification:
+        """The specification whose result is a named formula."""
+        spec = self._specification()
+        return replace(spec, formula=spec.formulas.get(formula, spec.formula))
 
     def _options(self) -> Options:
         """What monitors and evaluations are given."""

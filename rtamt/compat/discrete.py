@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -266,10 +265,8 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
     def _whole(self, formula: str) -> list[float]:
         """The robustness of a named formula at every sample of the last trace."""
         assert self._trace is not None  # noqa: S101 - for the type checker
-        spec = self._specification()
-        named = replace(spec, formula=spec.formulas.get(formula, spec.formula))
         columns, time = self._trace
-        return self._robustness_of(named, columns, len(time))
+        return self._robustness_of(self._named(formula), columns, len(time))
 
     def _robustness_of(self, spec: Specification, columns: dict[str, Any], n: int) -> list[float]:
         values: list[float] = evaluate(

@@ -1,0 +1,225 @@
+"""The released classes for dense time: `DenseMonitor` and `evaluate_dense` behind their calls.
+
+Signals are pairs of a name and its events: ``["x", [[0.0, 1.0], [0.7, 3.0]]]``. At the time t,
+``update`` gives the robustness at t - horizon: it is stamped with the time at which it is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rtamt.compat.declarations import AbstractSpecification
+from rtamt.dense_monitor import DenseMonitor, evaluate_dense
+from rtamt.errors import InputError
+from rtamt.messages import Field
+
+__all__ = [
+    "Pairs",
+    "Signal",
+    "StlDenseTimeOfflineSpecification",
+    "StlDenseTimeOnlineSpecification",
+    "StlDenseTimeSpecification",
+]
+
+Signal = Sequence[Any]
+"""A name and its events."""
+Pairs = list[list[float]]
+"""Breakpoints: the times from which on a value holds, and the values."""
+Events = dict[str, list[tuple[float, Any]]]
+
+
+class _Dense(AbstractSpecification):
+    """A specification of signals of which every event has its own time."""
+
+    sampling_tolerance = None
+    sampling_violation_counter = None
+
+    def set_sampling_period(
+        self, sampling_period: object = 1, unit: str = "s", tolerance: float = 0.1
+    ) -> None:
+        """Change nothing: events come when they come."""
+
+    def get_sampling_frequency(self) -> None:
+        """There is none."""
+
+    def _initial(self) -> object:
+        return []
+
+    def _read_signals(self, signals: Iterable[Signal]) -> tuple[Events, Events]:
+        """The events by name, those of one name joined, and those of every variable."""
+        named: Events = {}
+        for name, events in signals:
+            named.setdefault(name, []).extend((time, value) for time, value in events)
+        columns: Events = {}
+        for variable in self._specification().variables:
+            source = self._source(variable)
+            if source == variable:
+                columns[variable] = named.get(source, [])
+            else:
+                path = tuple(variable.removeprefix(f"{source}.").split("."))
+                field = Field(variable, source, path, None)
+                pairs = named.get(source, [])
+                columns[variable] = [(t, field.of(value, t, "time")) for t, value in pairs]
+        return named, columns
+
+
+class StlDenseTimeOnlineSpecification(_Dense):
+    """Robustness as events arrive.
+
+    Example:
+        >>> spec = StlDenseTimeOnlineSpecification()
+        >>> spec.declare_var("x", "float")
+        >>> spec.spec = "once[0:1](x >= 3)"
+        >>> spec.parse()
+        >>> spec.update(["x", [[0.0, 0.0], [2.0, 5.0]]])
+        [[0.0, -3.0], [2.0, 2.0]]
+        >>> spec.update(["x", [[4.0, 1.0]]]), spec.update(["x", [[9.0, 1.0]]])
+        ([], [[5.0, -2.0]])
+    """
+
+    _monitor: DenseMonitor | None
+    _twin: DenseMonitor
+    _last: dict[str, tuple[float, float]]
+    """Last event of every variable."""
+    _told: tuple[float, float] | None
+    """The last breakpoint that was given before the monitor gave it."""
+    _robustness: float
+    """The value last given."""
+
+    def update(self, *signals: Signal) -> Pairs:
+        """Take in events and give the breakpoints of the robustness that are decided by them.
+
+        Args:
+            signals: Pairs of a name and its events. Unknown names are ignored.
+
+        Raises:
+            StateError: Before `parse`.
+            SpecificationError: At the first events: on a future without end, or an operator of
+                neighbouring samples.
+            InputError: On times that do not increase, a nan, or a term that is not a number. All
+                is as before the call.
+            InputTypeError: On values that are no real numbers; likewise.
+        """
+        breakpoints = self._take(signals)
+        ahead = self._ahead()
+        if ahead is not None and ahead != self._told:
+            breakpoints.append(ahead)
+            self._told = ahead
+        return self._late(breakpoints)
+
+    def final_update(self, *signals: Signal) -> Pairs:
+        """Take in the last events and give the rest of the robustness.
+
+        Raises:
+            InputError: As `update` does.
+        """
+        breakpoints = self._take(signals)
+        return self._late(breakpoints + self._untold(self._running().finish()))
+
+    def reset(self) -> None:
+        """Forget every event."""
+        if self._monitor is not None:
+            self._start()
+
+    def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
+        monitor = self._running()
+        named, columns = self._read_signals(signals)
+        breakpoints = monitor.update(columns)
+        self._last |= {name: events[-1] for name, events in columns.items() if events}
+        self.var_object_dict |= named
+        return self._untold(breakpoints)
+
+    def _untold(self, breakpoints: list[tuple[float, float]]) -> list[tuple[float, float]]:
+        return breakpoints[1:] if breakpoints and breakpoints[0] == self._told else breakpoints
+
+    def _ahead(self) -> tuple[float, float] | None:
+        """The breakpoint at the time before which all is settled, if there is one.
+
+        The steps that begin there decide it, as they last for a while: a twin is told so.
+        """
+        monitor = self._running()
+        if len(self._last) < len(monitor.variables):
+            return None
+        end = min(time for time, _ in self._last.values())
+        after = end + 1e-9 * (abs(end) + monitor.horizon + 1.0)
+        held = {name: [(after, v)] for name, (time, v) in self._last.items() if time < after}
+        self._twin.__setstate__(monitor.__reduce__()[2])
+        try:
+            breakpoints = self._twin.update(held)
+        except InputError:  # of others' events in that while
+            return None
+        return breakpoints[0] if breakpoints and breakpoints[0][0] == monitor.settled else None
+
+    def _late(self, breakpoints: Sequence[tuple[float, float]]) -> Pairs:
+        horizon = self._running().horizon
+        if breakpoints:
+            self._robustness = breakpoints[-1][1]
+        return [[time + horizon, value] for time, value in breakpoints]
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._monitor = None
+
+    def _running(self) -> DenseMonitor:
+        return self._monitor or self._start()
+
+    def _start(self) -> DenseMonitor:
+        spec, options = self._specification(), self._options()
+        monitor, self._twin = DenseMonitor(spec, **options), DenseMonitor(spec, **options)
+        self._last, self._told, self._robustness = {}, None, math.nan
+        self._monitor, self._ran = monitor, self._now
+        return monitor
+
+    def _now(self, formula: str) -> float:
+        return self._running().values[formula] if formula != self._result else self._robustness
+
+
+class StlDenseTimeOfflineSpecification(_Dense):
+    """Robustness of whole signals.
+
+    Example:
+        >>> spec = StlDenseTimeOfflineSpecification()
+        >>> spec.declare_var("x", "float")
+        >>> spec.spec = "eventually[0:1](x >= 3)"
+        >>> spec.parse()
+        >>> spec.evaluate(["x", [[0.0, 0.0], [2.0, 5.0], [4.0, 1.0], [9.0, 1.0]]])
+        [[0.0, -3.0], [1.0, 2.0], [4.0, -2.0]]
+    """
+
+    _signals: Events | None
+
+    def evaluate(self, *signals: Signal) -> Pairs:
+        """The breakpoints of the robustness of whole signals.
+
+        Args:
+            signals: Pairs of a name and its events. Unknown names are ignored.
+
+        Raises:
+            StateError: Before `parse`.
+            SpecificationError: On an operator of neighbouring samples.
+            InputError: As `StlDenseTimeOnlineSpecification.update` does, and on a variable that
+                has no events.
+            InputTypeError: Likewise.
+        """
+        spec = self._specification()
+        named, columns = self._read_signals(signals)
+        pairs = [[*pair] for pair in evaluate_dense(spec, columns, **self._options())]
+        self.var_object_dict |= named
+        self._signals, self._ran = columns, self._whole
+        return pairs
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._signals = None
+
+    def _whole(self, formula: str) -> Pairs:
+        """The breakpoints of a named formula in the last signals."""
+        assert self._signals is not None  # noqa: S101 - for the type checker
+        spec = self._named(formula)
+        return [[*pair] for pair in evaluate_dense(spec, self._signals, **self._options())]
+
+
+class StlDenseTimeSpecification(StlDenseTimeOfflineSpecification, StlDenseTimeOnlineSpecification):
+    """Robustness as events arrive, and of whole signals."""

@@ -1,0 +1,135 @@
+"""The names of the 2020 paper and of the releases after it, up to 0.3."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rtamt.compat.declarations import AbstractSpecification
+from rtamt.compat.dense import Pairs, Signal, StlDenseTimeSpecification
+from rtamt.compat.discrete import StlDiscreteTimeSpecification
+from rtamt.compat.options import Language, Semantics
+from rtamt.errors import InputError, RtamtError, SpecificationError
+
+__all__ = [
+    "LTLDiscreteTimeSpecification",
+    "LTLException",
+    "LTLNotImplementedException",
+    "LTLOfflineException",
+    "LTLParseException",
+    "LTLPastifyException",
+    "LTLSpecification",
+    "LTLSpecificationException",
+    "STLCTSpecification",
+    "STLDenseTimeSpecification",
+    "STLDiscreteTimeSpecification",
+    "STLException",
+    "STLIOCTSpecification",
+    "STLIOSpecification",
+    "STLNotImplementedException",
+    "STLOfflineException",
+    "STLParseException",
+    "STLSpecification",
+    "STLSpecificationException",
+]
+
+
+class _Earlier(AbstractSpecification):
+    """What specifications were told earlier.
+
+    Args:
+        semantics: Which robustness is meant; a number or a bool is `is_pure_python`.
+        language: Which machines run.
+        is_pure_python: False is ``Language.CPP``.
+    """
+
+    def __init__(
+        self,
+        semantics: Semantics | str | int = Semantics.STANDARD,
+        language: Language = Language.PYTHON,
+        *,
+        is_pure_python: bool = True,
+    ) -> None:
+        if isinstance(semantics, int):
+            semantics, is_pure_python = Semantics.STANDARD, bool(semantics)
+        super().__init__(semantics, language if is_pure_python else Language.CPP)
+
+    @property
+    def iosem(self) -> str:
+        """Which robustness is meant."""
+        return str(self.semantics)
+
+    @iosem.setter
+    def iosem(self, semantics: Semantics | str) -> None:
+        self.semantics = Semantics(semantics)
+
+    def get_var_object(self, var_name: str) -> Any:  # noqa: ANN401 - as get_value
+        """The same as `get_value`."""
+        return self.get_value(var_name)
+
+
+class STLSpecification(_Earlier, StlDiscreteTimeSpecification):
+    """Robustness of samples.
+
+    Example:
+        >>> spec = STLSpecification(is_pure_python=True)
+        >>> spec.declare_var("x", "float")
+        >>> spec.spec = "always(x >= 3)"
+        >>> spec.parse()
+        >>> spec.offline({"x": [(0, 5.0), (1, 4.0), (2, 6.0)]})
+        1.0
+    """
+
+    def offline(self, dataset: Mapping[str, Sequence[tuple[float, Any]]]) -> float:
+        """Take in a whole trace, and give what `update` gives for its last sample.
+
+        Args:
+            dataset: Every variable to its pairs of time and value.
+
+        Raises:
+            InputError: On variables that have not the same times, a trace of no samples, and as
+                `update` does.
+        """
+        times = {name: [time for time, _ in pairs] for name, pairs in dataset.items()}
+        first, *others = times.values() or [[]]
+        if not first or any(other != first for other in others):
+            got = ", ".join(f"{name}: {len(of)}" for name, of in times.items()) or "none"
+            msg = f"expected samples of all variables at the same times, 1 or more; got {got}"
+            raise InputError(msg)
+        for i, time in enumerate(first):
+            sample = [(name, pairs[i][1]) for name, pairs in dataset.items()]
+            robustness = self.update(time, sample)
+        return robustness
+
+
+class STLCTSpecification(_Earlier, StlDenseTimeSpecification):
+    """Robustness of dense-time signals.
+
+    Example:
+        >>> spec = STLCTSpecification(is_pure_python=True)
+        >>> spec.declare_var("x", "float")
+        >>> spec.spec = "x >= 3"
+        >>> spec.parse()
+        >>> spec.offline(["x", [(0, 5.0), (1, 4.0), (2, 4.0)]])
+        [[0.0, 2.0], [1.0, 1.0]]
+    """
+
+    def offline(self, *signals: Signal) -> Pairs:
+        """The same as `evaluate`."""
+        return self.evaluate(*signals)
+
+    def update_final(self, *signals: Signal) -> Pairs:
+        """The same as `final_update`."""
+        return self.final_update(*signals)
+
+
+STLIOSpecification = STLDiscreteTimeSpecification = STLSpecification
+LTLSpecification = LTLDiscreteTimeSpecification = STLSpecification
+STLIOCTSpecification = STLDenseTimeSpecification = STLCTSpecification
+
+STLException = LTLException = RtamtError
+STLParseException = LTLParseException = SpecificationError
+STLSpecificationException = LTLSpecificationException = SpecificationError
+STLNotImplementedException = LTLNotImplementedException = SpecificationError
+LTLPastifyException = SpecificationError
+STLOfflineException = LTLOfflineException = InputError

@@ -1,0 +1,19 @@
+"""The module of the released library's classes for dense time."""
+
+from rtamt.compat import (
+    Language,
+    Semantics,
+    StlDenseTimeOfflineSpecification,
+    StlDenseTimeOnlineSpecification,
+    StlDenseTimeSpecification,
+    TimeInterpretation,
+)
+
+__all__ = [
+    "Language",
+    "Semantics",
+    "StlDenseTimeOfflineSpecification",
+    "StlDenseTimeOnlineSpecification",
+    "StlDenseTimeSpecification",
+    "TimeInterpretation",
+]
