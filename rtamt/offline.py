@@ -7,7 +7,7 @@ cut out: its operands are computed first, folded over the reversed trace by the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -18,19 +18,68 @@ from rtamt.algebra import MONOIDS
 from rtamt.inputs import SampleReader
 from rtamt.program import Instruction, Load, Program, Window, latencies_of
 
-__all__ = ["RunMachine", "run_offline", "run_outputs"]
+__all__ = ["Passes", "RunMachine", "run_offline", "run_outputs"]
 
 Array = NDArray[np.float64]
 
 
 class RunMachine(Protocol):
-    """A machine as `run_offline` needs it."""
+    """A machine as `Passes` needs it."""
 
     def run(self, columns: Sequence[Array], n: int, *, final: bool) -> list[Array]:
         """The observed registers at times 0 to n - 1."""
 
+    def reset(self) -> None:
+        """Forget every sample."""
+
 
 MakeMachine = Callable[[Program, SampleReader, Sequence[int]], RunMachine]
+
+
+class Passes:
+    """The machines that evaluate the named formulas of a program, one trace after the other.
+
+    Args:
+        program: With or without unbounded future.
+        reader: For the errors of terms that are nan.
+        machine: Makes the machine of a back-end.
+        n: Length of the longest trace, 1 or more.
+    """
+
+    def __init__(
+        self, program: Program, reader: SampleReader, machine: MakeMachine, n: int
+    ) -> None:
+        program = program.clamped(n)
+        self._backwards: list[tuple[RunMachine, RunMachine]] = []
+        while None in program.latencies:
+            # Everything before the first window without end has a latency.
+            cut = next(
+                r
+                for r, i in enumerate(program.instructions)
+                if isinstance(i, Window) and i.hi is None
+            )
+            window = program.instructions[cut]
+            assert isinstance(window, Window)  # noqa: S101 - for the type checker
+            args = _part(program, reader, machine, window.args)
+            self._backwards.append((args, _mirrored(program, machine, window)))
+            # No variable of a specification is named so.
+            program = _with_variable(program, cut, f"#{len(program.variables)}")
+        self._names = tuple(program.outputs)
+        self._last = _part(program, reader, machine, tuple(program.outputs.values()))
+
+    def run(self, columns: Sequence[Array], n: int) -> dict[str, Array]:
+        """The named formulas at every sample of a trace.
+
+        Args:
+            columns: For every variable its n values.
+            n: Length of the trace, 1 or more.
+        """
+        known = list(columns)
+        for args, fold in self._backwards:
+            backwards = [np.ascontiguousarray(a[::-1]) for a in _run(args, known, n)]
+            (folded,) = _run(fold, backwards, n)
+            known.append(folded[::-1])
+        return dict(zip(self._names, _run(self._last, known, n), strict=True))
 
 
 def run_offline(
@@ -53,44 +102,29 @@ def run_outputs(
     program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
 ) -> dict[str, Array]:
     """The named formulas at every sample of a trace of n samples; the arguments are the same."""
-    program = program.clamped(n)
-    known = dict(zip(program.variables, columns, strict=True))
-    while None in program.latencies:
-        # Everything before the first window without end has a latency.
-        cut = next(
-            r for r, i in enumerate(program.instructions) if isinstance(i, Window) and i.hi is None
-        )
-        window = program.instructions[cut]
-        assert isinstance(window, Window)  # noqa: S101 - for the type checker
-        args = _run(program, reader, machine, window.args, known, n)
-        name = f"#{len(known)}"  # no variable of a specification is named so
-        known[name] = _reversed_fold(program, machine, window, args, n)
-        program = _with_variable(program, cut, name)
-    values = _run(program, reader, machine, tuple(program.outputs.values()), known, n)
-    return dict(zip(program.outputs, values, strict=True))
+    return Passes(program, reader, machine, n).run(columns, n)
 
 
-def _run(
-    program: Program,
-    reader: SampleReader,
-    machine: MakeMachine,
-    registers: Sequence[int],
-    known: Mapping[str, Array],
-    n: int,
-) -> list[Array]:
+def _run(machine: RunMachine, columns: Sequence[Array], n: int) -> list[Array]:
+    machine.reset()
+    return machine.run(columns, n, final=True)
+
+
+def _part(
+    program: Program, reader: SampleReader, machine: MakeMachine, registers: Sequence[int]
+) -> RunMachine:
+    """The machine of some registers."""
     names = {str(i): r for i, r in enumerate(registers)}
     part = program.restricted(registers[0], names)
     checked = SampleReader(part, reader.nan)
-    observed = [part.outputs[str(i)] for i in range(len(registers))]
-    return machine(part, checked, observed).run(list(known.values()), n, final=True)
+    return machine(part, checked, [part.outputs[str(i)] for i in range(len(registers))])
 
 
-def _reversed_fold(
-    program: Program, machine: MakeMachine, window: Window, args: Sequence[Array], n: int
-) -> Array:
-    inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(len(args)))
-    lo = window.lo or 0
-    mirrored = Window(MONOIDS[window.monoid].mirror, None, -lo, tuple(range(len(args))))
+def _mirrored(program: Program, machine: MakeMachine, window: Window) -> RunMachine:
+    """The machine that folds the operands of a window without end over reversed time."""
+    width = len(window.args)
+    inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(width))
+    mirrored = Window(MONOIDS[window.monoid].mirror, None, -(window.lo or 0), tuple(range(width)))
     source = program.sources[-1]
     part = replace(
         program,
@@ -99,12 +133,10 @@ def _reversed_fold(
         latencies=(0,) * (len(inputs) + 1),
         result=len(inputs),
         outputs={},
-        variables=tuple(str(i) for i in range(len(args))),
+        variables=tuple(str(i) for i in range(width)),
         sources=(source,) * (len(inputs) + 1),
     )
-    backwards = [np.ascontiguousarray(a[::-1]) for a in args]
-    (folded,) = machine(part, SampleReader(part), (part.result,)).run(backwards, n, final=True)
-    return folded[::-1]
+    return machine(part, SampleReader(part), (part.result,))
 
 
 def _with_variable(program: Program, cut: int, name: str) -> Program:
