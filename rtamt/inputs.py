@@ -7,7 +7,7 @@ that it does not take itself and for every message.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NoReturn, SupportsFloat, cast
 
@@ -224,21 +224,25 @@ class SampleReader:
         return columns, lengths.pop()
 
     def _with_fields(
-        self, named: Mapping[str, ArrayLike], names: Iterable[str], sample: int
+        self, named: Mapping[str, ArrayLike], names: AbstractSet[str], sample: int
     ) -> Mapping[str, ArrayLike]:
         """The columns with those of fields in place of the messages."""
 
         def column(field: Field, messages: object) -> object:
             if isinstance(messages, Mapping):  # of columns
                 return field.of(messages, sample)
-            if not isinstance(messages, Iterable):
+            if isinstance(messages, str | bytes) or not isinstance(messages, Iterable):
                 got = kind_of(messages)
                 msg = f"expected a message for every sample as '{field.message}', got {got}"
                 raise InputTypeError(msg)
             return [field.of(message, sample + i) for i, message in enumerate(messages)]
 
-        columns = self._messages.spread({name: named[name] for name in names}, column)
-        return cast("Mapping[str, ArrayLike]", columns)
+        columns = {name: named[name] for name in names}
+        for name in self._messages.names & names:
+            messages: object = columns[name]
+            if isinstance(messages, Iterator):  # several fields are to be read
+                columns[name] = cast("ArrayLike", list(messages))
+        return cast("Mapping[str, ArrayLike]", self._messages.spread(columns, column))
 
     def _column(self, values: ArrayLike, name: str) -> NDArray[np.float64]:
         column = array_of_numbers(values, f"'{name}'")

@@ -113,6 +113,8 @@ def test_blocks_take_messages_in_a_row_and_nested_columns(
         {"cmd": {"linear": {"x": a, "y": np.array(b)}}, "c": c},
         {"cmd.linear": [m.linear for m in messages], "c": c},
     ]
+    once = {"cmd": iter(messages), "c": c}
+    assert np.array_equal(evaluate(dotted(formula), once, n=n, backend=backend), expected)
     for block in blocks:
         found = evaluate(dotted(formula), block, n=n, backend=backend)
         assert np.array_equal(found, expected)
