@@ -230,7 +230,8 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
         Raises:
             StateError: Before :meth:`reset` and after the end of an episode.
-            InputError: If a signal is nan or cannot be read; the episode is over then.
+            InputError: If a signal is nan or cannot be read; the episode is over then, and with
+                ``substeps=True`` after any error of the environment.
         """
         if not self._running:
             raise StateError(
@@ -239,7 +240,9 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             )
         panel = self._panel
         if self._substeps:
-            obs, reward, terminated, truncated, info = self._step_inside(action)
+            self._running = False  # until it is sure that no sample is missing
+            obs, reward, terminated, truncated, info = self._inside.step(action)
+            self._running = True
         else:
             obs, reward, terminated, truncated, info = self.env.step(action)
         try:
@@ -323,15 +326,6 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
         self._sample = self._panel.sampler(names, reads)
         self._sample_reset = self._panel.sampler(names, reset_reads)
-
-    def _step_inside(self, action: ActType) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        before = self.samples
-        try:
-            return self._inside.step(action)
-        except BaseException:
-            # An action that the environment refuses is no end, a simulation left midway is.
-            self._running = self.samples == before
-            raise
 
     def _charge(self, upper: float) -> float:
         first = upper < 0.0 and not self._charged
