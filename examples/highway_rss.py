@@ -25,7 +25,7 @@ SIGNALS: Any = {"spare": lambda at: spare(at.env.unwrapped), "offset": "vehicle.
 LEFT, IDLE, RIGHT, FASTER, SLOWER = range(5)
 
 
-def spare(highway: Any) -> float:  # noqa: ANN401 - highway-env has no types
+def spare(highway: Any) -> float:
     """Metres to spare before the car ahead, if it brakes at once with 6 m/s2, and we 1 s later."""
     own = highway.vehicle
     ahead, _ = highway.road.neighbour_vehicles(own)
@@ -35,7 +35,7 @@ def spare(highway: Any) -> float:  # noqa: ANN401 - highway-env has no types
     return float(ahead.position[0] - own.position[0] - own.LENGTH - max(0.0, safe))
 
 
-def drive(driver: str, highway: Any, _obs: object) -> int:  # noqa: ANN401
+def drive(driver: str, highway: Any, _obs: object) -> int:
     """One keeps more than the safe distance; the other never brakes, and weaves between cars."""
     if driver == "cautious":
         return SLOWER if spare(highway) < 15 else FASTER if spare(highway) > 30 else IDLE

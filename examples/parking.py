@@ -29,7 +29,7 @@ SIGNALS = {
 }
 
 
-def drive(obs: Any) -> Any:  # noqa: ANN401 - highway-env has no types
+def drive(obs: Any) -> Any:
     """Acceleration and steering, the slower the nearer."""
     vx, vy, cos, sin = obs["achieved_goal"][2:]
     dx, dy = 100 * (obs["desired_goal"] - obs["achieved_goal"])[:2]

@@ -24,7 +24,7 @@ SIGNALS = {"left": "sensor:left_touch[0]", "right": "sensor:right_touch[0]"}
 MODEL = Path(__file__).parent / "models" / "walker.xml"
 
 
-def walk(data: Any, fault: float) -> None:  # noqa: ANN401 - MuJoCo has no types
+def walk(data: Any, fault: float) -> None:
     """Swings the hips, and bends a knee while its leg swings forward; a stride takes 0.8 s."""
     for side, lag in (("left", 0.0), ("right", 0.5)):
         phase = 2 * math.pi * (data.time / 0.8 + lag)

@@ -4,7 +4,9 @@ import contextlib
 import importlib.util
 import io
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +33,10 @@ class Run:
         return [line.split() for line in lines]
 
 
-def run(example: str, folder: Path) -> Run:
+Runner = Callable[[str], Run]
+
+
+def _run(example: str, folder: Path) -> Run:
     spec = importlib.util.spec_from_file_location(example, EXAMPLES / f"{example}.py")
     assert spec is not None
     assert spec.loader is not None
@@ -45,20 +50,21 @@ def run(example: str, folder: Path) -> Run:
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Run]:
+def run(tmp_path_factory: pytest.TempPathFactory) -> Runner:
+    """Runs an example, once."""
     folder = tmp_path_factory.mktemp("pictures")
-    return {example: run(example, folder) for example in EPISODES}
+    return cache(lambda example: _run(example, folder))
 
 
 @pytest.mark.parametrize("example", EPISODES)
 def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
-    example: str, runs: dict[str, Run]
+    example: str, run: Runner
 ) -> None:
     text = (EXAMPLES / f"{example}.py").read_text(encoding="utf-8")
     assert f"\nRun: python examples/{example}.py" in text
     assert len(text.splitlines()) < 80
-    assert max(map(len, runs[example].text.splitlines())) <= 80
-    assert runs[example].picture.read_bytes().startswith(b"\x89PNG")
+    assert max(map(len, run(example).text.splitlines())) <= 80
+    assert run(example).picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_no_example_is_left_out() -> None:
@@ -76,10 +82,8 @@ def test_the_page_on_examples_shows_them_all() -> None:
     assert max(picture.stat().st_size for picture in pictures) < 150_000
 
 
-def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(
-    runs: dict[str, Run],
-) -> None:
-    rows = runs["parking"].rows("start")
+def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(run: Runner) -> None:
+    rows = run("parking").rows("start")
     assert len(rows) == EPISODES["parking"]
     assert {verdict for _, verdict, *_ in rows} == {"SATISFIED", "VIOLATED"}
     for _, verdict, seconds, _, lower, _, upper in rows:
@@ -88,9 +92,9 @@ def test_a_parked_car_and_a_lost_one_are_told_apart_before_the_time_limit(
 
 
 def test_the_cautious_driver_keeps_the_rules_and_the_aggressive_one_breaks_one_and_crashes(
-    runs: dict[str, Run],
+    run: Runner,
 ) -> None:
-    rows = runs["highway_rss"].rows("driver")
+    rows = run("highway_rss").rows("driver")
     distances: dict[str, list[float]] = {"cautious": [], "aggressive": []}
     for driver, distance, _, _, _, broken, *_ in rows:
         distances[driver].append(float(distance))
@@ -101,9 +105,9 @@ def test_the_cautious_driver_keeps_the_rules_and_the_aggressive_one_breaks_one_a
 
 
 def test_a_walker_that_limps_is_stopped_within_a_stride_and_the_time_of_the_response(
-    runs: dict[str, Run],
+    run: Runner,
 ) -> None:
-    (_, sound, *_), *lame = runs["walking_response"].rows("knee")
+    (_, sound, *_), *lame = run("walking_response").rows("knee")
     assert sound == "SATISFIED"
     assert len(lame) == 2
     for fault, _, verdict, seconds, _ in lame:
@@ -111,10 +115,8 @@ def test_a_walker_that_limps_is_stopped_within_a_stride_and_the_time_of_the_resp
         assert float(fault) < float(seconds) < float(fault) + 0.8 + 0.5
 
 
-def test_a_fall_is_stopped_before_the_floor_and_sub_steps_see_the_harder_blow(
-    runs: dict[str, Run],
-) -> None:
-    rows = runs["falling_humanoid"].rows("start")
+def test_a_fall_is_stopped_before_the_floor_and_sub_steps_see_the_harder_blow(run: Runner) -> None:
+    rows = run("falling_humanoid").rows("start")
     assert len(rows) == EPISODES["falling_humanoid"]
     for _, stop, _, floor, _, seen, _, hardest, _ in rows:
         assert float(stop) < float(floor) < 3
