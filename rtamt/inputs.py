@@ -30,7 +30,8 @@ __all__ = [
 ]
 
 NanPolicy = Literal["raise", "hold"]
-Columns = Mapping[str, ArrayLike] | ArrayLike
+Columns = Mapping[str, object] | ArrayLike
+"""Values of every variable, or messages, by name; or an array with a column for each."""
 
 
 class SampleReader:
@@ -189,7 +190,7 @@ class SampleReader:
             extra: Whether unknown names are ignored.
         """
         if isinstance(data, Mapping) or hasattr(data, "keys"):
-            named = cast("Mapping[str, ArrayLike]", data)
+            named = cast("Mapping[str, object]", data)
             names: AbstractSet[str] = dict.fromkeys(map(str, named.keys())).keys()
             if not self._known <= names and self._messages.names & names:
                 named = self._with_fields(named, names, sample)
@@ -224,8 +225,8 @@ class SampleReader:
         return columns, lengths.pop()
 
     def _with_fields(
-        self, named: Mapping[str, ArrayLike], names: AbstractSet[str], sample: int
-    ) -> Mapping[str, ArrayLike]:
+        self, named: Mapping[str, object], names: AbstractSet[str], sample: int
+    ) -> Mapping[str, object]:
         """The columns with those of fields in place of the messages."""
 
         def column(field: Field, messages: object) -> object:
@@ -239,12 +240,12 @@ class SampleReader:
 
         columns = {name: named[name] for name in names}
         for name in self._messages.names & names:
-            messages: object = columns[name]
+            messages = columns[name]
             if isinstance(messages, Iterator):  # several fields are to be read
-                columns[name] = cast("ArrayLike", list(messages))
-        return cast("Mapping[str, ArrayLike]", self._messages.spread(columns, column))
+                columns[name] = list(messages)
+        return self._messages.spread(columns, column)
 
-    def _column(self, values: ArrayLike, name: str) -> NDArray[np.float64]:
+    def _column(self, values: object, name: str) -> NDArray[np.float64]:
         column = array_of_numbers(values, f"'{name}'")
         if column.ndim != 1:
             msg = f"expected a 1-D array for '{name}', got shape {column.shape}"
@@ -301,7 +302,7 @@ def refuse_term(program: Program, values: Sequence[float], place: str) -> NoRetu
     raise AssertionError(msg)
 
 
-def array_of_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
+def array_of_numbers(values: object, what: str) -> NDArray[np.float64]:
     """An array of doubles, not copied if it is one; a masked value is nan.
 
     Raises:
