@@ -24,6 +24,7 @@ from rtamt.events import Events
 from rtamt.explanation import Explanation, explain
 from rtamt.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.interval import Interval
+from rtamt.many import evaluate_many
 from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
 from rtamt.parser import load, parse
 from rtamt.specification import Specification
@@ -58,6 +59,7 @@ __all__ = [
     "conjunction",
     "disjunction",
     "evaluate",
+    "evaluate_many",
     "evaluate_dense",
     "explain",
     "load",

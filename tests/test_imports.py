@@ -42,7 +42,7 @@ FLOORS = (
     ),
     ("backend", "offline"),
     ("online", "explanation"),
-    ("monitor", "vector", "dense_monitor"),
+    ("monitor", "many", "vector", "dense_monitor"),
     ("__init__",),
     ("compat",),
 )

@@ -1,0 +1,159 @@
+"""Many whole traces of one specification, evaluated in one call."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.backend import Backend, discrete_machine
+from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
+from rtamt.inputs import Columns, NanPolicy, SampleReader, array_of_numbers
+from rtamt.interface import Names, Semantics, as_interface
+from rtamt.lowering import compile_program
+from rtamt.offline import Passes
+from rtamt.online import Spec
+from rtamt.parser import as_specification
+from rtamt.timing import Period, as_period
+
+__all__ = ["evaluate_many"]
+
+Floats = NDArray[np.float64]
+
+
+def evaluate_many(
+    spec: Spec,
+    data: Columns,
+    period: Period | None = None,
+    *,
+    lengths: ArrayLike | None = None,
+    backend: Backend = "auto",
+    nan: NanPolicy = "raise",
+    semantics: Semantics = "standard",
+    inputs: Names | None = None,
+    outputs: Names | None = None,
+) -> Floats:
+    """Robustness at every sample of many whole traces.
+
+    Each trace has the values that `evaluate` gives it; the specification is compiled once.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        data: A mapping of every variable to its values, of shape (traces, samples) (other names are
+            ignored), or an array of shape (traces, samples, variables).
+        period: Seconds between samples; None: bounds are numbers of samples.
+        lengths: How many samples each trace has, 1 or more; what is behind them is never looked at.
+            None: all that there are.
+        backend: As for `evaluate`.
+        nan: As for `evaluate`; a value is held within its trace.
+        semantics: As for `evaluate`.
+        inputs: As for `evaluate`.
+        outputs: As for `evaluate`.
+
+    Returns:
+        An array of shape (traces, samples); nan behind the end of a trace that is shorter.
+
+    Raises:
+        SpecificationError: As `evaluate` does.
+        InputError: As `evaluate` does, with the trace; on shapes or lengths that do not fit.
+        InputTypeError: On values that are no real numbers, lengths that are no whole numbers.
+
+    Example:
+        >>> x = [[5, 4, 3], [1, 9, 9]]
+        >>> evaluate_many("always(x > 1)", {"x": x})
+        array([[2., 2., 2.],
+               [0., 8., 8.]])
+        >>> evaluate_many("always(x > 1)", {"x": x}, lengths=[2, 3])
+        array([[ 3.,  3., nan],
+               [ 0.,  8.,  8.]])
+    """
+    specification = as_specification(spec)
+    interface = as_interface(specification, semantics, inputs, outputs)
+    program = compile_program(specification, as_period(period), interface=interface)
+    reader = SampleReader(program, nan)
+    columns, shape = _columns(reader, data)
+    ends = _ends(lengths, shape)
+    robustness = np.full(shape, np.nan)
+    if not len(ends):
+        return robustness
+    machine = functools.partial(discrete_machine, backend)
+    alone = program.restricted(program.result, {"": program.result})
+    passes = Passes(alone, reader, machine, max(ends))
+    checked = [not np.isnan(column).any() for column in columns]
+    for trace, n in enumerate(ends):
+        row = [column[trace, :n] for column in columns]
+        try:
+            if not all(checked):
+                row, _ = reader.block(dict(zip(reader.variables, row, strict=True)), 0, ())
+            robustness[trace, :n] = passes.run(row, n)[""]
+        except RtamtError as error:
+            raise type(error)(f"trace {trace}: {error}") from None
+    return robustness
+
+
+def _columns(reader: SampleReader, data: Columns) -> tuple[list[Floats], tuple[int, int]]:
+    """A table of shape (traces, samples) for each variable, and this shape."""
+    names = reader.variables
+    shapes: list[tuple[int, ...]]
+    if isinstance(data, Mapping):
+        for name in names:
+            if name not in data:
+                msg = f"expected traces of every variable, got none of '{name}'; the variables are "
+                raise InputError(msg + ", ".join(names) + nearest(name, list(data)))
+        named = cast("Mapping[str, ArrayLike]", data)
+        tables = [array_of_numbers(named[name], f"'{name}'") for name in names]
+        shapes = [table.shape for table in tables]
+        if not tables:
+            msg = (
+                "the formula has no variables: say how many samples with an array of shape "
+                "(traces, samples, 0)"
+            )
+            raise InputError(msg)
+        for name, shape in zip(names, shapes, strict=True):
+            if len(shape) != 2:
+                msg = f"expected an array of shape (traces, samples) for '{name}', got {shape}"
+                raise InputError(msg)
+            if shape != shapes[0]:
+                msg = (
+                    f"expected arrays of one shape, got {shapes[0]} for '{names[0]}' and {shape} "
+                    f"for '{name}'"
+                )
+                raise InputError(msg)
+    else:
+        table = array_of_numbers(data, "the traces")
+        if table.ndim != 3 or table.shape[2] != len(names):
+            msg = (
+                f"expected an array of shape (traces, samples, {len(names)}), a column for each of "
+                f"{', '.join(names)}, got shape {table.shape}"
+            )
+            raise InputError(msg)
+        tables = list(np.moveaxis(table, 2, 0))
+        shapes = [table.shape]
+    traces, samples = shapes[0][:2]
+    if samples == 0:
+        msg = "expected traces of at least 1 sample, got 0"
+        raise InputError(msg)
+    return [np.ascontiguousarray(table) for table in tables], (traces, samples)
+
+
+def _ends(lengths: ArrayLike | None, shape: tuple[int, int]) -> Sequence[int]:
+    """How many samples each trace has."""
+    traces, samples = shape
+    if lengths is None:
+        return [samples] * traces
+    ends = np.asarray(lengths)
+    if ends.dtype.kind not in "iu":
+        msg = f"expected whole numbers as lengths, got dtype {ends.dtype}"
+        raise InputTypeError(msg)
+    if ends.shape != (traces,):
+        msg = f"expected a length for each of {traces} traces, got shape {ends.shape}"
+        raise InputError(msg)
+    if ends.size and not 1 <= ends.min() <= ends.max() <= samples:
+        odd = int(np.argmax((ends < 1) | (ends > samples)))
+        msg = f"expected lengths from 1 to {samples}, got {ends[odd]} for trace {odd}"
+        raise InputError(msg)
+    found: list[int] = ends.tolist()
+    return found

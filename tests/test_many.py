@@ -1,0 +1,191 @@
+"""Many traces in one call: what `evaluate` gives for each."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import INFINITIES, QUARTERS, VARIABLES, formulas
+
+from rtamt import Formula, InputError, InputTypeError, RtamtError, evaluate, evaluate_many
+from rtamt.backend import Backend
+
+NAN = math.nan
+
+
+@st.composite
+def tables(draw: st.DrawFn, values: tuple[float, ...]) -> dict[str, np.ndarray[Any, Any]]:
+    """Values of every variable, of shape (traces, samples)."""
+    traces, samples = draw(st.integers(0, 4)), draw(st.integers(1, 9))
+    size = traces * samples * len(VARIABLES)
+    drawn = draw(st.binary(min_size=size, max_size=size))
+    array = np.array([values[byte % len(values)] for byte in drawn])
+    return dict(zip(VARIABLES, array.reshape(len(VARIABLES), traces, samples), strict=True))
+
+
+@given(formula=formulas(endless=True), data=tables(QUARTERS), drawn=st.data())
+def test_each_trace_has_the_values_of_its_own(
+    formula: Formula, data: dict[str, np.ndarray[Any, Any]], drawn: st.DataObject, backend: Backend
+) -> None:
+    traces, samples = data["a"].shape
+    drawing = st.lists(st.integers(1, samples), min_size=traces, max_size=traces)
+    lengths = drawn.draw(st.none() | drawing.map(lambda found: np.array(found, dtype=int)))
+    names = sorted(formula.variables)
+    chosen: Any = data if names else np.empty((traces, samples, 0))
+    if lengths is not None and names:
+        for i, n in enumerate(lengths):
+            data[names[0]][i, n:] = NAN
+    found = evaluate_many(formula, chosen, lengths=lengths, backend=backend)
+    assert found.shape == (traces, samples)
+    for i in range(traces):
+        n = samples if lengths is None else int(lengths[i])
+        alone = {name: data[name][i, :n] for name in names}
+        expected = evaluate(formula, alone, n=n, backend=backend)
+        assert found[i, :n].tolist() == expected.tolist()
+        assert np.isnan(found[i, n:]).all()
+
+
+@given(formula=formulas(depth=2, total=False, endless=True), data=tables((*INFINITIES, NAN)))
+def test_nan_is_held_within_its_trace(
+    formula: Formula, data: dict[str, np.ndarray[Any, Any]], backend: Backend
+) -> None:
+    if not formula.variables:
+        return
+    for values in data.values():
+        values[:, 0] = np.nan_to_num(values[:, 0])
+    found = evaluate_many(formula, data, nan="hold", backend=backend)
+    for i, row in enumerate(found):
+        alone = {name: values[i] for name, values in data.items()}
+        assert row.tolist() == evaluate(formula, alone, nan="hold", backend=backend).tolist()
+
+
+def test_an_array_has_its_columns_in_the_order_of_the_variables(backend: Backend) -> None:
+    rng = np.random.default_rng(0)
+    data = rng.normal(size=(3, 20, 2))
+    found = evaluate_many("always[0:1s](x > y)", data, "500ms", backend=backend)
+    expected = [evaluate("always[0:1s](x > y)", each, "500ms") for each in data]
+    assert np.array_equal(found, expected)
+    for same in (np.asfortranarray(data), data[:, ::-1][:, ::-1], data.tolist()):
+        assert np.array_equal(evaluate_many("always[0:1s](x > y)", same, "500ms"), found)
+
+
+def test_interface_aware_semantics_are_those_of_evaluate(backend: Backend) -> None:
+    text = "always(req >= 3 implies eventually[0:5](gnt >= 3))"
+    data = {"req": [[4, 0, 0], [2, 0, 0]], "gnt": [[0, 1, 1], [0, 0, 0]]}
+    arguments: dict[str, Any] = {"inputs": ["req"], "outputs": ["gnt"], "backend": backend}
+    for semantics in ("output-robustness", "input-vacuity"):
+        found = evaluate_many(text, data, semantics=semantics, **arguments)
+        for i in range(2):
+            alone = {name: values[i] for name, values in data.items()}
+            expected = evaluate(text, alone, semantics=semantics, **arguments)
+            assert found[i].tolist() == expected.tolist()
+
+
+X = "always(sqrt(x) > 1)"
+
+
+@pytest.mark.parametrize(
+    ("spec", "data", "named", "error", "message"),
+    [
+        (
+            X,
+            {"y": [[1]], "z": [[2]]},
+            {},
+            InputError,
+            "expected traces of every variable, got none of 'x'; the variables are x",
+        ),
+        (
+            X,
+            {"x": [1, 2]},
+            {},
+            InputError,
+            "expected an array of shape (traces, samples) for 'x', got (2,)",
+        ),
+        (
+            "always(x > y)",
+            {"x": [[1, 2]], "y": [[1]]},
+            {},
+            InputError,
+            "expected arrays of one shape, got (1, 2) for 'x' and (1, 1) for 'y'",
+        ),
+        (
+            "always(x > y)",
+            np.zeros((2, 3)),
+            {},
+            InputError,
+            (
+                "expected an array of shape (traces, samples, 2), a column for each of x, y, "
+                "got shape (2, 3)"
+            ),
+        ),
+        (X, {"x": [[], []]}, {}, InputError, "expected traces of at least 1 sample, got 0"),
+        (
+            "1 < 2",
+            {},
+            {},
+            InputError,
+            (
+                "the formula has no variables: say how many samples with an array of shape "
+                "(traces, samples, 0)"
+            ),
+        ),
+        (
+            X,
+            {"x": [[1, 2]]},
+            {"lengths": [3]},
+            InputError,
+            "expected lengths from 1 to 2, got 3 for trace 0",
+        ),
+        (
+            X,
+            {"x": [[1, 2]]},
+            {"lengths": [1, 1]},
+            InputError,
+            "expected a length for each of 1 traces, got shape (2,)",
+        ),
+        (
+            X,
+            {"x": [[1, 2]]},
+            {"lengths": [1.0]},
+            InputTypeError,
+            "expected whole numbers as lengths, got dtype float64",
+        ),
+        (
+            X,
+            {"x": [[1, 2], [3, NAN]]},
+            {},
+            InputError,
+            (
+                "trace 1: variable 'x' is nan at sample 1; pass nan='hold' to keep the last value "
+                "instead"
+            ),
+        ),
+        (
+            X,
+            {"x": [[1, 2], [3, -4]]},
+            {},
+            InputError,
+            "trace 1: 'sqrt(x)' is not a number at sample 1, where x = -4.0",
+        ),
+        (
+            X,
+            {"x": [["1", "2"]]},
+            {},
+            InputTypeError,
+            "expected an array of numbers for 'x', got <U1",
+        ),
+    ],
+)
+def test_what_is_no_set_of_traces_is_refused(
+    spec: str,
+    data: Any,  # noqa: ANN401
+    named: dict[str, Any],
+    error: type[RtamtError],
+    message: str,
+    backend: Backend,
+) -> None:
+    with pytest.raises(error) as refused:
+        evaluate_many(spec, data, backend=backend, **named)
+    assert str(refused.value) == message
