@@ -260,18 +260,16 @@ def dense_machine(
         reader: Turns arguments into events, and refuses them.
         observed: Registers that ``values`` lists.
     """
-    native = getattr(_native, "DenseMachine", None) if BACKEND == "native" else None
-    if choose(backend) == "python" or native is None:
+    if choose(backend) == "python":
         return dense.Machine(program, reader, observed)
-    machine: DenseMachine = native(
+    return _native.DenseMachine(
         encoded_dense(program),
         program.program.terms,
         program.program.variables,
         program.program.result,
-        tuple(observed),
+        observed,
         reader,
     )
-    return machine
 
 
 def discrete_bank(backend: Backend, program: Program, num: int, reader: LaneReader) -> DiscreteBank:

@@ -96,7 +96,8 @@ void Machine::compile(std::size_t i, const Row& row) {
 bool Machine::take() {
     for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
     sampler_.extend(events_.data());
-    if (!sampler_.brief() && !sampler_.rehearse()) {
+    const bool brief = sampler_.brief();
+    if (!brief && !sampler_.rehearse()) {
         sampler_.retract(events_.data());
         return false;
     }
@@ -106,6 +107,7 @@ bool Machine::take() {
             return false;
         }
         proceed();
+        if (brief) break;
     }
     if (!sampler_.started()) settle(sampler_.known());
     return true;

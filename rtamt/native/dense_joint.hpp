@@ -96,6 +96,13 @@ private:
     }
 
     void align() {
+        if (sources_.size() == 1) {
+            Source& only = sources_[0];
+            size_ = only.count;
+            times_ = only.times();
+            only.column = only.values();
+            return;
+        }
         const Source* most = &sources_[0];
         for (const Source& s : sources_)
             if (s.count > most->count) most = &s;
