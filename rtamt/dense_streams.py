@@ -389,18 +389,16 @@ class SuffixNode:
         self.advance(begin, end)
         steps: list[tuple[float, Element]] = []
         while (time := self._joint.next) <= end:
-            steps.append((time - self._lo, self._joint.take()))
+            steps.append((time, self._joint.take()))
         fold = self._monoid.identity
-        values = []
-        if self._lo > 0:  # windows that begin later are empty
-            values.append((end - self._lo, fold[-1]))
+        folds = [(end, fold[-1])] if self._lo > 0 else []  # windows that begin later are empty
         for time, x in reversed(steps):
             fold = self._monoid.combine(x, fold)
-            values.append((time, fold[-1]))
-        # Of what is before the begin, the last is the value there.
-        for i, (time, value) in enumerate(reversed(values)):
-            if i == len(values) - 1 or values[-i - 2][0] > begin:
-                self._out.push(max(time, begin), value)
+            folds.append((time, fold[-1]))
+        # Of what happens at one time, and of all before the begin, the last counts.
+        values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
+        for time, value in values.items():
+            self._out.push(time, value)
         self._out.frontier = just_after(end)
 
     def reset(self) -> None:

@@ -23,6 +23,7 @@ Draw = st.DrawFn
 VARIABLES = ("a", "b", "c")
 TERMS = tuple(name for name, row in OPERATORS.items() if row.result == "term")
 FORMULAS = tuple(name for name, row in OPERATORS.items() if row.operands == "formula")
+DENSE = tuple(name for name in FORMULAS if not OPERATORS[name].sampled)
 ATOMS = tuple(name for name in OPERATORS if name not in (*TERMS, *FORMULAS))
 
 QUARTERS = tuple(sign * i / 4 for i in range(25) for sign in (1, -1))
@@ -37,6 +38,7 @@ _quarter = st.sampled_from(QUARTERS).map(number)
 _term_name = st.sampled_from((None,) * 2 * len(TERMS) + TERMS)
 _atom_name = st.sampled_from(ATOMS)
 _formula_name = st.sampled_from((None,) * (len(FORMULAS) // 3) + FORMULAS)
+_dense_name = st.sampled_from((None,) * (len(DENSE) // 3) + DENSE)
 _comparison = st.sampled_from(("<", ">=", "==", "!="))
 _small = st.integers(0, 3)
 _once_in_six = st.sampled_from((False,) * 5 + (True,))
@@ -76,7 +78,13 @@ def intervals(draw: Draw, *, endless: bool) -> Interval | None:
 @functools.cache
 @st.composite
 def rooted(
-    draw: Draw, name: str, depth: int = 0, *, endless: bool = False, total: bool = True
+    draw: Draw,
+    name: str,
+    depth: int = 0,
+    *,
+    endless: bool = False,
+    total: bool = True,
+    dense: bool = False,
 ) -> Formula:
     """A formula with this operator at its root, or in the term on its left.
 
@@ -86,12 +94,14 @@ def rooted(
         depth: Temporal and Boolean operators below the root.
         endless: Whether future operators may lack an end; those of the past may always.
         total: See `formulas`.
+        dense: See `formulas`.
     """
     row = OPERATORS[name]
     if name in TERMS:
         return cast("Formula", make(">=", (draw(terms(2, name)), draw(terms(0)))))
     interval = draw(intervals(endless=endless or not row.future)) if row.timed else None
-    operand = terms() if row.operands == "term" else formulas(depth, endless=endless, total=total)
+    below = formulas(depth, endless=endless, total=total, dense=dense)
+    operand = terms() if row.operands == "term" else below
     args: list[Node] = []
     for _ in range(draw(_arity(name))):
         # Equal sub-formulas share one register.
@@ -101,7 +111,14 @@ def rooted(
 
 @functools.cache
 @st.composite
-def formulas(draw: Draw, depth: int = 3, *, endless: bool = False, total: bool = True) -> Formula:
+def formulas(
+    draw: Draw,
+    depth: int = 3,
+    *,
+    endless: bool = False,
+    total: bool = True,
+    dense: bool = False,
+) -> Formula:
     """A formula of any operators, past and future.
 
     Args:
@@ -109,10 +126,11 @@ def formulas(draw: Draw, depth: int = 3, *, endless: bool = False, total: bool =
         depth: Most temporal and Boolean operators on a path.
         endless: Whether future operators may lack an end; those of the past may always.
         total: Whether atoms may be differences, which infinite samples can make nan.
+        dense: Whether only operators are drawn that have a meaning in dense time.
     """
-    name = draw(_formula_name) if depth else None
+    name = draw(_dense_name if dense else _formula_name) if depth else None
     if name is not None:
-        return draw(rooted(name, depth - 1, endless=endless, total=total))
+        return draw(rooted(name, depth - 1, endless=endless, total=total, dense=dense))
     if total:
         return draw(rooted(draw(_atom_name)))
     return cast("Formula", make(draw(_comparison), (draw(terms(0)), draw(_quarter))))

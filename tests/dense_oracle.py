@@ -1,0 +1,154 @@
+"""The definitions of STL robustness over dense time, written down naively.
+
+Every number in a formula's intervals and every time of an event is a multiple of `STEP`. So all
+functions of time are constant on the cells [g, g + STEP) of a grid; the end of the trace is an
+instant with a value of its own. A cell has the value that the definition gives in its middle.
+Shares no code with the library.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from oracle import INF, difference
+
+from rtamt.formula import Node
+
+STEP = 0.5
+Signals = Mapping[str, Sequence[tuple[float, float]]]
+
+
+class Definition:
+    """Values of formulas over signals.
+
+    Args:
+        signals: The events of every variable.
+        read: The value of a predicate where the variables have these values.
+    """
+
+    def __init__(
+        self,
+        signals: Signals,
+        read: Callable[[Node, Mapping[str, float]], float] | None = None,
+    ) -> None:
+        self.read = read or _difference
+        self.begin = max(events[0][0] for events in signals.values())
+        self.end = min(events[-1][0] for events in signals.values())
+        assert self.begin <= self.end
+        assert all(t % STEP == 0 for events in signals.values() for t, _ in events)
+        cells = int((self.end - self.begin) / STEP)
+        self.cells = [self.begin + STEP * i for i in range(cells)]
+        self.inputs = {
+            time: {name: _last(events, time) for name, events in signals.items()}
+            for time in (*self.cells, self.end)
+        }
+        self.value = functools.cache(self._value)
+
+    def breakpoints(self, formula: Node) -> list[tuple[float, float]]:
+        """The robustness wherever it becomes another one."""
+        steps = [(time, self.value(formula, time)) for time in (*self.cells, self.end)]
+        return [
+            step
+            for before, step in itertools.pairwise([(0.0, None), *steps])
+            if before[1] != step[1]
+        ]
+
+    def _value(self, f: Node, here: float) -> float:  # noqa: C901 - a table
+        """The value at the end, or on the cell that begins here."""
+        s = here if here == self.end else here + STEP / 2
+        assert f.op is not None
+        if f.op.operands == "term":
+            return self.read(f, self.inputs[here])
+        p, q = f.args[0], f.args[-1]
+        a, b = _bounds(f)
+        match f.op.name:
+            case "not":
+                return -self.value(p, here)
+            case "and":
+                return min(self.value(g, here) for g in f.args)
+            case "or":
+                return max(self.value(g, here) for g in f.args)
+            case "implies":
+                return max(-self.value(p, here), self.value(q, here))
+            case "iff" | "xor":
+                x, y = self.value(p, here), self.value(q, here)
+                same = min(max(-x, y), max(-y, x))
+                return same if f.op.name == "iff" else -same
+            case "always":
+                return self._least(p, self._closed(s + a, s + b))
+            case "eventually":
+                return -self._least(p, self._closed(s + a, s + b), sign=-1)
+            case "historically":
+                return self._least(p, self._closed(s - b, s - a))
+            case "once":
+                return -self._least(p, self._closed(s - b, s - a), sign=-1)
+            case "until":
+                return self._until(p, q, s, a, b)
+            case "since":
+                return max(
+                    (
+                        min(self.value(q, place), self._least(p, self._left_open(u, s)))
+                        for u, place in self._witnesses(s - b, s - a)
+                    ),
+                    default=-INF,
+                )
+            case "unless":
+                throughout = self._least(p, self._closed(s, s + b))
+                return max(throughout, self._until(p, q, s, a, b))
+        raise NotImplementedError(f.op.name)
+
+    def _until(self, p: Node, q: Node, s: float, a: float, b: float) -> float:
+        return max(
+            (
+                min(self.value(q, place), self._least(p, self._right_open(s, u)))
+                for u, place in self._witnesses(s + a, s + b)
+            ),
+            default=-INF,
+        )
+
+    def _least(self, f: Node, places: Iterable[float], sign: int = 1) -> float:
+        return min((sign * self.value(f, place) for place in places), default=INF)
+
+    def _witnesses(self, x: float, y: float) -> list[tuple[float, float]]:
+        """Times in [x, y], a begin and a middle of every cell and the end; each with its place."""
+        times = [(t, g) for g in self.cells for t in (g, g + STEP / 2)]
+        return [(t, g) for t, g in (*times, (self.end, self.end)) if x <= t <= y]
+
+    def _closed(self, x: float, y: float) -> list[float]:
+        """The cells that [x, y] meets, and the end if it is inside."""
+        met = [g for g in self.cells if g <= y and x < g + STEP]
+        return met + [self.end] * (x <= self.end <= y)
+
+    def _right_open(self, x: float, y: float) -> list[float]:
+        """Those of [x, y)."""
+        return [g for g in self.cells if x < y and g < y and x < g + STEP]
+
+    def _left_open(self, x: float, y: float) -> list[float]:
+        """Those of (x, y]."""
+        return self._closed(x, y) if x < y else []
+
+
+def boolean(signals: Signals) -> Definition:
+    """The Boolean reading: +inf where a formula holds, -inf where not."""
+    return Definition(signals, _holds)
+
+
+def _bounds(f: Node) -> tuple[float, float]:
+    if f.interval is None:
+        return 0.0, INF
+    assert f.interval.begin % STEP == 0 == (f.interval.end or 0) % STEP
+    return float(f.interval.begin), INF if f.interval.end is None else float(f.interval.end)
+
+
+def _last(events: Sequence[tuple[float, float]], time: float) -> float:
+    return [value for t, value in events if t <= time][-1]
+
+
+def _difference(f: Node, inputs: Mapping[str, float]) -> float:
+    return difference(f, {name: [value] for name, value in inputs.items()}, 0)
+
+
+def _holds(f: Node, inputs: Mapping[str, float]) -> float:
+    return INF if _difference(f, inputs) > 0 else -INF

@@ -1,0 +1,69 @@
+"""Signals over dense time and ways to hand them over, for the property tests."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+
+from dense_oracle import STEP
+from hypothesis import strategies as st
+from strategies import QUARTERS, VARIABLES
+
+from rtamt import DenseMonitor
+
+Breakpoints = list[tuple[float, float]]
+Signals = dict[str, Breakpoints]
+Chunks = list[Signals]
+
+_starts = st.sampled_from((0.0, STEP, 2 * STEP))
+_gaps = st.lists(st.sampled_from((STEP, 2 * STEP, 3 * STEP, 5 * STEP)), max_size=6)
+_values = st.sampled_from(QUARTERS)
+
+
+@functools.cache
+@st.composite
+def signals(draw: st.DrawFn, values: st.SearchStrategy[float] = _values) -> Signals:
+    """Events of every variable, each at times of its own, that overlap at some time."""
+    made: Signals = {}
+    for name in VARIABLES:
+        times = itertools.accumulate([draw(_starts), *draw(_gaps)])
+        made[name] = [(time, draw(values)) for time in times]
+    begin = max(events[0][0] for events in made.values())
+    for events in made.values():
+        if events[-1][0] < begin:
+            events.append((begin, draw(values)))
+    return made
+
+
+@functools.cache
+def chunks(most: int = 6) -> st.SearchStrategy[list[list[float]]]:
+    """Where the events of every variable are cut: for each a share of each call, from 0 to 1."""
+    share = st.floats(0, 1)
+    return st.lists(st.lists(share, min_size=most, max_size=most), min_size=3, max_size=3)
+
+
+def chunked(whole: Signals, shares: list[list[float]]) -> Chunks:
+    """The signals in consecutive chunks: every variable is cut at places of its own."""
+    calls: Chunks = [{} for _ in range(len(shares[0]) + 1)]
+    for (name, events), own in zip(whole.items(), shares, strict=True):
+        cuts = [0, *sorted(round(share * len(events)) for share in own), len(events)]
+        for call, (i, j) in zip(calls, itertools.pairwise(cuts), strict=True):
+            if i < j:
+                call[name] = events[i:j]
+    return calls
+
+
+def of(monitor: DenseMonitor, chunk: Signals) -> Signals:
+    """What the monitor has variables for."""
+    return {name: events for name, events in chunk.items() if name in monitor.variables}
+
+
+def relevant(whole: Signals, names: tuple[str, ...]) -> Signals:
+    """The signals of some variables, for the oracle."""
+    return {name: whole[name] for name in names}
+
+
+def play(monitor: DenseMonitor, calls: Chunks) -> Breakpoints:
+    """All that the monitor gives for chunks and at the end."""
+    given = [step for chunk in calls for step in monitor.update(of(monitor, chunk))]
+    return given + monitor.finish()

@@ -1,0 +1,241 @@
+"""Dense time: whole signals against the definition, the golden file and discrete time."""
+
+import math
+from typing import Literal
+
+import numpy as np
+import pytest
+from dense_oracle import Definition, boolean
+from dense_signals import Signals, relevant, signals
+from golden_cases import cases
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import DENSE, INFINITIES, Trace, formulas, length, rooted, traces
+
+from rtamt import DenseMonitor, Formula, SpecificationError, evaluate, evaluate_dense, parse
+from rtamt.formula import Node, make
+from rtamt.interval import Interval
+
+Backend = Literal["native", "python"]
+GOLDEN = cases("dense.json")
+
+dense_formulas = formulas(endless=True, dense=True).filter(lambda f: f.variables)
+
+
+def expected(formula: Formula, whole: Signals) -> list[tuple[float, float]]:
+    """The definition's breakpoints."""
+    return Definition(relevant(whole, formula.variables)).breakpoints(formula)
+
+
+# Against the definition. -------------------------------------------------------------------------
+
+
+@given(formula=dense_formulas, whole=signals())
+def test_evaluate_dense_gives_the_definition(
+    formula: Formula, whole: Signals, backend: Backend
+) -> None:
+    assert evaluate_dense(formula, whole, backend=backend) == expected(formula, whole)
+
+
+@pytest.mark.parametrize("name", DENSE)
+@settings(max_examples=25)
+@given(data=st.data(), whole=signals())
+def test_every_operator_means_what_its_definition_says(
+    name: str, data: st.DataObject, whole: Signals, backend: Backend
+) -> None:
+    strategy = rooted(name, depth=1, endless=True, dense=True)
+    formula = data.draw(strategy.filter(lambda f: f.variables))
+    assert evaluate_dense(formula, whole, backend=backend) == expected(formula, whole)
+
+
+@given(
+    formula=formulas(endless=True, total=False, dense=True).filter(lambda f: f.variables),
+    whole=signals(st.sampled_from(INFINITIES)),
+)
+def test_infinite_values_are_legal(formula: Formula, whole: Signals, backend: Backend) -> None:
+    assert evaluate_dense(formula, whole, backend=backend) == expected(formula, whole)
+
+
+@given(formula=dense_formulas, whole=signals())
+def test_a_positive_robustness_holds_and_a_negative_one_does_not(
+    formula: Formula, whole: Signals, backend: Backend
+) -> None:
+    truth = boolean(relevant(whole, formula.variables))
+    robustness = dict(evaluate_dense(formula, whole, backend=backend))
+    value = math.nan
+    for time in (*truth.cells, truth.end):
+        value = robustness.get(time, value)
+        if value != 0:
+            assert (value > 0) == (truth.value(formula, time) > 0)
+
+
+# Against the golden file. ------------------------------------------------------------------------
+
+
+def test_the_golden_file_is_whole() -> None:
+    assert len(GOLDEN) == 250
+
+
+def test_evaluate_dense_agrees_with_golden(backend: Backend) -> None:
+    for case in GOLDEN:
+        golden = [tuple(map(float, step)) for step in case["robustness"]]
+        assert evaluate_dense(case["formula"], case["signals"], backend=backend) == golden, case
+
+
+def test_dense_monitor_agrees_with_golden_no_later_than_the_golden_horizon(
+    backend: Backend,
+) -> None:
+    for case in GOLDEN:
+        golden = [tuple(map(float, step)) for step in case["robustness"]]
+        if case["horizon"] is None:
+            continue
+        monitor = DenseMonitor(case["formula"], backend=backend)
+        assert monitor.horizon <= case["horizon"], case
+        given = monitor.update({v: case["signals"][v] for v in monitor.variables})
+        assert given == [step for step in golden if step[0] < monitor.settled]
+        assert given + monitor.finish() == golden, case
+
+
+# Against discrete time. --------------------------------------------------------------------------
+
+AGREE = (
+    "not",
+    "and",
+    "or",
+    "implies",
+    "iff",
+    "xor",
+    "historically",
+    "once",
+    "always",
+    "eventually",
+    "until",
+)
+
+
+@st.composite
+def agreeing(draw: st.DrawFn, depth: int = 3) -> Formula:
+    """A formula of the operators that mean the same over samples and over steps."""
+    if depth == 0:
+        return draw(rooted(draw(st.sampled_from((">=", "<", "==", "!=")))))
+    name = draw(st.sampled_from(AGREE))
+    interval = None
+    if name in ("historically", "once"):
+        begin = draw(st.integers(0, 2))
+        interval = Interval.of(begin, begin + draw(st.integers(0, 3)))
+    elif name in ("always", "eventually", "until"):
+        interval = Interval.of(0, draw(st.integers(0, 3)))
+    below = agreeing(depth - 1 - draw(st.integers(0, depth - 1)))
+    args: tuple[Node, ...] = (draw(below),)
+    if name not in ("not", "historically", "once", "always", "eventually"):
+        args = (*args, draw(below))
+    formula = make(name, args, interval)
+    assert isinstance(formula, Formula)
+    return formula
+
+
+def sampled(trace: Trace) -> Signals:
+    return {name: list(enumerate(map(float, column))) for name, column in trace.items()}
+
+
+@given(formula=agreeing().filter(lambda f: f.variables), trace=traces())
+def test_dense_time_equals_discrete_time_on_samples_as_steps(
+    formula: Formula, trace: Trace, backend: Backend
+) -> None:
+    n = length(trace)
+    robustness = evaluate_dense(formula, sampled(trace), backend=backend)
+    places = np.searchsorted(robustness.times, np.arange(n), side="right") - 1
+    assert robustness.values[places].tolist() == evaluate(formula, trace, backend=backend).tolist()
+
+
+@pytest.mark.parametrize("operator", ["always", "eventually"])
+@given(trace=traces(), begin=st.integers(1, 3), width=st.integers(0, 3))
+@settings(max_examples=25)
+def test_a_later_window_equals_discrete_time_while_it_ends_before_the_last_sample(
+    operator: str, trace: Trace, begin: int, width: int, backend: Backend
+) -> None:
+    formula = f"{operator}[{begin}:{begin + width}](a > b)"
+    robustness = evaluate_dense(formula, sampled(trace), backend=backend)
+    inside = max(0, length(trace) - 1 - begin - width)
+    places = np.searchsorted(robustness.times, np.arange(inside), side="right") - 1
+    discrete = evaluate(formula, trace, backend=backend)[:inside]
+    assert robustness.values[places].tolist() == discrete.tolist()
+
+
+# By hand. ----------------------------------------------------------------------------------------
+
+
+def test_a_window_of_time_sees_a_value_that_no_sample_would(backend: Backend) -> None:
+    blip = {"x": [(0, 0), (1.001, 5), (1.002, 0), (3, 0)]}
+    robustness = evaluate_dense("eventually[0:1](x > 1)", blip, backend=backend)
+    assert robustness.values.tolist() == [-1.0, 4.0, -1.0]
+    assert robustness.times == pytest.approx([0, 0.001, 1.002])
+
+
+def test_units_are_converted(backend: Backend) -> None:
+    signal = {"x": [(0, 1), (250, 5), (1000, 5)]}
+    in_ms = parse("once[0:0.5s](x > 1)", unit="ms")
+    assert evaluate_dense(in_ms, signal, backend=backend) == [(0, 0), (250, 4)]
+    late = parse("historically[0:0.5s](x > 1)", unit="ms")
+    assert evaluate_dense(late, signal, backend=backend) == [(0, 0), (750, 4)]
+
+
+def test_the_trace_is_where_all_variables_are_known(backend: Backend) -> None:
+    whole = {"x": [(0, 9), (2, 8), (9, 7)], "y": [(1, 1), (4, 3), (6, 4)]}
+    assert evaluate_dense("x - y > 0", whole, backend=backend) == [(1, 8), (2, 7), (4, 5), (6, 4)]
+
+
+def test_one_event_is_a_trace_of_one_instant(backend: Backend) -> None:
+    assert evaluate_dense("always[0:1](x > 1)", {"x": [(3, 5)]}, backend=backend) == [(3, 4)]
+    assert evaluate_dense("eventually[1:2](x > 1)", {"x": [(3, 5)]}, backend=backend) == [
+        (3, -math.inf)
+    ]
+
+
+def test_the_end_is_an_instant_with_a_robustness_of_its_own(backend: Backend) -> None:
+    signal = {"x": [(0, 5), (2, 1)]}
+    assert evaluate_dense("x > 0", signal, backend=backend) == [(0, 5), (2, 1)]
+    assert evaluate_dense("eventually[0:1](x < 2)", signal, backend=backend) == [
+        (0, -3),
+        (1, 1),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "symbol", "way"),
+    [
+        ("prev (x > 1)", "prev", "once[0:d]"),
+        ("s_prev (x > 1)", "s_prev", "once[0:d]"),
+        ("rise(x > 1)", "rise", "once[0:d]"),
+        ("fall(x > 1)", "fall", "once[0:d]"),
+        ("next (x > 1)", "next", "eventually[0:d]"),
+        ("s_next (x > 1)", "s_next", "eventually[0:d]"),
+    ],
+)
+def test_operators_on_neighbouring_samples_are_refused(text: str, symbol: str, way: str) -> None:
+    expected = (
+        f"STL:1:1: '{symbol}' speaks of neighbouring samples, and dense time has none\n"
+        f"  {text}\n"
+        "  ^\n"
+        f"  hint: look a time d away with {way}, or use Monitor with a period"
+    )
+    for call in (lambda: DenseMonitor(text), lambda: evaluate_dense(text, {"x": [(0, 1)]})):
+        with pytest.raises(SpecificationError) as error:
+            call()
+        assert str(error.value) == expected
+
+
+def test_a_formula_without_variables_is_refused() -> None:
+    with pytest.raises(SpecificationError) as error:
+        evaluate_dense("once[0:1] true", {})
+    assert str(error.value) == (
+        "STL:1:5: without variables there are no events, which give a trace its begin and end\n"
+        "  once[0:1] true\n"
+        "      ^\n"
+        "  hint: use evaluate() with n=, or a formula of a variable"
+    )
+
+
+def test_other_named_formulas_do_not_matter(backend: Backend) -> None:
+    text = "root = sqrt(x) > 1\nx > 1"
+    assert evaluate_dense(text, {"x": [(0, -4), (1, 3)]}, backend=backend) == [(0, -5), (1, 2)]
