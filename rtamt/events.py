@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
 from rtamt.inputs import array_of_numbers, kind_of, nearest, refuse_term
+from rtamt.messages import Messages
 from rtamt.program import Program
 
 __all__ = ["Column", "EventReader", "Events", "EventsLike"]
@@ -102,7 +103,7 @@ class Events(Sequence[tuple[float, float]]):
         return f"Events({times}, {values})"
 
 
-EventsLike = Events | ArrayLike | Iterable[Sequence[float]]
+EventsLike = Events | ArrayLike | Iterable[Sequence[object]]
 """What means events: a sequence of (time, value), an array of shape (n, 2), or `Events`."""
 
 
@@ -113,11 +114,12 @@ class EventReader:
         program: Says which variables there are and which terms can fail.
     """
 
-    __slots__ = ("program", "variables")
+    __slots__ = ("_messages", "program", "variables")
 
     def __init__(self, program: Program) -> None:
         self.program = program
         self.variables = program.variables
+        self._messages = Messages(program.specification, program.variables)
 
     def read(self, events: Mapping[str, EventsLike], last: Sequence[float]) -> list[Column]:
         """The new events of every variable, in the order of the variables.
@@ -130,7 +132,7 @@ class EventReader:
             InputError: On an unknown variable, times that do not increase, a nan, a wrong shape.
             InputTypeError: On what is no mapping, or on what are no real numbers.
         """
-        named = _mapping(events)
+        named = self._named(events)
         for name in named:
             if name not in self.variables:
                 hint = nearest(str(name), self.variables) or self._list()
@@ -148,7 +150,7 @@ class EventReader:
             InputError: As `read` does, and on a variable without events.
             InputTypeError: As `read` does.
         """
-        named = _mapping(events)
+        named = self._named(events)
         columns = []
         for name in self.variables:
             column = _column(named[name], name, -math.inf) if name in named else _NONE
@@ -198,22 +200,28 @@ class EventReader:
         msg = "the trace is finished; call reset() before the next update"
         raise StateError(msg)
 
+    def _named(self, events: object) -> Mapping[str, object]:
+        """The events by variable, those of fields in place of those of their messages."""
+        if not isinstance(events, Mapping):
+            msg = (
+                "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
+                f"got {kind_of(events)}"
+            )
+            raise InputTypeError(msg)
+        messages = self._messages.names & events.keys()
+        if not messages:
+            return events
+        return self._messages.spread(
+            {n: _pairs(e, n) if n in messages else e for n, e in events.items()},
+            lambda field, pairs: [(time, field.of(m, time, "time")) for time, m in pairs],
+        )
+
     def _list(self) -> str:
         return f"; the variables are {', '.join(self.variables)}"
 
 
 _NOTHING = np.empty(0)
 _NONE: Column = (_NOTHING, _NOTHING)
-
-
-def _mapping(events: object) -> Mapping[str, EventsLike]:
-    if not isinstance(events, Mapping):
-        msg = (
-            "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
-            f"got {kind_of(events)}"
-        )
-        raise InputTypeError(msg)
-    return events
 
 
 def _column(given: object, name: str, after: float) -> Column:
@@ -225,6 +233,21 @@ def _column(given: object, name: str, after: float) -> Column:
         times, values = (np.ascontiguousarray(column) for column in table.T)
     _check(times, values, f" of '{name}'", after)
     return times, values
+
+
+def _pairs(given: object, message: str) -> list[tuple[object, object]]:
+    """The events of a message."""
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+        msg = (
+            f"expected events of '{message}' as a sequence of (time, message), got {kind_of(given)}"
+        )
+        raise InputTypeError(msg)
+    events = list(given)
+    for i, event in enumerate(events):
+        if not isinstance(event, Sequence) or isinstance(event, str | bytes) or len(event) != 2:
+            msg = f"expected (time, message) as event {i} of '{message}', got {kind_of(event)}"
+            raise InputError(msg)
+    return events
 
 
 def _table(given: object, name: str) -> Array:
