@@ -11,6 +11,7 @@ from rtamt.dense_lowering import compile_dense
 from rtamt.errors import InputError
 from rtamt.events import EventReader, Events, EventsLike
 from rtamt.interface import Names, Semantics, as_interface
+from rtamt.messages import write_fields
 from rtamt.online import Spec
 from rtamt.parser import as_specification
 
@@ -22,7 +23,8 @@ _UPDATE = """Take in new events, and give the breakpoints that are settled by th
 
 Args:
     events: For each variable a sequence of (time, value), an array of shape (n, 2), or `Events`.
-        A variable that is absent or whose events are empty has no new ones.
+        A variable that is absent or whose events are empty has no new ones. Of variables that are
+        fields, such as ``cmd.linear.x``, the message may be given: ``{"cmd": [(time, message)]}``.
 
 Returns:
     (time, robustness) wherever the robustness becomes another one, before `settled`; each once.
@@ -30,7 +32,7 @@ Returns:
 
 Raises:
     InputError: On an unknown variable, times that do not increase (from one call to the next
-        too), a nan, or a term that is not a number (``sqrt(-1)``) at any time of the trace. The
+        too), a message without the field, a nan, or a term that is not a number (``sqrt(-1)``) at any time of the trace. The
         monitor is as it was before the call.
     InputTypeError: On values that are no real numbers; likewise.
     StateError: After `finish`.
@@ -139,6 +141,16 @@ class DenseMonitor:
         nan before there is one; after `finish`, the robustness at the end of the trace.
         """
         return dict(zip(self.program.program.outputs, self._machine.values, strict=True))
+
+    def write(self, messages: Mapping[str, object] | None = None, /, **named: object) -> bool:
+        """Set fields of messages to `values` of the formulas named after them; see `Monitor.write`.
+
+        Raises:
+            InputError: If no formula is named after a field of the message, or the message has no
+                such field. No message is changed.
+            InputTypeError: If a message is of another class than the text declares; likewise.
+        """
+        return write_fields(self.specification, self.values, {**(messages or {}), **named})
 
     @property
     def settled(self) -> float:
