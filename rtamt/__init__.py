@@ -20,12 +20,13 @@ from rtamt.errors import (
     SpecificationError,
     StateError,
 )
+from rtamt.evaluation import evaluate
 from rtamt.events import Events
 from rtamt.explanation import Explanation, explain
 from rtamt.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.interval import Interval
 from rtamt.many import evaluate_many
-from rtamt.monitor import EpisodeMonitor, Monitor, Verdict, evaluate
+from rtamt.monitor import EpisodeMonitor, Monitor, Verdict
 from rtamt.parser import load, parse
 from rtamt.specification import Specification
 from rtamt.vector import VectorEpisodeMonitor, VectorMonitor
@@ -59,8 +60,8 @@ __all__ = [
     "conjunction",
     "disjunction",
     "evaluate",
-    "evaluate_many",
     "evaluate_dense",
+    "evaluate_many",
     "explain",
     "load",
     "number",

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError
+from rtamt.evaluation import whole_trace
 from rtamt.formula import Formula, Node
 from rtamt.inputs import Columns, NanPolicy, SampleReader
 from rtamt.interface import Interface, Names, Reading, Semantics, as_interface
@@ -240,10 +241,7 @@ def explain(
     interface = as_interface(specification, semantics, inputs, outputs)
     program = compile_program(observed, seconds, interface=interface)
     reader = SampleReader(program, nan)
-    columns, length = reader.block(data, 0, (), n=n, extra=True)
-    if length == 0:
-        msg = "expected a trace of at least 1 sample, got 0"
-        raise InputError(msg)
+    columns, length = whole_trace(reader, data, n)
     at = _place(sample, length)
     program = program.restricted(program.result, {n: program.outputs[n] for n in names})
     machine = functools.partial(discrete_machine, backend)

@@ -1,4 +1,4 @@
-"""The facade: a monitor of one signal, sample by sample, and the evaluation of whole traces."""
+"""The facade: monitors of one signal, sample by sample."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import functools
 import math
 import operator
 from collections.abc import Callable, Mapping
-from typing import Protocol, TypeVar, cast
+from typing import Any, Protocol, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +20,18 @@ from rtamt.backend import (
     discrete_machine,
     episode_machine,
 )
-from rtamt.errors import InputError
+from rtamt.errors import StateError
+from rtamt.explanation import Explanation, explain
+from rtamt.history import Recorder
 from rtamt.inputs import Columns, NanPolicy, SampleReader
-from rtamt.interface import Names, Semantics, as_interface
+from rtamt.interface import Names, Semantics
 from rtamt.lowering import compile_program
 from rtamt.messages import write_fields
-from rtamt.offline import run_offline
 from rtamt.online import Online, Spec
-from rtamt.parser import as_specification
 from rtamt.program import Program
-from rtamt.timing import Period, as_period
+from rtamt.timing import Period
 
-__all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict", "evaluate"]
+__all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict"]
 
 
 _UPDATE = """Take in one sample{result}
@@ -277,6 +277,7 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics ask for them.
         outputs: Variables that the system sets; likewise.
+        history: Whether to keep the samples for `explain`: 8 bytes a value, until the reset.
 
     Raises:
         SpecificationError: On text that is no specification, bounds that are no whole number of
@@ -297,6 +298,31 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
         "update": _UPDATE.format(result=" and give the robustness if the episode ended with it.")
         + "    StateError: After `finish`.\n"
     }
+
+    def __init__(
+        self,
+        spec: Spec,
+        period: Period | None = None,
+        *,
+        backend: Backend = "auto",
+        nan: NanPolicy = "raise",
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
+        history: bool = False,
+    ) -> None:
+        super().__init__(
+            spec,
+            period,
+            backend=backend,
+            nan=nan,
+            semantics=semantics,
+            inputs=inputs,
+            outputs=outputs,
+        )
+        if history:
+            self._machine = Recorder(self._machine)
+            self.update = self._machine.update
 
     def _compiled(self) -> Program:
         return compile_program(self.specification, self._period, interface=self.interface)
@@ -335,60 +361,37 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
         """
         return self._machine.finish()
 
+    def explain(self) -> Explanation:
+        """Which sub-formulas and samples decided ``robustness``, as `rtamt.explain` says it.
+
+        Raises:
+            StateError: Without ``history=True``, or before the first sample.
+
+        Example:
+            >>> e = EpisodeMonitor("always(x > 1)", history=True)
+            >>> e.update(x=5), e.update(x=0), e.update(x=2)
+            (4.0, -1.0, -1.0)
+            >>> e.explain().causes
+            (Cause(variable='x', sample=1, value=0.0),)
+        """
+        machine = self._machine
+        if not isinstance(machine, Recorder):
+            msg = "explain() needs the samples of the episode; make the monitor with history=True"
+            raise StateError(msg)
+        return explain(
+            self.specification,
+            machine.table,
+            self._period,
+            n=machine.samples,
+            backend=self.backend,
+            semantics=self.interface.semantics,
+            inputs=self.interface.inputs,
+            outputs=self.interface.outputs,
+        )
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
+        make, *rest = super().__reduce__()
+        return functools.partial(make, history=isinstance(self._machine, Recorder)), *rest
+
     def __repr__(self) -> str:
         return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
-
-
-def evaluate(
-    spec: Spec,
-    data: Columns,
-    period: Period | None = None,
-    *,
-    n: int | None = None,
-    backend: Backend = "auto",
-    nan: NanPolicy = "raise",
-    semantics: Semantics = "standard",
-    inputs: Names | None = None,
-    outputs: Names | None = None,
-) -> NDArray[np.float64]:
-    """Robustness at every sample of a whole trace.
-
-    Windows are cut at both ends of the trace: where nothing of the window is left, ``always`` is
-    +inf and ``eventually`` -inf. Operators without an end reach to the end of the trace.
-
-    Args:
-        spec: Text, a formula, or a parsed specification.
-        data: A mapping of every variable to its n values, or of a message to its n (a data frame
-            too; other columns are ignored), or an array of shape (n, variables).
-        period: Seconds between samples; None: bounds are numbers of samples.
-        n: The length, for a formula without variables.
-        backend: ``"auto"`` takes the C++ machine where it was built.
-        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
-        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
-            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
-        inputs: Variables that the system reads; a message stands for its fields. None: those that
-            the text declares ``input``. Only interface-aware semantics ask for them.
-        outputs: Variables that the system sets; likewise.
-
-    Returns:
-        n values, one for each sample.
-
-    Raises:
-        SpecificationError: As for `Monitor`, but a future without end is welcome.
-        InputError: On missing variables, an empty trace, columns of different length, a nan.
-        InputTypeError: On values that are no real numbers.
-
-    Example:
-        >>> evaluate("always(x > 1)", {"x": [5, 4, 3]}).tolist()
-        [2.0, 2.0, 2.0]
-    """
-    specification = as_specification(spec)
-    interface = as_interface(specification, semantics, inputs, outputs)
-    program = compile_program(specification, as_period(period), interface=interface)
-    reader = SampleReader(program, nan)
-    columns, length = reader.block(data, 0, (), n=n, extra=True)
-    if length == 0:
-        msg = "expected a trace of at least 1 sample, got 0"
-        raise InputError(msg)
-    machine = functools.partial(discrete_machine, backend)
-    return run_offline(program, reader, machine, columns, length)

@@ -41,7 +41,7 @@ FLOORS = (
         "_native",
     ),
     ("backend", "offline"),
-    ("online", "explanation"),
+    ("online", "evaluation", "explanation", "history"),
     ("monitor", "many", "vector", "dense_monitor"),
     ("__init__",),
     ("compat",),

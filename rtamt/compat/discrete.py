@@ -16,10 +16,11 @@ import numpy as np
 from rtamt.compat.declarations import AbstractSpecification
 from rtamt.compat.options import Language, Semantics
 from rtamt.errors import InputError, SpecificationError, StateError
+from rtamt.evaluation import evaluate
 from rtamt.explanation import Explanation, explain
 from rtamt.interval import UNITS
 from rtamt.messages import write_fields
-from rtamt.monitor import EpisodeMonitor, Monitor, evaluate
+from rtamt.monitor import EpisodeMonitor, Monitor
 from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
 
