@@ -31,9 +31,9 @@ Returns:
     The first is where the trace begins.
 
 Raises:
-    InputError: On an unknown variable, times that do not increase (from one call to the next
-        too), a message without the field, a nan, or a term that is not a number (``sqrt(-1)``) at any time of the trace. The
-        monitor is as it was before the call.
+    InputError: On an unknown variable, a message without the field, times that do not increase
+        (from one call to the next too), a nan, or a term that is not a number (``sqrt(-1)``) at any
+        time of the trace. The monitor is as it was before the call.
     InputTypeError: On values that are no real numbers; likewise.
     StateError: After `finish`.
 """
