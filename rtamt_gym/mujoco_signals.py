@@ -18,7 +18,7 @@ count: those that MuJoCo's solver has taken in.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import mujoco  # type: ignore[import-untyped]
@@ -153,10 +153,12 @@ def _contact(name: str, selector: Selector, model: Any, data: Any) -> Number:  #
     second = rest[0] if rest else frozenset(range(model.ngeom))
     pairs = {pair for a in first for b in second for pair in ((a, b), (b, a))}
 
-    def touching() -> Iterator[int]:
+    def touching() -> list[int]:
+        if not data.ncon:
+            return []
         contacts = data.contact  # made anew by every step
-        rows = zip(contacts.geom.tolist(), contacts.efc_address.tolist(), strict=True)
-        return (i for i, ((a, b), row) in enumerate(rows) if row >= 0 and (a, b) in pairs)
+        found = [i for i, pair in enumerate(contacts.geom.tolist()) if tuple(pair) in pairs]
+        return [i for i in found if contacts.efc_address[i] >= 0]
 
     if selector.field == "force":
         wrench = np.zeros(6)
@@ -169,7 +171,7 @@ def _contact(name: str, selector: Selector, model: Any, data: Any) -> Number:  #
             return total
 
         return force
-    return lambda *_: float(any(True for _ in touching()))
+    return lambda *_: 1.0 if touching() else 0.0
 
 
 def _geoms(name: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:  # noqa: ANN401

@@ -90,6 +90,13 @@ class Panel:
         """The greatest that it can still become."""
         return min(judge.upper for _, _, judge in self._monitors)
 
+    def read(self) -> tuple[float, float, float, int]:
+        """Least robustness, lower and upper bound, and verdicts decided, of the samples so far."""
+        if len(self._monitors) == 1:
+            ((_, monitor, judge),) = self._monitors
+            return monitor.robustness, judge.lower, judge.upper, self.settled
+        return self.robustness, self.lower, self.upper, self.settled
+
     def sampler(self, names: Sequence[str], reads: Sequence[Read]) -> Sample:
         """The function that reads a step once and feeds all monitors.
 

@@ -35,7 +35,7 @@ Observe = Literal["state"]
 
 
 class MonitorOptions(TypedDict, total=False):
-    """The keyword arguments of `StlMonitor`."""
+    """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
 
     period: float | str | None
     on_violation: OnViolation
@@ -43,6 +43,11 @@ class MonitorOptions(TypedDict, total=False):
     details: bool
     cost: Cost | None
     buffer_length: int
+
+
+class StlMonitorOptions(MonitorOptions, total=False):
+    """The keyword arguments of `StlMonitor`."""
+
     substeps: bool
 
 
@@ -139,7 +144,7 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
         weights: Mapping[str, float] | None = None,
         priorities: Mapping[str, Priority] | None = None,
         observe: Observe | None = None,
-        **monitor: Unpack[MonitorOptions],
+        **monitor: Unpack[StlMonitorOptions],
     ) -> None:
         """Finds the monitor of the environment or makes one, and checks the numbers.
 

@@ -41,6 +41,7 @@ class SubSteps:
         self._panel = panel
         self._follow = _follower(env.unwrapped)
         self._action: Any = None
+        self._samples = panel.samples  # of a copy in mid-episode there are some
         names = [signal.name for signal in signals]
         reads = [self._bind(signal) for signal in signals]
         first = [_constant(signal, read) for signal, read in zip(signals, reads, strict=True)]
@@ -51,7 +52,8 @@ class SubSteps:
         """Feeds sample 0; least robustness, lower and upper bound, and verdicts decided."""
         self._action = None
         self._feed_first()
-        return self.read()
+        self._samples = 1
+        return self._panel.read()
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
         """Makes a step of the environment, and feeds every step of the simulation in it.
@@ -61,13 +63,13 @@ class SubSteps:
             InputError: If a signal is nan or cannot be read.
         """
         self._action = action
-        before = self._panel.samples
         undo = self._follow(self._feed)
         try:
             result = self._env.step(action)
         finally:
             undo()
-        if self._panel.samples == before:
+        before, self._samples = self._samples, self._panel.samples
+        if self._samples == before:
             raise StateError(
                 f"expected a step of {self._env.unwrapped} to step its simulation, got none: it "
                 "steps it in a way of its own; leave out substeps=True"
@@ -76,8 +78,7 @@ class SubSteps:
 
     def read(self, *_: object) -> tuple[float, float, float, int]:
         """What the monitors say now."""
-        panel = self._panel
-        return panel.robustness, panel.lower, panel.upper, panel.settled
+        return self._panel.read()
 
     def _bind(self, signal: Signal) -> Number:
         if signal.source in STEP and signal.source != "action":

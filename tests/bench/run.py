@@ -23,7 +23,7 @@ from controller import MODULES, Setting
 
 import rtamt
 
-SECTIONS = ("update", "lockstep", "worst", "memory", "offline", "gym", "vector", "start")
+SECTIONS = ("update", "lockstep", "worst", "memory", "offline", "gym", "vector", "mujoco", "start")
 
 
 def peer(text: str) -> tuple[str, str]:

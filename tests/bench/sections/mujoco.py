@@ -1,0 +1,93 @@
+"""Around `mj_step`: what a monitored simulation costs more than a bare one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from controller import Figures, Setting, race
+from report import Row, Table
+
+MODELS = {
+    "inverted_pendulum": ("qpos[1]", 2_000),
+    "half_cheetah": ("qpos[2]", 2_000),
+    "humanoid": ("qpos[2]", 300),
+}
+
+
+def measure(setting: Setting) -> Iterator[Table]:
+    """Steps of a model, by what is read; steps of an environment, by where samples are taken."""
+    yield models(setting)
+    yield environments(setting)
+
+
+def compete(setting: Setting, cases: dict[str, dict[str, Any]], table: Table) -> Figures:
+    """One process for each case."""
+    subjects = {name: setting.project("simulations") for name in cases}
+    found = race(
+        {name: (subjects[name], case) for name, case in cases.items()},
+        3 if setting.quick else 9,
+        table.notes,
+    )
+    for subject in subjects.values():
+        subject.stop()
+    return found
+
+
+def models(setting: Setting) -> Table:
+    """Added time of a step of the physics, one specification."""
+    table = Table("StepMonitor, added to mj_step", "us")
+    for name, (signal, steps) in MODELS.items():
+        case = {"what": "model", "model": name, "steps": steps}
+        cases: dict[str, dict[str, Any]] = {
+            "bare": {**case, "signal": None},
+            "one": {**case, "signal": signal},
+        }
+        if name == "half_cheetah":
+            cases["contact"] = {**case, "signal": "contact:ffoot,floor"}
+            cases["forward"] = {**case, "signal": "body:torso.xpos[2]", "forward": True}
+        found = compete(setting, cases, table)
+        if "bare" not in found:
+            continue
+        bare = found["bare"][0]
+        table.rows.append(Row(f"{name}, bare mj_step", {"rtamt": bare / 1e3}))
+        for who, label, target in (
+            ("one", "  one spec", 0.4),
+            ("contact", "  one spec of a contact", None),
+            ("forward", "  one spec, forward=True", None),
+        ):
+            if who in found:
+                added = (found[who][0] - bare) / 1e3
+                table.rows.append(Row(label, {"rtamt": added}, target))
+    return table
+
+
+def environments(setting: Setting) -> Table:
+    """Added time of a step of an environment, one specification."""
+    table = Table("StlMonitor, added to env.step, without and with substeps=True", "us")
+    for name, signal, frames in (
+        ("Reacher-v5", "qpos[1]", 2),
+        ("HalfCheetah-v5", "qpos[2]", 5),
+        ("HumanoidStandup-v5", "qpos[2]", 5),
+    ):
+        case = {"what": "environment", "env": name, "steps": 200}
+        found = compete(
+            setting,
+            {
+                "bare": {**case, "signal": None},
+                "steps": {**case, "signal": signal, "substeps": False},
+                "substeps": {**case, "signal": signal, "substeps": True},
+            },
+            table,
+        )
+        if "bare" not in found:
+            continue
+        bare = found["bare"][0]
+        table.rows.append(Row(f"{name}, bare step", {"rtamt": bare / 1e3}))
+        for who, label in (
+            ("steps", "  a sample a step"),
+            ("substeps", f"  a sample a sub-step, {frames} of them"),
+        ):
+            if who in found:
+                table.rows.append(Row(label, {"rtamt": (found[who][0] - bare) / 1e3}))
+    return table
