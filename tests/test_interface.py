@@ -14,24 +14,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from interface_oracle import SEMANTICS, reader
-from oracle import Read, episode, horizon, robustness
+from oracle import episode, horizon, robustness
+from signatures import RELATIVE, VACUITY, Case, cases, read
 from strategies import (
     INFINITIES,
     VARIABLES,
     Trace,
     chunkings,
-    formulas,
     length,
     sample,
     traces,
 )
 
-import rtamt
 from rtamt import (
     EpisodeMonitor,
     Monitor,
-    Specification,
     VectorEpisodeMonitor,
     VectorMonitor,
     evaluate,
@@ -39,41 +36,7 @@ from rtamt import (
 from rtamt.interface import Semantics
 
 Backend = Literal["native", "python"]
-Case = tuple[Specification, Semantics]
-AWARE: st.SearchStrategy[Semantics] = st.sampled_from(SEMANTICS[1:])
-RELATIVE: st.SearchStrategy[Semantics] = st.sampled_from(("output-robustness", "input-robustness"))
-VACUITY: st.SearchStrategy[Semantics] = st.sampled_from(("input-vacuity", "output-vacuity"))
-ROLES = st.permutations(["input", "output", "input", "output", ""]).map(
-    lambda roles: dict(zip(VARIABLES, roles, strict=False))
-)
 INF = math.inf
-
-
-@st.composite
-def cases(
-    draw: st.DrawFn,
-    semantics: st.SearchStrategy[Semantics] = AWARE,
-    *,
-    endless: bool = False,
-    total: bool = True,
-) -> Case:
-    """A formula whose text declares inputs and outputs, and a semantics that has some of them."""
-    formula = draw(formulas(endless=endless, total=total))
-    wanted = draw(semantics)
-    role = wanted.partition("-")[0]
-    roles = draw(ROLES.filter(lambda roles: role in roles.values()))
-    declarations = "".join(f"{io} float {name};\n" for name, io in roles.items())
-    return rtamt.parse(f"{declarations}{formula}"), wanted
-
-
-def read(case: Case) -> Read:
-    """The definition for a case."""
-    spec, semantics = case
-    sides = {
-        io: frozenset(name for name, d in spec.declarations.items() if d.io == io)
-        for io in ("input", "output")
-    }
-    return reader(semantics, sides["input"], sides["output"])
 
 
 def defined(case: Case, trace: Trace) -> list[float]:

@@ -1,0 +1,48 @@
+"""Formulas of systems with inputs and outputs, and what their predicates count by definition."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+from interface_oracle import SEMANTICS, reader
+from oracle import Read
+from strategies import VARIABLES, formulas
+
+import rtamt
+from rtamt import Specification
+from rtamt.interface import Semantics
+
+Case = tuple[Specification, Semantics]
+AWARE: st.SearchStrategy[Semantics] = st.sampled_from(SEMANTICS[1:])
+RELATIVE: st.SearchStrategy[Semantics] = st.sampled_from(("output-robustness", "input-robustness"))
+VACUITY: st.SearchStrategy[Semantics] = st.sampled_from(("input-vacuity", "output-vacuity"))
+ROLES = st.permutations(["input", "output", "input", "output", ""]).map(
+    lambda roles: dict(zip(VARIABLES, roles, strict=False))
+)
+
+
+@st.composite
+def cases(
+    draw: st.DrawFn,
+    semantics: st.SearchStrategy[Semantics] = AWARE,
+    *,
+    endless: bool = False,
+    total: bool = True,
+    dense: bool = False,
+) -> Case:
+    """A formula whose text declares inputs and outputs, and a semantics that has some of them."""
+    formula = draw(formulas(endless=endless, total=total, dense=dense))
+    wanted = draw(semantics)
+    role = wanted.partition("-")[0]
+    roles = draw(ROLES.filter(lambda roles: role in roles.values()))
+    declarations = "".join(f"{io} float {name};\n" for name, io in roles.items())
+    return rtamt.parse(f"{declarations}{formula}"), wanted
+
+
+def read(case: Case) -> Read:
+    """The definition for a case."""
+    spec, semantics = case
+    sides = {
+        io: frozenset(name for name, d in spec.declarations.items() if d.io == io)
+        for io in ("input", "output")
+    }
+    return reader(semantics, sides["input"], sides["output"])

@@ -1,0 +1,102 @@
+"""The interface-aware semantics over dense time."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Callable
+from typing import Literal
+
+import pytest
+from dense_oracle import Definition
+from dense_signals import Signals, chunked, chunks, play, relevant, signals
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from signatures import Case, cases, read
+
+from rtamt import DenseMonitor, evaluate_dense
+from rtamt.interface import Semantics
+
+Backend = Literal["native", "python"]
+Breakpoints = list[tuple[float, float]]
+INF = math.inf
+
+
+def expected(case: Case, whole: Signals) -> Breakpoints:
+    """The breakpoints by definition."""
+    spec, of = case[0], read(case)
+    # A definition of samples, of which there is one.
+    definition = Definition(
+        relevant(whole, spec.variables),
+        lambda f, values: of(f, {name: [value] for name, value in values.items()}, 0)[0],
+    )
+    return definition.breakpoints(spec.formula)
+
+
+def dense(*, endless: bool) -> st.SearchStrategy[Case]:
+    return cases(endless=endless, dense=True).filter(lambda case: case[0].variables)
+
+
+@given(case=dense(endless=True), whole=signals())
+def test_evaluate_dense_gives_the_definition(case: Case, whole: Signals, backend: Backend) -> None:
+    spec, semantics = case
+    found = evaluate_dense(spec, whole, semantics=semantics, backend=backend)
+    assert found == expected(case, whole)
+
+
+@settings(max_examples=50)
+@given(case=dense(endless=False), whole=signals(), shares=chunks())
+def test_dense_monitor_gives_the_definition_in_any_chunks(
+    case: Case, whole: Signals, shares: list[list[float]], backend: Backend
+) -> None:
+    spec, semantics = case
+    monitor = DenseMonitor(spec, semantics=semantics, backend=backend)
+    assert monitor.variables == spec.variables
+    assert monitor.horizon == DenseMonitor(spec, backend=backend).horizon
+    assert play(monitor, chunked(whole, shares)) == expected(case, whole)
+
+
+@pytest.mark.parametrize(
+    "duplicate",
+    [copy.copy, lambda m: pickle.loads(pickle.dumps(m))],
+    ids=["copy", "pickle"],
+)
+def test_a_duplicate_keeps_the_semantics(
+    duplicate: Callable[[DenseMonitor], DenseMonitor], backend: Backend
+) -> None:
+    text = "input float a; output float b; a > 0 and b > 0"
+    monitor = DenseMonitor(text, semantics="output-robustness", backend=backend)
+    monitor.update({"a": [(0, 1)], "b": [(0, 3)]})
+    twin = duplicate(monitor)
+    assert twin.interface == monitor.interface
+    assert twin.update({"a": [(1, -1), (2, 1)], "b": [(2, 5)]}) == [(0.0, 3.0), (1.0, -INF)]
+
+
+# The figures of the paper: (b), never a request; (d), a grant of 1 for a request of height 4.
+GRANTED = "always((req >= 3) implies eventually[0:5](gnt >= 3))"
+SIGNALS = {
+    "b": {"req": [(0, 0), (1, 2), (3, 0), (9, 0)], "gnt": [(0, 0), (9, 0)]},
+    "d": {"req": [(0, 0), (1, 4), (2, 0), (9, 0)], "gnt": [(0, 0), (4, 1), (5, 0), (9, 0)]},
+}
+FIGURES: list[tuple[str, Semantics, float]] = [
+    ("b", "standard", 1),
+    ("b", "output-robustness", INF),
+    ("b", "input-vacuity", 1),
+    ("d", "standard", -1),
+    ("d", "output-robustness", -2),
+    ("d", "input-vacuity", 0),
+]
+
+
+@pytest.mark.parametrize(("signal", "semantics", "robustness"), FIGURES)
+def test_request_and_grant_of_the_paper(
+    signal: str, semantics: Semantics, robustness: float, backend: Backend
+) -> None:
+    events, req, gnt = SIGNALS[signal], ("req",), ("gnt",)
+    whole = evaluate_dense(
+        GRANTED, events, semantics=semantics, inputs=req, outputs=gnt, backend=backend
+    )
+    assert whole[0] == (0.0, robustness)
+    monitor = DenseMonitor(GRANTED, semantics=semantics, inputs=req, outputs=gnt, backend=backend)
+    assert monitor.update(events)[-1][1] == robustness
