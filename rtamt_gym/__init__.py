@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rtamt_gym.fmi import Fmus
     from rtamt_gym.mujoco import StepMonitor
     from rtamt_gym.rewards import StlReward
+    from rtamt_gym.rollouts import evaluate_rollouts
     from rtamt_gym.run import Run
     from rtamt_gym.signals import Step
     from rtamt_gym.simulation import simulate
@@ -26,6 +27,7 @@ __all__ = [
     "StlReward",
     "VectorStlMonitor",
     "VectorStlReward",
+    "evaluate_rollouts",
     "simulate",
 ]
 
@@ -38,6 +40,7 @@ _MODULES = {
     "StlReward": "rtamt_gym.rewards",
     "VectorStlMonitor": "rtamt_gym.vector",
     "VectorStlReward": "rtamt_gym.vector_rewards",
+    "evaluate_rollouts": "rtamt_gym.rollouts",
     "simulate": "rtamt_gym.simulation",
 }
 

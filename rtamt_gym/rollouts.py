@@ -1,0 +1,139 @@
+"""Trajectories of `mujoco.rollout` under specifications, all of them in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.mujoco import bind_signal
+from rtamt_gym.selectors import MUJOCO, Selector
+from rtamt_gym.signals import Signal, SignalLike, parse_signals
+from rtamt_gym.specs import SpecsLike, load_specs
+
+__all__ = ["evaluate_rollouts"]
+
+Floats = NDArray[np.float64]
+
+
+def evaluate_rollouts(
+    model: mujoco.MjModel,
+    specs: SpecsLike,
+    signals: Mapping[str, SignalLike],
+    states: ArrayLike,
+    sensordata: ArrayLike | None = None,
+    *,
+    period: float | str | None = None,
+) -> dict[str, Floats]:
+    """Robustness of many rollouts at every sample, offline.
+
+    Samples are the states that ``mujoco.rollout`` returns, those after each step; put the initial
+    states before them for a sample 0 as `StepMonitor` has it. Selectors are those of `StepMonitor`
+    that read what is in a rollout: ``time``, ``qpos``, ``qvel``, ``act``, ``joint:hip.qpos`` and
+    the like from the states, ``sensordata`` and ``sensor:imu[0]`` from the sensors, which are one
+    step late. For all else add a sensor to the model.
+
+    Args:
+        model: The model that was rolled out, or one with the same layout.
+        specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
+            or several with their names.
+        signals: For every variable a selector.
+        states: Of shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
+        sensordata: Of shape (rollouts, steps, sensor data), where a signal reads it.
+        period: Time between samples; None is ``model.opt.timestep``.
+
+    Returns:
+        By name of the specification, its robustness at every sample, of shape (rollouts, steps).
+
+    Raises:
+        SpecificationError: As `rtamt.evaluate` does.
+        InputError: If a variable has no signal, a signal no variable; if a selector does not fit
+            the model or reads what is not in a rollout; on shapes that do not fit, and on nan.
+
+    Example:
+        >>> import mujoco, mujoco.rollout, numpy as np
+        >>> model = mujoco.MjModel.from_xml_string('''
+        ...     <mujoco><worldbody><body><joint name="up" type="slide" axis="0 0 1"/>
+        ...     <geom size=".1"/></body></worldbody></mujoco>''')
+        >>> start = np.zeros((3, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+        >>> start[:, 2] = [1.0, 2.0, 3.0]  # time, position, velocity
+        >>> states, _ = mujoco.rollout.rollout(model, mujoco.MjData(model), start, nstep=200)
+        >>> found = evaluate_rollouts(model, "always(z > 0)", {"z": "joint:up.qpos"}, states)
+        >>> found["spec"].shape, found["spec"][:, 0].round(2).tolist()
+        ((3, 200), [-0.39, 0.0, 0.01])
+    """
+    loaded = load_specs(specs)
+    variables = [name for spec in loaded.values() for name in spec.variables]
+    parsed = parse_signals(signals, variables, MUJOCO)
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    columns = _table("states", states, size, "the model's mjSTATE_FULLPHYSICS has")
+    if sensordata is not None:
+        sensed = _table(
+            "sensordata", sensordata, model.nsensordata, "the sensors of the model have"
+        )
+        if sensed.shape[:2] != columns.shape[:2]:
+            raise InputError(
+                f"expected as many rollouts and steps of sensordata as of states, got "
+                f"{sensed.shape[:2]} and {columns.shape[:2]}"
+            )
+        columns = np.concatenate([columns, sensed], axis=2)
+    data = {
+        name: columns[:, :, place] for name, place in _places(model, parsed, sensordata).items()
+    }
+    timestep = float(model.opt.timestep) if period is None else period
+    return {
+        name: rtamt.evaluate_many(spec, data if spec.variables else columns[:, :, :0], timestep)
+        for name, spec in loaded.items()
+    }
+
+
+def _places(
+    model: mujoco.MjModel, signals: tuple[Signal, ...], sensordata: ArrayLike | None
+) -> dict[str, int]:
+    """Where the signals are in a row of states and sensor data.
+
+    MuJoCo itself says so: every number of a simulation gets a mark of its own, and what a selector
+    reads from this simulation is sought in its state.
+    """
+    data = mujoco.MjData(model)
+    counts = [1, model.nq, model.nv, model.na, model.nsensordata]
+    marks = np.random.default_rng(0).uniform(1.0, 2.0, sum(counts))
+    data.time, *_ = marks
+    _, data.qpos[:], data.qvel[:], data.act[:], data.sensordata[:] = np.split(
+        marks, np.cumsum(counts)[:-1]
+    )
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, state, kind)
+    row = [*state.tolist(), *data.sensordata.tolist()]
+    places = {}
+    for signal in signals:
+        if not isinstance(signal.reads, Selector):
+            raise InputError(
+                f"signal {signal.name!r}: a function reads a running simulation, and a rollout is "
+                "over; give a selector"
+            )
+        mark = bind_signal(signal, model, data)(None, None, None, {})
+        if mark not in marks:
+            raise InputError(
+                f"signal {signal.name!r}: {signal} is neither in the states nor in the sensordata "
+                "of a rollout; add a sensor to the model and read sensor:NAME[0]"
+            )
+        places[signal.name] = row.index(mark)
+        if sensordata is None and places[signal.name] >= len(state):
+            raise InputError(f"signal {signal.name!r}: {signal} needs sensordata=, got none")
+    return places
+
+
+def _table(what: str, values: ArrayLike, width: int, has: str) -> Floats:
+    table = np.asarray(values, dtype=np.float64)
+    if table.ndim != 3 or table.shape[2] != width:
+        raise InputError(
+            f"expected {what} of shape (rollouts, steps, {width}), as many numbers as {has}, got "
+            f"shape {table.shape}"
+        )
+    return table
