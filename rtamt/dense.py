@@ -99,11 +99,11 @@ class Machine:
 
     def _take(self, columns: Sequence[Column]) -> list[Step]:
         first = [
-            min(old, *times[:1].tolist())
+            min((old, *times[:1].tolist()))
             for old, (times, _) in zip(self._first, columns, strict=True)
         ]
         last = [
-            max(old, *times[-1:].tolist())
+            max((old, *times[-1:].tolist()))
             for old, (times, _) in zip(self._last, columns, strict=True)
         ]
         begin, end = max(first), min(last)
