@@ -58,6 +58,7 @@ class StepMonitor:
     Attributes:
         model: The model.
         data: The simulation.
+        forward: Whether what is derived is derived again after every step.
 
     Args:
         model: A ``mujoco.MjModel``.
@@ -117,7 +118,7 @@ class StepMonitor:
                     f"{signal.default!r}; leave it out"
                 )
         self._panel = Panel(loaded, float(model.opt.timestep) if period is None else period, view)
-        self._forward = forward
+        self.forward = forward
         self._bind_signals()
         self._clock = Clock()
         self._unchecked = 0
@@ -155,7 +156,7 @@ class StepMonitor:
         if not self._running:
             self._begin()
         _mj_step(self.model, self.data)
-        if self._forward:
+        if self.forward:
             mujoco.mj_forward(self.model, self.data)
         self._unchecked += 1
         if self._unchecked == _CHECKED:
@@ -375,7 +376,7 @@ class StepMonitor:
     def _offer_last(self) -> None:
         """Feeds the state that the last ``mj_step`` has left."""
         self._tries = False
-        if self._forward:
+        if self.forward:
             mujoco.mj_forward(self.model, self.data)
         self._offer()
 
