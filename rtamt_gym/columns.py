@@ -103,7 +103,8 @@ class Columns:
 
     def differ(self, table: Floats, other: Floats, lanes: Lanes) -> Lanes:
         """Those of the environments whose observations differ, as far as signals read them."""
-        changed = np.any(table[:, self._observed] != other[:, self._observed], axis=1)
+        now, then = table[:, self._observed], other[:, self._observed]
+        changed = np.any((now != then) & ~(np.isnan(now) & np.isnan(then)), axis=1)
         return np.logical_and(lanes, changed)
 
 

@@ -13,7 +13,7 @@ import rtamt
 from rtamt_gym.columns import Floats, Lanes
 from rtamt_gym.episodes import outcome, record
 from rtamt_gym.infos import mask_of, put, put_at, put_group, who_has
-from rtamt_gym.specs import View, check_looks_ahead
+from rtamt_gym.specs import Nan, View, check_looks_ahead
 
 __all__ = ["Ended", "InstantMonitors", "Lockstep", "Reading"]
 
@@ -30,10 +30,12 @@ class InstantMonitors:
         judge: Bounds and verdicts of ``always(formula)``, fed with the same samples.
     """
 
-    def __init__(self, spec: rtamt.Specification, num: int, period: float | str | None) -> None:
-        self._instant = rtamt.VectorMonitor(spec, num, period)
-        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, period)
-        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, period)
+    def __init__(
+        self, spec: rtamt.Specification, num: int, period: float | str | None, nan: Nan
+    ) -> None:
+        self._instant = rtamt.VectorMonitor(spec, num, period, nan=nan)
+        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, period, nan=nan)
+        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, period, nan=nan)
         self.robustness = np.full(num, np.nan)
 
     def update(self, values: Floats, mask: Lanes | None = None) -> Floats:
@@ -88,6 +90,7 @@ class Lockstep:
         num: How many environments.
         period: Time between samples.
         view: Whether formulas speak of the episode or of every instant.
+        nan: Whether a signal that is nan is refused, or keeps its last value.
         columns: Names of the columns of what is fed.
 
     Raises:
@@ -100,6 +103,7 @@ class Lockstep:
         num: int,
         period: float | str | None,
         view: View,
+        nan: Nan,
         columns: Sequence[str],
     ) -> None:
         self._num = num
@@ -109,12 +113,12 @@ class Lockstep:
         self._picks: list[list[int] | None] = []
         for name, spec in specs.items():
             if view == "step":
-                instant = InstantMonitors(spec, num, period)
+                instant = InstantMonitors(spec, num, period, nan)
                 self._sources.append(instant)
                 self.judges.append(instant.judge)
             else:
                 check_looks_ahead(name, spec)
-                self.judges.append(rtamt.VectorEpisodeMonitor(spec, num, period))
+                self.judges.append(rtamt.VectorEpisodeMonitor(spec, num, period, nan=nan))
                 self._sources.append(self.judges[-1])
             pick = [columns.index(variable) for variable in spec.variables]
             self._picks.append(None if pick == list(range(len(columns))) else pick)

@@ -17,7 +17,7 @@ from rtamt_gym.mujoco_signals import StepSignal, bind_signal
 from rtamt_gym.panel import Panel
 from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import parse_signals
-from rtamt_gym.specs import InstantMonitor, SpecsLike, View, load_specs
+from rtamt_gym.specs import InstantMonitor, Nan, SpecsLike, View, load_specs
 
 __all__ = ["Controller", "OnStepViolation", "StepMonitor", "bind_signal"]
 
@@ -55,14 +55,9 @@ class StepMonitor:
     them once more after every step, ``mj_forward``, so that a sample is of one instant; the
     simulation goes on as it would without.
 
-    Attributes:
-        model: The model.
-        data: The simulation.
-        forward: Whether what is derived is derived again after every step.
-
     Args:
-        model: A ``mujoco.MjModel``.
-        data: A ``mujoco.MjData`` of it.
+        model: A ``mujoco.MjModel``, kept as an attribute.
+        data: A ``mujoco.MjData`` of it, likewise.
         specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
             several with their names.
         signals: For every variable a selector or a callable, see above.
@@ -70,6 +65,7 @@ class StepMonitor:
             ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
         view: ``"episode"``: a formula speaks of the run from sample 0 on; ``"step"``: of every
             instant.
+        nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value.
         forward: Whether to derive again what is derived, see above.
 
     Raises:
@@ -102,9 +98,11 @@ class StepMonitor:
         *,
         period: float | str | None = None,
         view: View = "episode",
+        nan: Nan = "raise",
         forward: bool = False,
     ) -> None:
         check_choice("view", view, get_args(View))
+        check_choice("nan", nan, get_args(Nan))
         self.model = model
         self.data = data
         loaded = load_specs(specs)
@@ -117,7 +115,9 @@ class StepMonitor:
                     f"signal {signal.name!r}: {signal} can be read at sample 0 too, got a default "
                     f"{signal.default!r}; leave it out"
                 )
-        self._panel = Panel(loaded, float(model.opt.timestep) if period is None else period, view)
+        self._panel = Panel(
+            loaded, float(model.opt.timestep) if period is None else period, view, nan
+        )
         self.forward = forward
         self._bind_signals()
         self._clock = Clock()

@@ -12,7 +12,7 @@ import rtamt
 from rtamt import EpisodeMonitor
 from rtamt_gym.episodes import outcome
 from rtamt_gym.signals import Number, Read
-from rtamt_gym.specs import InstantMonitor, View, machine_state, make_monitor
+from rtamt_gym.specs import InstantMonitor, Nan, View, machine_state, make_monitor
 
 __all__ = ["Panel", "Sample"]
 
@@ -34,17 +34,22 @@ class Panel:
         specs: By name.
         period: Time between samples.
         view: Whether formulas speak of the episode or of every instant.
+        nan: Whether a signal that is nan is refused, or keeps its last value.
 
     Raises:
         SpecificationError: As `rtamt_gym.specs.make_monitor` does.
     """
 
     def __init__(
-        self, specs: Mapping[str, rtamt.Specification], period: float | str | None, view: View
+        self,
+        specs: Mapping[str, rtamt.Specification],
+        period: float | str | None,
+        view: View,
+        nan: Nan = "raise",
     ) -> None:
         self.variables = {name: spec.variables for name, spec in specs.items()}
         self._monitors = [
-            (name, *make_monitor(name, spec, period, view)) for name, spec in specs.items()
+            (name, *make_monitor(name, spec, period, view, nan)) for name, spec in specs.items()
         ]
         self._decided: dict[str, int] = {}
         self.settled = 0

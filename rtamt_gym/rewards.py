@@ -16,12 +16,13 @@ from rtamt_gym.arguments import check_choice
 from rtamt_gym.features import append, appended_space, feature_box, features, time_left
 from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.signals import SignalLike
-from rtamt_gym.specs import SpecsLike, View
+from rtamt_gym.specs import Nan, SpecsLike, View
 from rtamt_gym.wrappers import Cost, OnViolation, StlMonitor
 
 __all__ = [
     "MonitorOptions",
     "Observe",
+    "StlMonitorOptions",
     "StlReward",
     "expect_description",
     "find_monitor",
@@ -40,6 +41,7 @@ class MonitorOptions(TypedDict, total=False):
     period: float | str | None
     on_violation: OnViolation
     view: View
+    nan: Nan
     details: bool
     cost: Cost | None
     buffer_length: int

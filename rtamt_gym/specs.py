@@ -18,6 +18,7 @@ from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 
 __all__ = [
     "InstantMonitor",
+    "Nan",
     "SpecLike",
     "SpecsLike",
     "View",
@@ -40,6 +41,9 @@ SpecsLike = SpecLike | Mapping[str, SpecLike]
 View = Literal["episode", "step"]
 """Whether a formula speaks of the episode from sample 0 on, or of every instant."""
 
+Nan = Literal["raise", "hold"]
+"""Whether a signal that is nan is refused, or keeps its last value."""
+
 
 Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
@@ -54,10 +58,12 @@ class InstantMonitor:
         judge: Bounds and verdict of ``always(formula)``, fed with the same samples.
     """
 
-    def __init__(self, spec: rtamt.Specification, period: float | str | None) -> None:
-        self._instant = rtamt.Monitor(spec, period=period)
-        self._sofar = rtamt.EpisodeMonitor(spec, period=period)
-        self.judge = rtamt.EpisodeMonitor(spec.always(), period=period)
+    def __init__(
+        self, spec: rtamt.Specification, period: float | str | None, nan: Nan = "raise"
+    ) -> None:
+        self._instant = rtamt.Monitor(spec, period=period, nan=nan)
+        self._sofar = rtamt.EpisodeMonitor(spec, period=period, nan=nan)
+        self.judge = rtamt.EpisodeMonitor(spec.always(), period=period, nan=nan)
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:
@@ -205,7 +211,7 @@ def resolve_period(
 
 
 def make_monitor(
-    name: str, spec: rtamt.Specification, period: float | str | None, view: View
+    name: str, spec: rtamt.Specification, period: float | str | None, view: View, nan: Nan
 ) -> tuple[rtamt.EpisodeMonitor | InstantMonitor, rtamt.EpisodeMonitor]:
     """What to feed for one specification, and who judges the episode: the same, or its part.
 
@@ -215,10 +221,10 @@ def make_monitor(
             ``view`` is ``"step"``.
     """
     if view == "step":
-        monitor = InstantMonitor(spec, period)
+        monitor = InstantMonitor(spec, period, nan)
         return monitor, monitor.judge
     check_looks_ahead(name, spec)
-    judge = rtamt.EpisodeMonitor(spec, period=period)
+    judge = rtamt.EpisodeMonitor(spec, period=period, nan=nan)
     return judge, judge
 
 

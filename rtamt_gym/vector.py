@@ -19,6 +19,7 @@ from rtamt_gym.infos import final_infos, final_observations, put
 from rtamt_gym.lockstep import Ended, Lockstep, Reading
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
+    Nan,
     SpecsLike,
     View,
     autoreset_mode,
@@ -56,8 +57,9 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
     Signals are read for all environments at once: ``"obs[2]"`` is column 2 of the observations. A
     callable gets the whole batch as a :class:`rtamt_gym.Step`, and returns an array with one number
     for each environment; for those that begin an episode it is called with ``action`` and
-    ``reward`` None. ``"qpos[1]"`` needs a ``SyncVectorEnv``, whose environments are read one by
-    one.
+    ``reward`` None. ``"qpos[1]"`` and what else is read of a simulation needs a ``SyncVectorEnv``,
+    whose environments are read one by one. For samples inside of a step, ``substeps=True``, wrap
+    each environment by itself too.
 
     Attributes:
         stl_episodes: The records of the last ``buffer_length`` episodes that ended, as
@@ -94,6 +96,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         period: float | str | None = None,
         on_violation: OnViolation = "report",
         view: View = "episode",
+        nan: Nan = "raise",
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
@@ -108,6 +111,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
             on_violation: ``"report"`` a certain violation; with ``AutoresetMode.DISABLED`` also
                 ``"terminate"`` or ``"truncate"`` the episode
             view: As for :class:`StlMonitor`
+            nan: Likewise
             details: Likewise
             cost: Likewise
             buffer_length: Likewise
@@ -123,6 +127,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
             period=period,
             on_violation=on_violation,
             view=view,
+            nan=nan,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
@@ -130,6 +135,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         VectorWrapper.__init__(self, env)
         check_choice("on_violation", on_violation, get_args(OnViolation))
         check_choice("view", view, get_args(View))
+        check_choice("nan", nan, get_args(Nan))
         check_choice("cost", cost, (None, *get_args(Cost)))
         self._buffer_length = check_length("buffer_length", buffer_length)
         self._autoreset = autoreset_mode(env)
@@ -151,7 +157,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         self._period = resolve_period(loaded, period, env)
         self._guards_period = period is None and any(spec.timed for spec in loaded.values())
         names = [signal.name for signal in self._signals]
-        self._specs = Lockstep(loaded, env.num_envs, self._period, view, names)
+        self._specs = Lockstep(loaded, env.num_envs, self._period, view, nan, names)
         self._bind_signals()
         self._ended: deque[Ended] = deque()
         self._charged = np.zeros(env.num_envs, np.bool_)

@@ -20,6 +20,7 @@ from rtamt_gym.panel import Panel, Sample
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import (
     InstantMonitor,
+    Nan,
     SpecsLike,
     View,
     load_specs,
@@ -122,6 +123,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         period: float | str | None = None,
         on_violation: OnViolation = "terminate",
         view: View = "episode",
+        nan: Nan = "raise",
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
@@ -143,6 +145,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
                 episode, or only ``"report"`` it
             view: ``"episode"``: a formula speaks of the episode from sample 0 on; ``"step"``: of
                 every instant
+            nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value
             details: If to add ``info["stl"]``, the state of every specification
             cost: If to add ``info["cost"]``: ``"indicator"`` is 1 while the episode is violated,
                 ``"depth"`` is how far, ``"first"`` is 1 only at the step that shows the violation
@@ -163,6 +166,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             period=period,
             on_violation=on_violation,
             view=view,
+            nan=nan,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
@@ -171,6 +175,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         gym.Wrapper.__init__(self, env)
         check_choice("on_violation", on_violation, get_args(OnViolation))
         check_choice("view", view, get_args(View))
+        check_choice("nan", nan, get_args(Nan))
         check_choice("cost", cost, (None, *get_args(Cost)))
         self.stl_episodes: deque[dict[str, Any]] = deque(
             maxlen=check_length("buffer_length", buffer_length)
@@ -186,7 +191,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         self._read_period = read_substep_period if substeps else read_period
         self._period = resolve_period(loaded, period, env, self._read_period)
         self._guards_period = period is None and any(spec.timed for spec in loaded.values())
-        self._panel = Panel(loaded, self._period, view)
+        self._panel = Panel(loaded, self._period, view, nan)
         self._substeps = substeps
         self._bind_signals()
         self._charged = False

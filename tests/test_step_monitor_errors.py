@@ -64,6 +64,7 @@ X = {"x": "qpos[0]"}
             ),
         ),
         ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
+        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold', got 'skip'"),
     ],
 )
 def test_what_cannot_be_monitored_is_refused_at_construction(
@@ -170,6 +171,18 @@ def test_a_nan_ends_the_run_and_a_reset_begins_another() -> None:
         monitor.step()
     monitor.reset()
     assert monitor.samples == 1
+
+
+def test_a_nan_may_keep_the_last_value() -> None:
+    values = [0.5, math.nan, math.nan, 0.25, math.nan]
+
+    def read(_model: Any, _data: Any) -> float:  # noqa: ANN401
+        return values.pop(0)
+
+    monitor = StepMonitor(*arm(), "always(x < 1)", {"x": read}, nan="hold")
+    monitor.reset()
+    assert [monitor.step() for _ in range(4)] == [0.5] * 4
+    assert monitor.samples == 5
 
 
 def test_a_callable_that_gives_no_number_is_named() -> None:

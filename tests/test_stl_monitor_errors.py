@@ -90,6 +90,7 @@ class Timeless(gym.Env[Any, Any]):
             "expected on_violation='terminate' or 'truncate' or 'report', got 'stop'",
         ),
         ({"view": "now"}, InputError, "expected view='episode' or 'step', got 'now'"),
+        ({"nan": "skip"}, InputError, "expected nan='raise' or 'hold', got 'skip'"),
         (
             {"cost": "square"},
             InputError,

@@ -73,11 +73,34 @@ def test_a_step_outside_an_episode_is_refused() -> None:
         run(env)
 
 
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_a_nan_may_keep_the_last_value(view: View) -> None:
+    text = "x > 1 implies eventually[0:2](x < 1)"
+    text = f"always({text})" if view == "episode" else text
+    gaps, filled = [3, math.nan, 2, math.nan, 0, 4, math.nan], [3, 3, 2, 2, 0, 4, 4]
+    held = run(StlMonitor(Replay(gaps), text, X, period=1, view=view, nan="hold", details=True))
+    whole = run(StlMonitor(Replay(filled), text, X, period=1, view=view, details=True))
+    assert data_equivalence(held, whole, exact=True)
+
+
+def test_a_nan_at_reset_has_no_last_value() -> None:
+    env = StlMonitor(Replay([math.nan, 3]), "always(x > 1)", X, nan="hold")
+    with pytest.raises(InputError) as caught:
+        env.reset()
+    assert str(caught.value) == (
+        "variable 'x' is nan at sample 0; nan='hold' keeps the last value, which the first sample "
+        "has not"
+    )
+
+
 def test_an_episode_with_a_sample_that_is_nan_is_over() -> None:
     env = StlMonitor(Replay([3, math.nan, 3]), "always(x > 1)", X)
     env.reset()
-    with pytest.raises(InputError, match="nan"):
+    with pytest.raises(InputError) as caught:
         env.step(np.array([0.5]))
+    assert str(caught.value) == (
+        "variable 'x' is nan at sample 1; pass nan='hold' to keep the last value instead"
+    )
     with pytest.raises(StateError):
         env.step(np.array([0.5]))
     env.reset()

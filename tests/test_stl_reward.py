@@ -14,7 +14,7 @@ from replay import INF, Replay, X
 
 from rtamt.errors import InputError, ParseError
 from rtamt_gym import StlMonitor, StlReward
-from rtamt_gym.rewards import MonitorOptions
+from rtamt_gym.rewards import StlMonitorOptions
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers import OnViolation
 
@@ -165,7 +165,7 @@ def test_the_arguments_of_the_monitor_are_those_of_the_reward() -> None:
         for name, parameter in inspect.signature(StlMonitor).parameters.items()
         if parameter.kind is parameter.KEYWORD_ONLY
     }
-    assert options == set(MonitorOptions.__annotations__)
+    assert options == set(StlMonitorOptions.__annotations__)
 
 
 @modes

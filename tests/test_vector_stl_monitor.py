@@ -276,3 +276,26 @@ class Played(gym.Env[Any, Any]):
         obs, rewards, terminated, truncated, _ = next(self.rows)
         lane = self.lane
         return obs[lane], rewards[lane], bool(terminated[lane]), bool(truncated[lane]), {}
+
+
+@modes
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_a_nan_may_keep_the_last_value_of_its_environment(mode: AutoresetMode, view: View) -> None:
+    nan = float("nan")
+    traces = [[3.0, nan, 0.5, nan, nan], [2.0, 2.0, nan], [4.0, nan, nan, 0.0, 3.0, nan, 2.0]]
+    text = "x > 1 implies eventually[0:2](x < 1)"
+    vector, singles = both(
+        [functools.partial(Replay, values) for values in traces],
+        mode,
+        f"always({text})" if view == "episode" else text,
+        X,
+        view=view,
+        nan="hold",
+        period=1,
+        details=True,
+    )
+    together, alone = (
+        [({**shown[-1], "final_obs": None}, *shown[1:-1]) for shown in trajectory(envs, 20)]
+        for envs in (vector, singles)
+    )
+    assert difference(together, alone) == ""
