@@ -40,8 +40,9 @@ def parse(
         text: One formula or more, declarations, constants.
         unit: Unit of the bounds that have none: s, ms, us, ns or ps.
         constants: Values of constants that the text may use beside its own.
-        modules: Modules by name from which the text may import types, or names of modules to
-            import. None other is ever imported.
+        modules: The modules from which the text imports types: by name, or names of modules to
+            import. A text itself imports nothing: without modules its types are mere names, and
+            messages of any class will do.
 
     Raises:
         ParseError: If the text is no specification, with line, column and the way out.

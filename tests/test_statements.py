@@ -147,8 +147,22 @@ def test_primitive_types(kind: str) -> None:
 
 
 def test_nothing_is_imported_from_text() -> None:
-    with pytest.raises(ParseError, match="module 'antigravity' was not given"):
-        rtamt.parse("from antigravity import geohash\nx > 0")
+    text = "from antigravity import geohash\ninput geohash x\nx.y > 0"
+    spec = rtamt.parse(text)
     assert "antigravity" not in sys.modules
+    assert spec.imports == {"geohash": "antigravity"}
+    assert spec.types == {}
+    assert spec.variables == spec.inputs == ("x.y",)
+
+
+def test_modules_that_are_given_have_what_is_imported() -> None:
+    given = {"m": types.SimpleNamespace(Twist=1)}
+    reason = (
+        r"1:6: module 'n' is not among those that were given\n  from n import Twist\n       \^$"
+    )
+    with pytest.raises(ParseError, match=reason):
+        rtamt.parse("from n import Twist\nx", modules=given)
+    with pytest.raises(ParseError, match=r"given(.|\n)*hint: did you mean 'm\.msg'\?$"):
+        rtamt.parse("from mmsg import Twist\nx", modules={"m.msg": given["m"]})
     with pytest.raises(ParseError, match=r"module 'm' has no type 'Twits'(.|\n)*mean 'Twist'"):
-        rtamt.parse("from m import Twits\nx", modules={"m": types.SimpleNamespace(Twist=1)})
+        rtamt.parse("from m import Twits\nx", modules=given)

@@ -111,14 +111,16 @@ class _Reader:
 
     def _import(self, statement: Statement) -> None:
         module, name = statement.module.text, cast("Token", statement.name)
+        self.imports[name.text] = module
+        if not self.modules:  # then a type is a name
+            return
         if module not in self.modules:
-            hint = f"modules=['{module}'] allows it, modules={{'{module}': ...}} hands it in"
-            raise self._fail(statement.module, f"module '{module}' was not given", hint)
+            reason = f"module '{module}' is not among those that were given"
+            raise self._fail(statement.module, reason, nearest(module, self.modules))
         known = dir(self.modules[module])
         if name.text not in known:
             reason = f"module '{module}' has no type '{name.text}'"
             raise self._fail(name, reason, nearest(name.text, known))
-        self.imports[name.text] = module
         kind = getattr(self.modules[module], name.text)
         if isinstance(kind, type):
             self.types[name.text] = kind
