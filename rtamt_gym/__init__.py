@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rtamt_gym.run import Run
     from rtamt_gym.signals import Step
     from rtamt_gym.simulation import simulate
+    from rtamt_gym.snapshots import Snapshot
     from rtamt_gym.vector import VectorStlMonitor
     from rtamt_gym.vector_rewards import VectorStlReward
     from rtamt_gym.wrappers import StlMonitor
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Fmus",
     "Run",
+    "Snapshot",
     "Step",
     "StepMonitor",
     "StlMonitor",
@@ -34,6 +36,7 @@ __all__ = [
 _MODULES = {
     "Fmus": "rtamt_gym.fmi",
     "Run": "rtamt_gym.run",
+    "Snapshot": "rtamt_gym.snapshots",
     "Step": "rtamt_gym.signals",
     "StepMonitor": "rtamt_gym.mujoco",
     "StlMonitor": "rtamt_gym.wrappers",

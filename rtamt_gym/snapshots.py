@@ -1,0 +1,78 @@
+"""Snapshots: a MuJoCo simulation and what its monitors know, to go back to from any branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.mujoco import StepMonitor
+
+__all__ = ["Snapshot"]
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""All that decides how MuJoCo goes on, the warm start of its solver included."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """A `StepMonitor` and its simulation at an instant.
+
+    From a snapshot the simulation goes on exactly as it did, bit for bit, and so do robustness,
+    bounds and verdicts; as often as wanted, in the monitor that it was taken of or in another one
+    of the same model and specifications. It holds no model and can be pickled.
+
+    What MuJoCo derives from the state (``xpos``, ``sensordata``, contacts) is not in it: the next
+    step derives it. With ``forward=True`` `restore` derives it at once; without, a controller that
+    looks at it before the first step sees what another branch has left.
+
+    Example:
+        >>> import mujoco
+        >>> from rtamt_gym import StepMonitor
+        >>> model = mujoco.MjModel.from_xml_string('''
+        ...     <mujoco><worldbody><body><joint name="up" type="slide" axis="0 0 1"/>
+        ...     <geom size=".1"/></body></worldbody>
+        ...     <actuator><motor name="lift" joint="up" gear="100"/></actuator></mujoco>''')
+        >>> monitor = StepMonitor(
+        ...     model, mujoco.MjData(model), "always(z > -1)", {"z": "joint:up.qpos"}
+        ... )
+        >>> monitor.reset()
+        >>> before = Snapshot.of(monitor)
+        >>> for lift in (0.0, 0.5):
+        ...     before.restore(monitor)
+        ...     monitor.data.ctrl[0] = lift
+        ...     print(monitor.run(1.0).name, monitor.samples)
+        VIOLATED 227
+        UNDECIDED 501
+    """
+
+    _simulation: NDArray[np.float64]
+    _monitor: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, monitor: StepMonitor) -> Snapshot:
+        """Takes a snapshot."""
+        simulation = np.empty(mujoco.mj_stateSize(monitor.model, _STATE))
+        mujoco.mj_getState(monitor.model, monitor.data, simulation, _STATE)
+        return cls(simulation, monitor.state())
+
+    def restore(self, monitor: StepMonitor) -> None:
+        """Goes back to this instant.
+
+        Raises:
+            InputError: If the monitor is of a model with another state.
+        """
+        size = mujoco.mj_stateSize(monitor.model, _STATE)
+        if size != len(self._simulation):
+            raise InputError(
+                f"expected a snapshot of the same model, with {size} numbers of state, got one "
+                f"with {len(self._simulation)}"
+            )
+        mujoco.mj_setState(monitor.model, monitor.data, self._simulation, _STATE)
+        if monitor.forward:
+            mujoco.mj_forward(monitor.model, monitor.data)
+        monitor.restore(self._monitor)

@@ -1,0 +1,153 @@
+"""Snapshots: from them simulation and monitors go on as they did, bit for bit."""
+
+import pickle
+from typing import Any
+
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+
+from rtamt import InputError
+from rtamt_gym import Snapshot, StepMonitor
+from rtamt_gym.specs import View
+
+# A stack of boxes, pushed: contacts, so that the warm start of the solver matters.
+XML = """
+<mujoco>
+  <option timestep="0.005" integrator="{integrator}"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="9 9 .1"/>
+    <body name="low" pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1"/></body>
+    <body name="top" pos="0 0 .31"><freejoint name="top"/><geom type="box" size=".1 .1 .1"/></body>
+    <body pos="-.6 0 .2">
+      <joint name="rod" type="slide" axis="1 0 0"/><geom type="capsule" size=".05 .1"/>
+    </body>
+  </worldbody>
+  <actuator><general joint="rod" dyntype="filter" dynprm=".05" gainprm="40"/></actuator>
+  <sensor><framelinvel name="speed" objtype="body" objname="top"/></sensor>
+</mujoco>
+"""
+SPECS = {
+    "stands": "always[0:2](z > 0.25)",
+    "calm": "always[0:1](speed > 1 implies eventually[0:0.1](speed < 0.5))",
+    "touches": "eventually[0:0.5](always[0:0.05](push > 1))",
+}
+SIGNALS = {"z": "qpos[9]", "speed": "sensor:speed[0]", "push": "contact:floor,low.force"}
+
+
+def monitored(integrator: str, view: View = "episode", *, forward: bool = False) -> StepMonitor:
+    model = mujoco.MjModel.from_xml_string(XML.format(integrator=integrator))
+    data = mujoco.MjData(model)
+    return StepMonitor(model, data, SPECS, SIGNALS, view=view, forward=forward)
+
+
+def played(monitor: StepMonitor, controls: np.ndarray[Any, Any]) -> list[Any]:
+    """All that a run shows."""
+    shown = []
+    for control in controls:
+        monitor.data.ctrl[0] = control
+        monitor.step()
+        shown.append(
+            (
+                monitor.data.qpos.tolist(),
+                monitor.data.qacc.tolist(),
+                monitor.data.sensordata.tolist(),
+                monitor.values,
+                monitor.details,
+                monitor.outcomes,
+                (monitor.samples, monitor.violated_by, monitor.violated_at),
+            )
+        )
+    return shown
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
+@pytest.mark.parametrize("view", ["episode", "step"])
+@pytest.mark.parametrize("forward", [False, True])
+def test_every_branch_of_a_snapshot_goes_on_as_if_it_were_the_only_one(
+    integrator: str,
+    view: View,
+    forward: bool,  # noqa: FBT001
+) -> None:
+    rng = np.random.default_rng(0)
+    begin, *branches = rng.uniform(0.0, 1.0, (5, 60))
+    alone = []
+    for controls in branches:
+        monitor = monitored(integrator, view, forward=forward)
+        played(monitor, begin)
+        alone.append(played(monitor, controls))
+    monitor = monitored(integrator, view, forward=forward)
+    played(monitor, begin)
+    snapshot = Snapshot.of(monitor)
+    for i in (0, 1, 2, 3, 1, 0):
+        snapshot.restore(monitor)
+        assert played(monitor, branches[i]) == alone[i]
+
+
+def test_the_warm_start_is_part_of_a_snapshot() -> None:
+    monitor = monitored("Euler")
+    played(monitor, np.ones(60))
+    snapshot = Snapshot.of(monitor)
+    expected = played(monitor, np.ones(40))
+    snapshot.restore(monitor)
+    monitor.data.qacc_warmstart[:] = 0.0
+    assert played(monitor, np.ones(40)) != expected
+
+
+def test_a_snapshot_is_restored_in_another_monitor_and_after_a_pickle() -> None:
+    monitor, other = monitored("RK4"), monitored("RK4")
+    played(monitor, np.ones(50))
+    snapshot = pickle.loads(pickle.dumps(Snapshot.of(monitor)))
+    expected = played(monitor, np.ones(50))
+    snapshot.restore(other)
+    assert played(other, np.ones(50)) == expected
+
+
+def test_snapshots_of_snapshots_make_a_tree() -> None:
+    monitor = monitored("Euler")
+    played(monitor, np.ones(20))
+    first = Snapshot.of(monitor)
+    played(monitor, np.zeros(20))
+    second = Snapshot.of(monitor)
+    leaf = played(monitor, np.ones(20))
+    first.restore(monitor)
+    played(monitor, np.ones(30))
+    second.restore(monitor)
+    assert played(monitor, np.ones(20)) == leaf
+    first.restore(monitor)
+    played(monitor, np.zeros(20))
+    assert played(monitor, np.ones(20)) == leaf
+
+
+def test_a_finished_run_is_taken_back_to_where_it_still_ran() -> None:
+    monitor = monitored("Euler")
+    played(monitor, np.ones(20))
+    snapshot = Snapshot.of(monitor)
+    expected = played(monitor, np.ones(5))
+    monitor.finish()
+    snapshot.restore(monitor)
+    assert played(monitor, np.ones(5)) == expected
+
+
+def test_what_is_derived_is_there_at_once_where_the_monitor_derives_it() -> None:
+    monitor = monitored("Euler", forward=True)
+    played(monitor, np.ones(30))
+    snapshot, values = Snapshot.of(monitor), monitor.values
+    played(monitor, np.ones(30))
+    assert monitor.values != values
+    snapshot.restore(monitor)
+    assert monitor.values == values
+
+
+def test_a_snapshot_of_another_model_is_refused() -> None:
+    monitor = monitored("Euler")
+    monitor.reset()
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>"
+    )
+    other = StepMonitor(model, mujoco.MjData(model), "always(x > 0)", {"x": "qpos[0]"})
+    with pytest.raises(InputError) as refused:
+        Snapshot.of(monitor).restore(other)
+    assert str(refused.value) == (
+        "expected a snapshot of the same model, with 17 numbers of state, got one with 81"
+    )
