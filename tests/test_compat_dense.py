@@ -156,6 +156,14 @@ def test_signals_may_be_tuples_unknown_or_in_several_parts() -> None:
     assert spec.get_value("c") == [(9, 9.0)]
 
 
+def test_a_chunk_may_begin_with_the_last_event_once_more() -> None:
+    spec = declared("a > 0", ("a",))
+    assert update(spec, {"a": [(0.0, 1.0), (4.0, 5.0)]}) == [[0.0, 1.0], [4.0, 5.0]]
+    assert update(spec, {"a": [(4.0, 5.0), (6.0, 7.0)]}) == [[6.0, 7.0]]
+    with pytest.raises(rtamt.InputError, match=r"expected a time after 6\.0 at event 0 of 'a'"):
+        update(spec, {"a": [(6.0, 8.0)]})
+
+
 def test_get_value_gives_the_last_robustness_of_named_formulas() -> None:
     spec = declared("out = p or b > 5", ("a", "b", "out"))
     spec.add_sub_spec("p = a > 1")

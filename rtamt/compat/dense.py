@@ -126,6 +126,9 @@ class StlDenseTimeOnlineSpecification(_Dense):
     def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
         monitor = self._running()
         named, columns = self._read_signals(signals)
+        for name, events in columns.items():
+            if events and events[0] == self._last.get(name):  # a chunk may begin with it once more
+                del events[0]
         breakpoints = monitor.update(columns)
         self._last |= {name: events[-1] for name, events in columns.items() if events}
         self.var_object_dict |= named
