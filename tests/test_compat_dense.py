@@ -214,7 +214,7 @@ def test_after_an_error_all_is_as_before() -> None:
     for each in (spec, twin):
         update(each, {"a": [(0.0, 3.0)], "b": [(0.0, 1.0)]})
     for bad in (
-        {"a": [(0.0, 3.0)]},
+        {"a": [(0.0, 4.0)]},
         {"a": [(1.0, math.nan)]},
         {"a": [(2.0, 1.0), (1.0, 1.0)]},
     ):
