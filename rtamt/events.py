@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NoReturn, SupportsFloat, cast, overload
 
 import numpy as np
@@ -27,15 +26,14 @@ Column = tuple[Array, Array]
 """Times and values of one variable's events."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Events(Sequence[tuple[float, float]]):
     """A signal over dense time: each value lasts until the time of the next one.
 
     A sequence of (time, value), equal to any other of the same pairs. The last event is the end.
 
-    Attributes:
-        times: Finite numbers that increase; read-only.
-        values: As many numbers, infinite ones too; read-only.
+    Args:
+        times: Finite numbers that increase.
+        values: As many numbers, infinite ones too.
 
     Raises:
         InputError: On times that do not increase, a nan, arrays of different length.
@@ -45,24 +43,30 @@ class Events(Sequence[tuple[float, float]]):
         >>> speed = Events([0, 1.5, 4], [10, 12, 11])
         >>> speed[1], len(speed), speed == [(0, 10), (1.5, 12), (4, 11)]
         ((1.5, 12.0), 3, True)
+        >>> speed.values
+        array([10., 12., 11.])
     """
 
-    times: Array
-    values: Array
+    __slots__ = ("_times", "_values")
 
-    def __post_init__(self) -> None:
-        """Copy the arrays, and close them."""
-        for name in ("times", "values"):
-            array = array_of_numbers(getattr(self, name), f"the {name} of events").copy()
-            if array.ndim != 1:
-                msg = f"expected a 1-D array for the {name} of events, got shape {array.shape}"
-                raise InputError(msg)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
-        if len(self.times) != len(self.values):
-            msg = f"expected as many values as times, got {len(self.values)} and {len(self.times)}"
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+        self._times = _closed(times, "times")
+        self._values = _closed(values, "values")
+        if len(self._times) != len(self._values):
+            got = f"{len(self._values)} and {len(self._times)}"
+            msg = f"expected as many values as times, got {got}"
             raise InputError(msg)
-        _check(self.times, self.values, "", -math.inf)
+        _check(self._times, self._values, "", -math.inf)
+
+    @property
+    def times(self) -> Array:
+        """Finite numbers that increase; read-only."""
+        return self._times
+
+    @property
+    def values(self) -> Array:
+        """As many numbers; read-only."""
+        return self._values
 
     def __len__(self) -> int:
         return len(self.times)
@@ -218,6 +222,16 @@ class EventReader:
 
     def _list(self) -> str:
         return f"; the variables are {', '.join(self.variables)}"
+
+
+def _closed(numbers: ArrayLike, name: str) -> Array:
+    """A copy that nobody can change."""
+    array = array_of_numbers(numbers, f"the {name} of events").copy()
+    if array.ndim != 1:
+        msg = f"expected a 1-D array for the {name} of events, got shape {array.shape}"
+        raise InputError(msg)
+    array.flags.writeable = False
+    return array
 
 
 _NOTHING = np.empty(0)

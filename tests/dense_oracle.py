@@ -49,11 +49,7 @@ class Definition:
     def breakpoints(self, formula: Node) -> list[tuple[float, float]]:
         """The robustness wherever it becomes another one."""
         steps = [(time, self.value(formula, time)) for time in (*self.cells, self.end)]
-        return [
-            step
-            for before, step in itertools.pairwise([(0.0, None), *steps])
-            if before[1] != step[1]
-        ]
+        return steps[:1] + [y for x, y in itertools.pairwise(steps) if x[1] != y[1]]
 
     def _value(self, f: Node, here: float) -> float:  # noqa: C901 - a table
         """The value at the end, or on the cell that begins here."""

@@ -1,0 +1,386 @@
+"""What dense time refuses, in exact words; a refused call leaves no trace."""
+
+import functools
+import math
+import re
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from dense_signals import Signals, chunked, chunks, of, signals
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import formulas
+
+from rtamt import (
+    DenseMonitor,
+    Events,
+    Formula,
+    InputError,
+    InputTypeError,
+    RtamtError,
+    StateError,
+    evaluate_dense,
+)
+from rtamt.events import EventsLike
+
+Backend = Literal["native", "python"]
+Error = type[RtamtError]
+
+
+def refused(error: Error, text: str, call: Callable[[], object]) -> None:
+    """The call raises exactly this."""
+    with pytest.raises(error, match=f"^{re.escape(text)}$") as raised:
+        call()
+    assert type(raised.value) is error
+
+
+@pytest.fixture
+def monitor(backend: Backend) -> DenseMonitor:
+    """A monitor of two variables that have an event each."""
+    made = DenseMonitor("once[0:2](req - gnt > 1)", backend=backend)
+    made.update({"req": [(1, 4)], "gnt": [(2, 1)]})
+    return made
+
+
+FORMS = "events of 'req' as a sequence of (time, value), an array of shape (n, 2) or Events"
+WRONG: list[tuple[Any, Error, str]] = [
+    (
+        {"rq": [(3, 1)]},
+        InputError,
+        "unknown variable 'rq'; did you mean 'req'?",
+    ),
+    (
+        {"zzz": []},
+        InputError,
+        "unknown variable 'zzz'; the variables are req, gnt",
+    ),
+    (
+        {1: [(3, 1)]},
+        InputError,
+        "unknown variable '1'; the variables are req, gnt",
+    ),
+    (
+        [(3, 1)],
+        InputTypeError,
+        "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, got list [(3, 1)]",
+    ),
+    ({"req": "text"}, InputTypeError, f"expected {FORMS}, got str 'text'"),
+    ({"req": 4.0}, InputTypeError, f"expected {FORMS}, got float 4.0"),
+    ({"req": None}, InputTypeError, f"expected {FORMS}, got NoneType None"),
+    ({"req": {3: 1}}, InputTypeError, f"expected {FORMS}, got dict {{3: 1}}"),
+    (
+        {"req": (3, 1)},
+        InputError,
+        "expected (time, value) as event 0 of 'req', got int 3",
+    ),
+    (
+        {"req": [(3, 1), (4, 1, 2)]},
+        InputError,
+        "expected (time, value) as event 1 of 'req', got tuple (4, 1, 2)",
+    ),
+    (
+        {"req": [(3, 1), "45"]},
+        InputError,
+        "expected (time, value) as event 1 of 'req', got str '45'",
+    ),
+    (
+        {"req": [(3, 1), ("4", 1)]},
+        InputTypeError,
+        "expected a number as the time of event 1 of 'req', got str '4'",
+    ),
+    (
+        {"req": [(3, None)]},
+        InputTypeError,
+        "expected a number as the value of event 0 of 'req', got NoneType None",
+    ),
+    (
+        {"req": [(3, 1j)]},
+        InputTypeError,
+        "expected a number as the value of event 0 of 'req', got complex 1j",
+    ),
+    (
+        {"req": [(3, 10**400)]},
+        InputTypeError,
+        "expected a number as the value of event 0 of 'req', got int " + "1" + "0" * 36 + "...",
+    ),
+    ({"req": np.zeros((2, 3))}, InputError, f"expected {FORMS}, got shape (2, 3)"),
+    ({"req": np.zeros(4)}, InputError, f"expected {FORMS}, got shape (4,)"),
+    (
+        {"req": np.array([["3", "1"]])},
+        InputTypeError,
+        "expected an array of numbers for the events of 'req', got <U1",
+    ),
+    (
+        {"req": np.array([[3 + 1j, 1]])},
+        InputTypeError,
+        "expected an array of numbers for the events of 'req', got complex128",
+    ),
+    (
+        {"req": [(3, 1), (2.5, 1)]},
+        InputError,
+        "expected a time after 3.0 at event 1 of 'req', got 2.5",
+    ),
+    (
+        {"req": np.array([[3, 1], [3, 1]])},
+        InputError,
+        "expected a time after 3.0 at event 1 of 'req', got 3.0",
+    ),
+    (
+        {"req": [(1, 4)]},
+        InputError,
+        "expected a time after 1.0 at event 0 of 'req', got 1.0",
+    ),
+    (
+        {"req": [(3, 1)], "gnt": [(0, 4)]},
+        InputError,
+        "expected a time after 2.0 at event 0 of 'gnt', got 0.0",
+    ),
+    (
+        {"req": [(3, 1), (math.inf, 1)]},
+        InputError,
+        "expected a finite time at event 1 of 'req', got inf",
+    ),
+    (
+        {"req": [(math.nan, 1)]},
+        InputError,
+        "expected a finite time at event 0 of 'req', got nan",
+    ),
+    (
+        {"req": [(3, 1), (4, math.nan)]},
+        InputError,
+        "event 1 of 'req', at time 4.0, is nan; leave it out: a value lasts until the next event",
+    ),
+]
+
+
+@pytest.mark.parametrize(("events", "error", "text"), WRONG)
+def test_what_an_update_refuses(
+    events: Signals, error: Error, text: str, monitor: DenseMonitor
+) -> None:
+    refused(error, text, lambda: monitor.update(events))
+    assert monitor.settled == 1
+    assert monitor.update({"req": [(4, 0)], "gnt": [(4, 0)]}) == [(2, 2)]
+    assert monitor.finish() == []
+
+
+NOT_NUMBERS = [
+    (
+        "sqrt(x) > 1",
+        {"x": [(0, 4), (1, -1)]},
+        "'sqrt(x)' is not a number at time 1.0, where x = -1.0",
+    ),
+    (
+        "x > y",
+        {"x": [(0, 1), (2, math.inf)], "y": [(0, 1), (1, math.inf), (3, 0)]},
+        "'x > y' is not a number at time 2.0, where x = inf, y = inf",
+    ),
+    (
+        "x / y > 1",
+        {"x": [(0, 0), (3, 4)], "y": [(1, 0), (3, 4)]},
+        "'x / y' is not a number at time 1.0, where x = 0.0, y = 0.0",
+    ),
+    (
+        "y > 0 and x * 0 > 1",
+        {"y": [(0, 2), (4, 1)], "x": [(1, 1), (2, -math.inf), (3, math.inf), (5, 0)]},
+        "'x * 0' is not a number at time 2.0, where x = -inf",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "wrong", "message"), NOT_NUMBERS)
+def test_a_term_that_is_no_number_is_told_with_its_time(
+    text: str, wrong: Signals, message: str, backend: Backend
+) -> None:
+    refused(InputError, message, lambda: evaluate_dense(text, wrong, backend=backend))
+    monitor = DenseMonitor(text, backend=backend)
+    refused(InputError, message, lambda: monitor.update(wrong))
+    right = {name: [(0, 4), (9, 4)] for name in wrong}
+    expected = list(evaluate_dense(text, right, backend=backend))
+    assert monitor.update(right) + monitor.finish() == expected
+
+
+def test_a_term_is_no_number_only_within_the_trace(backend: Backend) -> None:
+    text = "sqrt(x) > y"
+    whole = {"x": [(0, -4), (1, 9), (5, -4)], "y": [(2, 1), (4, 2)]}
+    assert evaluate_dense(text, whole, backend=backend) == [(2, 2), (4, 1)]
+    monitor = DenseMonitor(text, backend=backend)
+    assert monitor.update({"x": whole["x"]}) == []
+    assert monitor.update({"y": whole["y"]}) == [(2, 2)]
+    later = "'sqrt(x)' is not a number at time 5.0, where x = -4.0"
+    refused(InputError, later, lambda: monitor.update({"y": [(6, 1)]}))
+    assert monitor.finish() == [(4, 1)]
+
+
+@given(
+    formula=formulas(dense=True).filter(lambda f: f.variables),
+    whole=signals(),
+    shares=chunks(),
+    data=st.data(),
+)
+@settings(max_examples=50)
+def test_a_refused_update_leaves_no_trace(
+    formula: Formula,
+    whole: Signals,
+    shares: list[list[float]],
+    data: st.DataObject,
+    backend: Backend,
+) -> None:
+    monitor = DenseMonitor(formula, backend=backend)
+    untouched = DenseMonitor(formula, backend=backend)
+    name = data.draw(st.sampled_from(formula.variables))
+    for chunk in chunked(whole, shares):
+        wrong = {v: [(90.0, 1.0), (91.0, 1.0)] for v in formula.variables}
+        wrong[name] = [(90.0, 2.0), (91.0, math.nan)]
+        with pytest.raises(InputError):
+            monitor.update(wrong)
+        assert monitor.update(of(monitor, chunk)) == untouched.update(of(monitor, chunk))
+    assert monitor.finish() == untouched.finish()
+
+
+# The end. ----------------------------------------------------------------------------------------
+
+
+def test_finish_needs_events_of_every_variable(backend: Backend) -> None:
+    monitor = DenseMonitor("a > b", backend=backend)
+    nothing = "finish() needs an event of every variable, got none of '{}' since reset"
+    refused(StateError, nothing.format("a"), monitor.finish)
+    monitor.update({"a": [(0, 1)]})
+    refused(StateError, nothing.format("b"), monitor.finish)
+    assert not monitor.finished
+    monitor.update({"b": [(0, 0)]})
+    assert monitor.finish() == [(0, 1)]
+
+
+def test_signals_must_overlap(backend: Backend) -> None:
+    apart: Signals = {"a": [(0, 1), (2, 1)], "b": [(2.5, 0), (4, 1)]}
+    text = (
+        "expected signals that overlap in time, got 'a', which ends at 2.0, "
+        "and 'b', which begins at 2.5"
+    )
+    refused(InputError, text, lambda: evaluate_dense("a > b", apart, backend=backend))
+    monitor = DenseMonitor("a > b", backend=backend)
+    assert monitor.update(apart) == []
+    refused(InputError, text, monitor.finish)
+    assert monitor.update({"a": [(3, 1)]}) == [(2.5, 1)]
+    assert monitor.finish() == []
+
+
+def test_nothing_comes_after_the_end(backend: Backend) -> None:
+    monitor = DenseMonitor("a > 0", backend=backend)
+    monitor.update({"a": [(0, 1)]})
+    monitor.finish()
+    text = "the trace is finished; call reset() before the next update"
+    refused(StateError, text, lambda: monitor.update({"a": [(1, 1)]}))
+    refused(StateError, text, lambda: monitor.update({}))
+    monitor.reset()
+    assert monitor.update({"a": [(0, 1), (1, 2)]}) == [(0, 1)]
+
+
+# Whole signals. ----------------------------------------------------------------------------------
+
+
+def test_evaluate_dense_needs_events_of_every_variable(backend: Backend) -> None:
+    text = "expected events of every variable, got none of 'b'; the variables are a, b"
+    refused(InputError, text, lambda: evaluate_dense("a > b", {"a": [(0, 1)]}, backend=backend))
+    nothings: list[EventsLike] = [[], (), np.empty(0), np.empty((0, 2)), Events([], [])]
+    for nothing in nothings:
+        whole = {"a": [(0, 1)], "b": nothing}
+        call = functools.partial(evaluate_dense, "a > b", whole, backend=backend)
+        refused(InputError, text, call)
+
+
+def test_evaluate_dense_ignores_other_variables(backend: Backend) -> None:
+    whole: dict[str, Any] = {"a": [(0, 1)], "z": "no events"}
+    assert evaluate_dense("a > 0", whole, backend=backend) == [(0, 1)]
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "next", None])
+def test_values_last_until_the_next_event(interpolation: Literal["previous"]) -> None:
+    text = (
+        "expected interpolation='previous' (a value lasts until the next event), "
+        f"got {interpolation!r}"
+    )
+    refused(InputError, text, lambda: DenseMonitor("a > 0", interpolation=interpolation))
+    refused(InputError, text, lambda: evaluate_dense("a > 0", {}, interpolation=interpolation))
+
+
+def test_a_future_without_an_end_is_refused_online(backend: Backend) -> None:
+    with pytest.raises(RtamtError) as error:
+        DenseMonitor("once[0:1] always (x > 1)", backend=backend)
+    assert str(error.value) == (
+        "STL:1:11: 'always' without an end needs the whole future, "
+        "for which DenseMonitor cannot wait\n"
+        "  once[0:1] always (x > 1)\n"
+        "            ^\n"
+        "  hint: write an end, as in always[0:10], or use evaluate_dense()"
+    )
+
+
+# What means events. ------------------------------------------------------------------------------
+
+PAIRS = [(0.0, 3.0), (1.0, 1.0), (2.5, 2.0), (4.0, 2.0)]
+TABLE = np.array(PAIRS)
+
+
+def read_only(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda: PAIRS,
+        lambda: tuple(PAIRS),
+        lambda: [list(pair) for pair in PAIRS],
+        lambda: iter(PAIRS),
+        lambda: (pair for pair in PAIRS),
+        lambda: [(np.float32(t), Fraction(v)) for t, v in PAIRS],
+        lambda: [np.array(pair) for pair in PAIRS],
+        lambda: [(np.array(t), v) for t, v in PAIRS],
+        lambda: TABLE,
+        lambda: TABLE.astype(np.float32),
+        lambda: TABLE.astype(">f8"),
+        lambda: np.asfortranarray(TABLE),
+        lambda: np.repeat(TABLE, 2, axis=0)[::2],
+        lambda: np.hstack([TABLE, TABLE])[:, 2:],
+        lambda: read_only(TABLE),
+        lambda: Events(TABLE[:, 0], TABLE[:, 1]),
+        lambda: zip(TABLE[:, 0], TABLE[:, 1], strict=True),
+    ],
+)
+def test_every_form_of_events_means_the_same(form: Callable[[], Any], backend: Backend) -> None:
+    expected = [(0, 2), (1, 0), (2.5, 1)]
+    assert evaluate_dense("x > 1", {"x": form()}, backend=backend) == expected
+    monitor = DenseMonitor("x > 1", backend=backend)
+    assert monitor.update({"x": form()}) + monitor.finish() == expected
+
+
+def test_integers_and_booleans_are_numbers(backend: Backend) -> None:
+    expected = [(0, 0), (1, 1), (2, 0)]
+    for events in (
+        [(0, False), (1, True), (2, False)],
+        np.array([[0, 0], [1, 1], [2, 0]], np.uint8),
+        Events(range(3), [False, True, False]),
+    ):
+        assert evaluate_dense("x > 0", {"x": events}, backend=backend) == expected
+
+
+def test_what_the_caller_hands_over_is_not_changed(backend: Backend) -> None:
+    pairs, table, events = list(PAIRS), TABLE.copy(), Events(*TABLE.T)
+    given_away: dict[str, Any] = {"x": pairs, "y": table, "z": events}
+    text = "always[0:1](x > 0) and once[0:1](y > 0) and z > 0"
+    first = evaluate_dense(text, given_away, backend=backend)
+    monitor = DenseMonitor(text, backend=backend)
+    monitor.update(given_away)
+    assert list(given_away) == ["x", "y", "z"]
+    assert pairs == PAIRS
+    assert (table == TABLE).all()
+    assert events == PAIRS
+    table += 1  # nor does the monitor keep it
+    assert monitor.update({}) == []
+    assert evaluate_dense(text, given_away | {"y": PAIRS}, backend=backend) == first

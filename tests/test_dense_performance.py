@@ -1,0 +1,59 @@
+"""What dense time costs: a whole trace its length, an event the same in any window."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_performance import backends, ratio
+
+import rtamt
+from rtamt.backend import Backend
+
+
+def table(n: int) -> NDArray[np.float64]:
+    """Events at irregular times, one in a unit of time on average."""
+    random = np.random.default_rng(5)
+    return np.column_stack([np.cumsum(random.uniform(0.5, 1.5, n)), random.standard_normal(n)])
+
+
+@backends
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always((x > 1) implies eventually[0:200](x < 0))",
+        "(x > -1) until[50:200] (x > 1)",
+        "(x > -1) since (x > 1)",
+        "eventually[3:inf] always (x > -1)",
+    ],
+)
+def test_a_whole_trace_costs_its_length(text: str, backend: Backend) -> None:
+    n = 100_000 if backend == "native" else 1_000
+    short, long = ({"x": rtamt.Events(*table(k).T)} for k in (n, 4 * n))
+    spec, margin = rtamt.parse(text), 4 * 2.0
+    seen = ratio(
+        lambda: rtamt.evaluate_dense(spec, long, backend=backend),
+        lambda: rtamt.evaluate_dense(spec, short, backend=backend),
+        margin,
+    )
+    assert seen <= margin
+
+
+@backends
+def test_an_event_costs_the_same_in_any_window(backend: Backend) -> None:
+    n = 20_000 if backend == "native" else 2_000
+    rows = table(2 * n).tolist()
+
+    def fed(window: int) -> Callable[[], None]:
+        monitor = rtamt.DenseMonitor(f"always[0:{window}](x > -2)", backend=backend)
+        monitor.update({"x": rows[:n]})
+        state = monitor.__reduce__()[2]
+
+        def feed() -> None:
+            monitor.__setstate__(state)
+            for row in rows[n : n + 1000]:
+                monitor.update({"x": [row]})
+
+        return feed
+
+    assert ratio(fed(n // 2), fed(20), margin=3.0) <= 3.0
