@@ -330,8 +330,7 @@ class StepMonitor:
         self._bind_signals()
 
     def __repr__(self) -> str:
-        names = ", ".join(self.monitors)
-        return f"<StepMonitor of {names}, {self.verdict.name}, {self.samples} samples>"
+        return f"<StepMonitor of {', '.join(self.monitors)}, {self.verdict.name}>"
 
     def _bind_signals(self) -> None:
         """Makes what pickle cannot carry: functions that read this simulation."""

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -207,10 +208,11 @@ class Signal:
 
     def _bind_simulation(self, selector: Selector, env: gym.Env[Any, Any]) -> Number:
         simulation: Any = env.unwrapped
-        if not hasattr(simulation, "model") or not hasattr(simulation, "data"):
+        mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
+        if mujoco is None or not isinstance(getattr(simulation, "data", None), mujoco.MjData):
             raise InputError(
                 f"signal {self.name!r}: {self} needs a MuJoCo environment, and "
-                f"{type(simulation).__name__} has no model and data; read obs[...] instead"
+                f"{type(simulation).__name__} has no MjData as its data; read obs[...] instead"
             )
         from rtamt_gym.mujoco_signals import bind_simulation
 

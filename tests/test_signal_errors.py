@@ -110,8 +110,8 @@ UNFIT: list[tuple[SignalLike, spaces.Space[Any], str]] = [
         "qpos[0]",
         VECTOR,
         (
-            "signal 'x': qpos[0] needs a MuJoCo environment, and Simulation has no model and data; "
-            "read obs[...] instead"
+            "signal 'x': qpos[0] needs a MuJoCo environment, and Simulation has no MjData as its "
+            "data; read obs[...] instead"
         ),
     ),
 ]

@@ -75,8 +75,8 @@ NEEDS = (
             "highway_env:parking-v0",
             "qpos[0]",
             (
-                "signal 'x': qpos[0] needs a MuJoCo environment, and ParkingEnv has no model and "
-                "data; read obs[...] instead"
+                "signal 'x': qpos[0] needs a MuJoCo environment, and ParkingEnv has no MjData "
+                "as its data; read obs[...] instead"
             ),
         ),
         (
