@@ -1,0 +1,280 @@
+"""The machine over dense time in C++ against its definition in Python, call by call."""
+
+from __future__ import annotations
+
+import collections
+import fractions
+import itertools
+import math
+import random
+import types
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, cast
+
+import numpy as np
+import pytest
+from dense_signals import Breakpoints, Signals, chunked, chunks, of, signals
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import DENSE, INFINITIES, formulas, rooted
+
+from rtamt import DenseMonitor, Events, Formula, evaluate_dense
+
+pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+Backend = Literal["native", "python"]
+Outcome = object
+
+scales = st.sampled_from((1.0, 0.1, 1 / 3, 1e3))
+"""What times are multiplied with: where bounds are no multiples of a step, differences round."""
+
+
+def both(formula: Formula | str) -> tuple[DenseMonitor, DenseMonitor]:
+    return DenseMonitor(formula, backend="native"), DenseMonitor(formula, backend="python")
+
+
+def scaled(whole: Signals, scale: float) -> Signals:
+    return {name: [(t * scale, v) for t, v in events] for name, events in whole.items()}
+
+
+def outcome(call: Callable[[], object]) -> Outcome:
+    """What a call gives, or which error it raises; values with all their digits."""
+    try:
+        given = call()
+    except (ValueError, TypeError, OSError) as error:
+        return type(error), str(error)
+    return given
+
+
+def state(monitor: DenseMonitor) -> object:
+    """What can be seen of a monitor; nan is text, to be equal to itself."""
+    return monitor.settled, monitor.finished, str(monitor.values).replace("-0.0", "0.0")
+
+
+# Generated formulas, signals and chunks. ---------------------------------------------------------
+
+
+def check(formula: Formula, whole: Signals, shares: list[list[float]]) -> None:
+    """Both machines give the same in every call; the one in C++ is another one each time."""
+    native, python = both(formula)
+    for chunk in chunked(whole, shares):
+        part = of(native, chunk)
+        before = native._machine.state()
+        given_now = outcome(lambda m=native, p=part: m.update(p))  # type: ignore[misc]
+        assert given_now == outcome(lambda m=python, p=part: m.update(p))  # type: ignore[misc]
+        assert state(native) == state(python)
+        if isinstance(given_now, tuple):
+            assert native._machine.state() == before
+            return
+        twin = DenseMonitor(formula, backend="native")
+        twin._machine.restore(native._machine.state())
+        assert twin._machine.state() == native._machine.state()
+        native = twin
+    assert outcome(native.finish) == outcome(python.finish)
+    assert state(native) == state(python)
+
+
+bounded = formulas(dense=True).filter(lambda f: f.variables)
+
+
+@given(formula=bounded, whole=signals(), shares=chunks(), scale=scales)
+def test_every_call_gives_what_the_definition_gives(
+    formula: Formula, whole: Signals, shares: list[list[float]], scale: float
+) -> None:
+    check(formula, scaled(whole, scale), shares)
+
+
+@pytest.mark.parametrize("name", DENSE)
+@settings(max_examples=20)
+@given(data=st.data(), whole=signals(), shares=chunks(), scale=scales)
+def test_so_does_every_operator(
+    name: str, data: st.DataObject, whole: Signals, shares: list[list[float]], scale: float
+) -> None:
+    formula = data.draw(rooted(name, depth=1, dense=True).filter(lambda f: f.variables))
+    check(formula, scaled(whole, scale), shares)
+
+
+@given(
+    formula=formulas(total=True, dense=True).filter(lambda f: f.variables),
+    whole=signals(st.sampled_from(INFINITIES)),
+    shares=chunks(),
+)
+def test_so_it_does_where_terms_have_no_value(
+    formula: Formula, whole: Signals, shares: list[list[float]]
+) -> None:
+    check(formula, whole, shares)
+
+
+@given(
+    formula=formulas(endless=True, dense=True).filter(lambda f: f.variables),
+    whole=signals(),
+    scale=scales,
+)
+def test_whole_signals_give_what_the_definition_gives(
+    formula: Formula, whole: Signals, scale: float
+) -> None:
+    moved = scaled(whole, scale)
+    native, python = (list(evaluate_dense(formula, moved, backend=b)) for b in ("native", "python"))
+    assert native == python
+
+
+# Many events: blocks inside of the machine. ------------------------------------------------------
+
+PROGRAMS = (
+    "always[0:1](a + b > -2)",
+    "historically((a > 1) implies eventually[0:0.7](b > 0))",
+    "(a > -1) until[0.3:1.1] (b > 1)",
+    "historically[0.2:0.9](a > b) or (a > -1) since[0:3] (b > 1)",
+    "once[5:9] eventually[0:2] (a > 2) and b < 9",
+    "low = a > 1; high = eventually[0:4](b > 1); not (low implies high)",
+    "a > 1.5 and abs(b) < 2",
+)
+
+
+def noise(n: int, *, pace: float = 1.0) -> Breakpoints:
+    rng = np.random.default_rng(round(n * pace))
+    times = pace * np.cumsum(rng.exponential(size=n)) / 100
+    return list(zip(times.tolist(), rng.normal(size=n).tolist(), strict=True))
+
+
+def parts(events: Breakpoints, rng: random.Random) -> list[Breakpoints]:
+    sizes = (1, 2, 3, 60, 511, 512, 513, 1500)
+    cuts = [0]
+    while cuts[-1] < len(events):
+        cuts.append(cuts[-1] + rng.choice(sizes))
+    return [events[i:j] for i, j in itertools.pairwise(cuts)]
+
+
+@pytest.mark.parametrize("spec", PROGRAMS)
+@pytest.mark.parametrize("pace", [1.0, 7.0])
+def test_chunks_of_any_length_give_what_a_whole_trace_gives(spec: str, pace: float) -> None:
+    whole = {"a": noise(3000), "b": noise(round(3000 / pace), pace=pace)}
+    expected = list(evaluate_dense(spec, whole, backend="native"))
+    shown = {name: events[:400] for name, events in whole.items()}
+    native, python = (list(evaluate_dense(spec, shown, backend=b)) for b in ("native", "python"))
+    assert native == python
+    for seed in range(4):
+        rng, monitor = random.Random(seed), DenseMonitor(spec, backend="native")
+        waiting = {name: parts(events, rng) for name, events in whole.items()}
+        seen: Breakpoints = []
+        while any(waiting.values()):
+            names = [name for name in waiting if waiting[name] and rng.random() < 0.7]
+            seen += monitor.update({name: waiting[name].pop(0) for name in names})
+        assert seen + monitor.finish() == expected
+
+
+@pytest.mark.parametrize("n", [3, 700, 5000])
+def test_a_term_without_a_value_at_the_end_of_a_chunk_leaves_the_monitor_as_it_was(n: int) -> None:
+    monitor = DenseMonitor("always[0:1](sqrt(a) > b)", backend="native")
+    start = {"a": [(0.0, 1.0)], "b": [(0.5, 0.0)]}
+    good = [(i + 1.0, float(i)) for i in range(n)]
+    for warm in (False, True):
+        if warm:
+            monitor.update(start)
+        before = monitor._machine.state()
+        chunk = {} if warm else start
+        a = [*([] if warm else start["a"]), *good[:-1], (good[-1][0], -2.0)]
+        with pytest.raises(ValueError, match=rf"^'sqrt\(a\)' is not a number at time {n}\.0, "):
+            monitor.update({**chunk, "a": a, "b": [*chunk.get("b", []), (n + 5.0, 1.0)]})
+        assert monitor._machine.state() == before
+    given_now = monitor.update({"a": good, "b": [(n + 5.0, 1.0)]})
+    assert given_now == [(0.5, 0.0), *((t, math.sqrt(v)) for t, v in good[1:-2])]
+
+
+# Forms of arguments. -----------------------------------------------------------------------------
+
+
+class Half(float):
+    """A float that is worth half of what it holds."""
+
+    def __float__(self) -> float:
+        return float.__float__(self) / 2
+
+
+def reader_only(*values: float) -> np.ndarray[Any, Any]:
+    array = np.array(values).reshape(-1, 2)
+    array.flags.writeable = False
+    return array
+
+
+Pair = collections.namedtuple("Pair", "time value")  # noqa: PYI024 - as callers have them
+A = [(0.0, 1.0), (1.0, 3.0)]
+FORMS: Mapping[str, Callable[[], object]] = {
+    "tuples": lambda: {"a": A},
+    "lists": lambda: {"a": [[0.0, 1.0], [1.0, 3.0]]},
+    "a tuple of both": lambda: {"a": ((0.0, 1.0), [1.0, 3.0])},
+    "ints": lambda: {"a": [(0, 1), (1, 3)]},
+    "a great int": lambda: {"a": [(0, 10**300)]},
+    "an int that no double holds": lambda: {"a": [(0, 10**400)]},
+    "bools": lambda: {"a": [(False, True)]},
+    "numpy scalars": lambda: {"a": [(np.float64(0.5), np.float32(2.1)), (np.int8(1), 2)]},
+    "fractions": lambda: {"a": [(0.0, fractions.Fraction(1, 3))]},
+    "named tuples": lambda: {"a": [Pair(0.0, 1.0), Pair(1.0, 3.0)]},
+    "a subclass of float": lambda: {"a": [(0.0, Half(3.0))]},
+    "an array": lambda: {"a": np.array(A)},
+    "an array with steps": lambda: {"a": np.array([A[0], (0.5, 9.0), A[1]])[::2]},
+    "columns in Fortran's order": lambda: {"a": np.asfortranarray(A)},
+    "an array of float32": lambda: {"a": np.array(A, np.float32)},
+    "an array of ints": lambda: {"a": np.array(A, np.int64)},
+    "an array in another byte order": lambda: {"a": np.array(A, ">f8")},
+    "a read-only array": lambda: {"a": reader_only(0.0, 1.0, 1.0, 3.0)},
+    "an array of pairs of one": lambda: {"a": np.zeros((1, 2))},
+    "an array of rows of three": lambda: {"a": np.zeros((2, 3))},
+    "a 1-D array": lambda: {"a": np.zeros(2)},
+    "a 0-D array": lambda: {"a": np.array(1.0)},
+    "an empty array": lambda: {"a": np.empty((0, 2))},
+    "an empty 1-D array": lambda: {"a": np.empty(0)},
+    "an empty list": lambda: {"a": []},
+    "events": lambda: {"a": Events([0, 1], [1, 3])},
+    "events with steps": lambda: {"a": Events([0, 0.5, 1], [1, 9, 3])[::2]},
+    "no events": lambda: {"a": Events([], [])},
+    "a generator": lambda: {"a": (pair for pair in A)},
+    "a set": lambda: {"a": {(0.0, 1.0)}},
+    "both variables": lambda: {"b": [(0.5, 0.0), (4.0, 1.0)], "a": [*A, (2.0, 0.0), (9.0, 0.0)]},
+    "an empty dict": dict,
+    "an ordered dict": lambda: collections.OrderedDict(a=A),
+    "a read-only mapping": lambda: types.MappingProxyType({"a": A}),
+    "another text": lambda: {b"a".decode(): A},
+    "an unknown name": lambda: {"a": A, "c": A},
+    "a name of another type": lambda: {"a": A, 3: A},
+    "a number": lambda: {"a": 1.0},
+    "text": lambda: {"a": "text"},
+    "a pair alone": lambda: {"a": (0.0, 1.0)},
+    "None": lambda: {"a": None},
+    "pairs of text": lambda: {"a": [("0", "1")]},
+    "complex values": lambda: {"a": [(0.0, 1j)]},
+    "a pair of three": lambda: {"a": [(0.0, 1.0, 2.0)]},
+    "a pair of one": lambda: {"a": [(0.0,)]},
+    "times that stand still": lambda: {"a": [(0.0, 1.0), (0.0, 2.0)]},
+    "times that go back": lambda: {"a": [(1.0, 1.0), (0.0, 2.0)]},
+    "times that go back in an array": lambda: {"a": np.array([(1.0, 1.0), (0.0, 2.0)])},
+    "a time of inf": lambda: {"a": [(0.0, 1.0), (math.inf, 2.0)]},
+    "a time of -inf": lambda: {"a": [(-math.inf, 2.0)]},
+    "a time of nan": lambda: {"a": [(math.nan, 2.0)]},
+    "a value of nan": lambda: {"a": [(0.0, 1.0), (1.0, math.nan)]},
+    "a value of nan behind good events": lambda: {"a": A, "b": [(0.0, math.nan)]},
+    "infinite values": lambda: {"a": [(0.0, math.inf), (1.0, -math.inf)]},
+    "no mapping": lambda: A,
+    "nothing": lambda: None,
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+@pytest.mark.parametrize("begun", [False, True])
+def test_every_form_means_what_it_means_in_python(name: str, begun: bool) -> None:  # noqa: FBT001
+    native, python = both("always[0:0.5](a + b > 1)")
+    for monitor in (native, python):
+        if begun:
+            monitor.update({"a": [(-2.0, 1.0)], "b": [(-2.0, 1.0), (-1.0, 3.0)]})
+    before = native._machine.state()
+    got, expected = (
+        outcome(lambda m=m: m.update(cast("Any", FORMS[name]())))  # type: ignore[misc]
+        for m in (native, python)
+    )
+    assert got == expected
+    assert state(native) == state(python)
+    if isinstance(got, tuple):
+        assert native._machine.state() == before
+    after = {"a": [(20.0, 0.0)], "b": [(20.0, 0.0)]}
+    assert native.update(after) == python.update(after)
+    assert native.finish() == python.finish()
