@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from functools import lru_cache
 from os import PathLike
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError
@@ -21,8 +21,6 @@ __all__ = ["as_specification", "load", "parse", "parse_as"]
 
 Modules = Mapping[str, object] | Iterable[str]
 """Modules by name, or names of modules that may be imported."""
-
-_NONE: Mapping[str, object] = MappingProxyType({})
 
 
 def parse(
@@ -59,8 +57,8 @@ def parse(
     if isinstance(modules, str):
         msg = f"expected modules by name or names of modules, got {modules!r}; write [{modules!r}]"
         raise InputTypeError(msg)
-    if not isinstance(modules, Mapping):
-        modules = {name: importlib.import_module(name) for name in modules or ()}
+    if modules is not None and not isinstance(modules, Mapping):
+        modules = {name: importlib.import_module(name) for name in modules}
     return parse_as(text, unit, constants or {}, modules, chains=False)
 
 
@@ -68,7 +66,7 @@ def parse_as(
     text: str,
     unit: str,
     constants: Mapping[str, Exact],
-    modules: Mapping[str, object],
+    modules: Mapping[str, object] | None,
     *,
     chains: bool,
 ) -> Specification:
@@ -78,7 +76,7 @@ def parse_as(
         text: As for `parse`.
         unit: As for `parse`.
         constants: As for `parse`.
-        modules: As for `parse`.
+        modules: Those that the text may import from; None: types are names.
         chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
             ``since`` and ``unless`` alike; in the language itself that is an error.
 
@@ -96,8 +94,8 @@ def parse_as(
         variable(name)  # what can be read as a name, and is no word of the language
     given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())
     if modules:
-        return _parse.__wrapped__(text, unit, given, chains, modules)
-    return _parse(text, unit, given, chains)
+        return _read(text, unit, given, modules, chains=chains)
+    return _cached(text, unit, given, chains, modules is not None)
 
 
 def load(
@@ -165,7 +163,8 @@ def _specification_from_text(
     modules: dict[str, SimpleNamespace] = {}
     for name, (module, kind) in imports.items():
         vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
-    return parse_as(text, unit, given, modules, chains=chains)
+    classes = any(kind is not None for _, kind in imports.values())
+    return parse_as(text, unit, given, modules if classes else None, chains=chains)
 
 
 def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[object, ...]]:
@@ -189,14 +188,25 @@ copyreg.pickle(Formula, lambda formula: (_formula_from_text, (str(formula),)))
 copyreg.pickle(Specification, _reduced)
 
 
-@lru_cache(maxsize=512)
-def _parse(
+def _read(
     text: str,
     unit: str,
     given: tuple[tuple[str, Fraction], ...],
-    chains: bool,  # noqa: FBT001 - a key of the cache
-    modules: Mapping[str, object] = _NONE,
+    modules: Mapping[str, object] | None,
+    *,
+    chains: bool,
 ) -> Specification:
     from rtamt.grammar.statements import read_specification
 
     return read_specification(text, unit, dict(given), modules, chains=chains)
+
+
+@lru_cache(maxsize=512)
+def _cached(
+    text: str,
+    unit: str,
+    given: tuple[tuple[str, Fraction], ...],
+    chains: bool,  # noqa: FBT001 - keys of the cache
+    closed: bool,  # noqa: FBT001
+) -> Specification:
+    return _read(text, unit, given, {} if closed else None, chains=chains)

@@ -24,7 +24,7 @@ def read_specification(
     text: str,
     unit: str,
     given: Mapping[str, Fraction],
-    modules: Mapping[str, object],
+    modules: Mapping[str, object] | None,
     *,
     chains: bool,
 ) -> Specification:
@@ -43,7 +43,7 @@ class _Reader:
         text: str,
         tokens: Sequence[Token],
         given: Mapping[str, Fraction],
-        modules: Mapping[str, object],
+        modules: Mapping[str, object] | None,
         *,
         chains: bool,
     ) -> None:
@@ -112,11 +112,11 @@ class _Reader:
     def _import(self, statement: Statement) -> None:
         module, name = statement.module.text, cast("Token", statement.name)
         self.imports[name.text] = module
-        if not self.modules:  # then a type is a name
+        if self.modules is None:  # then a type is a name
             return
         if module not in self.modules:
-            reason = f"module '{module}' is not among those that were given"
-            raise self._fail(statement.module, reason, nearest(module, self.modules))
+            hint = nearest(module, self.modules, f"modules=['{module}'] imports it")
+            raise self._fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self.modules[module])
         if name.text not in known:
             reason = f"module '{module}' has no type '{name.text}'"
