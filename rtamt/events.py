@@ -14,8 +14,8 @@ from typing import NoReturn, SupportsFloat, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError, InputTypeError, StateError
-from rtamt.inputs import array_of_numbers, kind_of, nearest, refuse_term
+from rtamt.errors import InputError, InputTypeError, StateError, nearest
+from rtamt.inputs import array_of_numbers, kind_of, refuse_term
 from rtamt.messages import Messages
 from rtamt.program import Program
 

@@ -25,7 +25,6 @@ __all__ = [
     "SampleReader",
     "array_of_numbers",
     "kind_of",
-    "nearest",
     "refuse_term",
 ]
 
