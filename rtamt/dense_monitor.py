@@ -6,13 +6,13 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Self
 
-from rtamt.backend import Backend, choose, dense_machine
+from rtamt.backend import Backend, DenseMachine, choose, dense_machine
 from rtamt.dense_lowering import compile_dense
 from rtamt.errors import InputError
 from rtamt.events import EventReader, Events, EventsLike
 from rtamt.interface import Names, Semantics, as_interface
 from rtamt.messages import write_fields
-from rtamt.online import Spec
+from rtamt.online import DirectUpdate, Resumable, Spec
 from rtamt.parser import as_specification
 
 __all__ = ["DenseMonitor", "evaluate_dense"]
@@ -39,7 +39,7 @@ Raises:
 """
 
 
-class DenseMonitor:
+class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
     """Robustness over dense time, from events that need not come at the same times.
 
     Signals are right-continuous step functions: a value lasts until the variable's next event.
@@ -82,7 +82,6 @@ class DenseMonitor:
     """
 
     __slots__ = {
-        "_machine": "",
         "backend": "Which machine runs.",
         "interface": "Which robustness is meant.",
         "program": "What it runs.",
@@ -107,11 +106,9 @@ class DenseMonitor:
         self.interface = as_interface(self.specification, semantics, inputs, outputs)
         self.backend = choose(backend)
         self.program = compile_dense(self.specification, interface=self.interface, online=True)
-        outputs_of = self.program.program.outputs
-        reader = EventReader(self.program.program)
-        self._machine = dense_machine(
-            self.backend, self.program, reader, tuple(outputs_of.values())
-        )
+        program = self.program.program
+        observed = tuple(program.outputs.values())
+        self._machine = dense_machine(self.backend, self.program, EventReader(program), observed)
         self.update = self._machine.update
 
     @property
@@ -181,15 +178,6 @@ class DenseMonitor:
         """Forget every event."""
         self._machine.reset()
 
-    def __copy__(self) -> Self:
-        make, args, state = self.__reduce__()
-        twin = make(*args)
-        twin.__setstate__(state)
-        return twin
-
-    def __deepcopy__(self, memo: object) -> Self:
-        return self.__copy__()
-
     def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
         make = functools.partial(
             type(self),
@@ -199,9 +187,6 @@ class DenseMonitor:
             outputs=self.interface.outputs,
         )
         return make, (self.specification,), self._machine.state()
-
-    def __setstate__(self, state: object) -> None:
-        self._machine.restore(state)
 
     def __repr__(self) -> str:
         return f"<DenseMonitor of {self.specification.formula}, horizon {self.horizon:g}>"

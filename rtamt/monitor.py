@@ -27,7 +27,7 @@ from rtamt.inputs import Columns, NanPolicy, SampleReader
 from rtamt.interface import Names, Semantics
 from rtamt.lowering import compile_program
 from rtamt.messages import write_fields
-from rtamt.online import Online, Spec
+from rtamt.online import DirectUpdate, Online, Spec
 from rtamt.program import Program
 from rtamt.timing import Period
 
@@ -53,7 +53,7 @@ Raises:
 _M = TypeVar("_M", bound=Machine)
 
 
-class _Single(Online[_M]):
+class _Single(DirectUpdate, Online[_M]):
     """One signal: samples as arguments."""
 
     __slots__ = ("_reader",)
@@ -81,16 +81,6 @@ class _Single(Online[_M]):
             outputs=outputs,
         )
         self.update = self._machine.update
-
-    def __init_subclass__(cls, **options: object) -> None:
-        """Refuse a subclass whose ``update`` nobody would call."""
-        super().__init_subclass__(**options)
-        if callable(cls.__dict__.get("update")):
-            msg = (
-                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
-                "its machine; hold a monitor instead of inheriting from it"
-            )
-            raise TypeError(msg)
 
     def _made(self) -> _M:
         self._reader = SampleReader(self.program, self._nan)

@@ -1,4 +1,4 @@
-"""What monitors of samples share, of one signal or many: a specification, a machine, snapshots."""
+"""What monitors share: a specification, a machine, snapshots."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rtamt.program import Program
 from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
 
-__all__ = ["Online", "Spec"]
+__all__ = ["DirectUpdate", "Online", "Resumable", "Spec"]
 
 Spec = str | Formula | Specification
 """A specification: text, a formula made of combinators, or a parsed specification."""
@@ -24,11 +24,49 @@ Spec = str | Formula | Specification
 _M = TypeVar("_M", bound=Stateful)
 
 
-class Online(Generic[_M]):
+class Resumable(Generic[_M]):
+    """What is copied and pickled as what it is made from and the state of its machine."""
+
+    __slots__ = ("_machine",)
+
+    _machine: _M
+
+    def __copy__(self) -> Self:
+        make, args, state = self.__reduce__()
+        twin = make(*args)
+        twin.__setstate__(state)
+        return twin
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
+        raise NotImplementedError
+
+    def __setstate__(self, state: object) -> None:
+        self._machine.restore(state)
+
+
+class DirectUpdate:
+    """What has its machine's ``update`` for its own, so that a call is one call."""
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: object) -> None:
+        """Refuse a subclass whose ``update`` nobody would call."""
+        super().__init_subclass__(**options)
+        if callable(cls.__dict__.get("update")):
+            msg = (
+                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
+                "its machine; hold a monitor instead of inheriting from it"
+            )
+            raise TypeError(msg)
+
+
+class Online(Resumable[_M]):
     """A specification that a machine of some kind runs."""
 
     __slots__ = (
-        "_machine",
         "_nan",
         "_period",
         "backend",
@@ -54,7 +92,7 @@ class Online(Generic[_M]):
         self.backend = choose(backend)
         self._nan = nan
         self.program = self._compiled()
-        self._machine: _M = self._made()
+        self._machine = self._made()
 
     def _compiled(self) -> Program:
         """The program of the specification."""
@@ -78,15 +116,6 @@ class Online(Generic[_M]):
         """Seconds between samples, exactly; None: the bounds are numbers of samples."""
         return self._period
 
-    def __copy__(self) -> Self:
-        make, args, state = self.__reduce__()
-        twin = make(*args)
-        twin.__setstate__(state)
-        return twin
-
-    def __deepcopy__(self, memo: object) -> Self:
-        return self.__copy__()
-
     def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
         make = functools.partial(
             type(self),
@@ -97,6 +126,3 @@ class Online(Generic[_M]):
             outputs=self.interface.outputs,
         )
         return make, self._arguments(), self._machine.state()
-
-    def __setstate__(self, state: object) -> None:
-        self._machine.restore(state)

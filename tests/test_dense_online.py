@@ -242,3 +242,8 @@ def test_representation(backend: Backend) -> None:
     monitor = DenseMonitor("always[0:0.5](x > 1)", backend=backend)
     assert repr(monitor) == "<DenseMonitor of always[0:0.5](x > 1), horizon 0.5>"
     assert monitor.interpolation == "previous"
+
+
+def test_a_subclass_with_another_update_is_refused() -> None:
+    with pytest.raises(TypeError, match="Doubled.update would never be called"):
+        type("Doubled", (DenseMonitor,), {"update": lambda _, events: events})
