@@ -299,7 +299,10 @@ def test_variables_may_be_messages() -> None:
     for i, (req, gnt) in enumerate(samples):
         now = spec.update(i, [("req", Float(req)), ("gnt", Float(gnt))])
         assert spec.get_value("rob").value == now
+        twin = copy.deepcopy(spec)
     assert now == 3.0
+    sample = [("req", Float(4.0)), ("gnt", Float(0.0))]
+    assert twin.update(3, sample) == spec.update(3, sample) == 3.0
     reqs, gnts = ([Float(sample[k]) for sample in samples] for k in (0, 1))
     expected = [[0, 2.0], [1, 3.0], [2, 3.0]]
     assert spec.evaluate({"time": [0, 1, 2], "req": reqs, "gnt": gnts}) == expected

@@ -5,6 +5,8 @@ golden/released.json was written by it; `released_cases` says how.
 
 import importlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -151,6 +153,14 @@ def test_offline_says_what_is_wrong_with_the_data() -> None:
             spec.offline(data)
         expected = "expected samples of all variables at the same times, 1 or more; got "
         assert str(raised.value) == expected + got
+
+
+def test_the_classes_are_loaded_when_first_asked_for() -> None:
+    code = (
+        "import sys, rtamt; assert 'rtamt.compat' not in sys.modules; "
+        "from rtamt import StlDiscreteTimeSpecification; assert 'antlr4' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_names_that_nobody_released_are_absent() -> None:

@@ -28,6 +28,9 @@ _ROLES = {
     StlIOType.OUT: "output",
 }
 
+# Attributes that hold modules, which copies and pickles keep by name.
+_MODULES = ("modules", "_paths")
+
 
 class Options(TypedDict):
     """What every monitor and evaluation of a specification is given."""
@@ -79,11 +82,21 @@ class AbstractSpecification:
         self.out_var_field = ""
         self._types: dict[str, str] = {}
         self._constants: dict[str, Exact] = {}
-        self._paths: dict[str, object] = {}
+        self._paths: dict[str, Any] = {}
         self._modular = ""
         self._parsed: Specification | None = None
         self._result = "out"
         self._forget()
+
+    def __getstate__(self) -> dict[str, Any]:
+        names = {m: {k: v.__name__ for k, v in vars(self)[m].items()} for m in _MODULES}
+        return vars(self) | names
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        for name in _MODULES:
+            found = {k: importlib.import_module(v) for k, v in state[name].items()}
+            setattr(self, name, found)
 
     def declare_var(self, var_name: str, var_type: str) -> None:
         """Declare a variable of a primitive or an imported type.
