@@ -4,6 +4,7 @@ import copy
 import itertools
 import math
 import pickle
+from typing import Any
 
 import pytest
 from dense_signals import Breakpoints, Signals, chunked, chunks, relevant, signals
@@ -223,6 +224,15 @@ def test_after_an_error_all_is_as_before() -> None:
     rest: Signals = {"a": [(1.0, 0.0)], "b": [(1.0, 5.0)]}
     assert spec.var_object_dict == twin.var_object_dict
     assert update(spec, rest) == update(twin, rest)
+
+
+@pytest.mark.parametrize("signal", [{"a": [(0, 1)]}, ["a", [0, 1]], ["a"], 7])
+def test_signals_of_another_kind_are_refused(signal: object) -> None:
+    spec: Any = declared("a > 0")
+    with pytest.raises(rtamt.InputTypeError) as raised:
+        spec.evaluate(signal)
+    expected = "expected a name and its events, as ['x', [[0.0, 1.5], [2.0, 1.0]]], got "
+    assert str(raised.value) == expected + repr(signal)
 
 
 def test_operators_of_samples_and_a_future_without_end_are_refused_when_asked() -> None:

@@ -116,8 +116,12 @@ def test_earlier_names_take_the_arguments_of_all_times(name: str) -> None:
     assert spec.iosem == "input-vacuity"
     spec.iosem = "output-robustness"
     assert spec.semantics is rtamt.Semantics.OUTPUT_ROBUSTNESS
-    with pytest.raises(ValueError, match="'nonsense' is not a valid Semantics"):
+    with pytest.raises(rtamt.InputError) as raised:
         spec.iosem = "nonsense"
+    assert str(raised.value) == (
+        "expected a member of Semantics, or one of 'standard', 'output-robustness', "
+        "'input-vacuity', 'input-robustness', 'output-vacuity', got 'nonsense'"
+    )
 
 
 def test_the_monitors_of_the_2020_paper_run() -> None:

@@ -262,8 +262,8 @@ class AbstractSpecification:
         raise SpecificationError(msg)
 
     def _read(self) -> Specification:
-        if self.spec is None:
-            msg = "expected the text of a specification in the attribute spec, got None"
+        if not isinstance(self.spec, str):
+            msg = f"expected the text of a specification in the attribute spec, got {self.spec!r}"
             raise SpecificationError(msg)
         text = self._modular + self.spec
         try:

@@ -7,12 +7,13 @@ Signals are pairs of a name and its events: ``["x", [[0.0, 1.0], [0.7, 3.0]]]``.
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rtamt.compat.declarations import AbstractSpecification
 from rtamt.dense_monitor import DenseMonitor, evaluate_dense
-from rtamt.errors import InputError
+from rtamt.errors import InputError, InputTypeError
 from rtamt.messages import Field
 
 __all__ = [
@@ -50,8 +51,16 @@ class _Dense(AbstractSpecification):
     def _read_signals(self, signals: Iterable[Signal]) -> tuple[Events, Events]:
         """The events by name, those of one name joined, and those of every variable."""
         named: Events = {}
-        for name, events in signals:
-            named.setdefault(name, []).extend((time, value) for time, value in events)
+        for signal in signals:
+            try:
+                name, events = signal
+                named.setdefault(name, []).extend((time, value) for time, value in events)
+            except (TypeError, ValueError):
+                msg = (
+                    "expected a name and its events, as ['x', [[0.0, 1.5], [2.0, 1.0]]], "
+                    f"got {reprlib.repr(signal)}"
+                )
+                raise InputTypeError(msg) from None
         columns: Events = {}
         for variable in self._specification().variables:
             source = self._source(variable)

@@ -15,7 +15,7 @@ import numpy as np
 
 from rtamt.compat.declarations import AbstractSpecification
 from rtamt.compat.options import Language, Semantics
-from rtamt.errors import InputError, SpecificationError, StateError
+from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
 from rtamt.evaluation import evaluate
 from rtamt.explanation import Explanation, explain
 from rtamt.interval import UNITS
@@ -147,10 +147,18 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         """
         monitor = self._monitor or self._start()
         values = self.var_object_dict.copy()
-        values.update(dataset)
+        try:
+            values.update(dataset)
+        except (TypeError, ValueError):
+            msg = f"expected pairs of a name and a value, as [('x', 1.5)], got {dataset!r}"
+            raise InputTypeError(msg) from None
         sample = self._arguments(values)
         last = self._time
-        violated = last is not None and not self._least <= timestamp - last <= self._most
+        try:
+            violated = last is not None and not self._least <= timestamp - last <= self._most
+        except TypeError:
+            msg = f"expected a number as the time of the sample, got {timestamp!r}"
+            raise InputTypeError(msg) from None
         robustness = monitor.update(*sample)
         if self._episode is not None:
             robustness = self._episode.update(*sample)
@@ -232,11 +240,15 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
         if "time" not in dataset:
             msg = "expected the times of the samples as 'time', got none"
             raise InputError(msg)
-        time = list(dataset["time"])
+        try:
+            time = list(dataset["time"])
+            steps = np.diff(np.asarray(time, dtype=np.float64))
+        except (TypeError, ValueError):
+            msg = f"expected numbers as the times of the samples, got {dataset['time']!r}"
+            raise InputTypeError(msg) from None
         columns = {name: dataset[name] for name in self._sources() if name in dataset}
         robustness = self._robustness_of(spec, columns, len(time))
         least, most = self._durations()
-        steps = np.diff(np.asarray(time, dtype=np.float64))
         off = int(np.count_nonzero((steps < least) | (steps > most)))
         self.sampling_violation_counter += off
         self.var_object_dict = self.var_object_dict | {

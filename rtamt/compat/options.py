@@ -5,11 +5,19 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final
 
+from rtamt.errors import InputError
+
 __all__ = ["Language", "Semantics", "StlIOType", "TimeInterpretation"]
 
 
 class _Word(Enum):
     """A member that prints as its value."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> None:
+        words = ", ".join(repr(str(member)) for member in cls)
+        msg = f"expected a member of {cls.__name__}, or one of {words}, got {value!r}"
+        raise InputError(msg)
 
     def __str__(self) -> str:
         return str(self.value)

@@ -1,0 +1,121 @@
+"""What the released class for samples refuses, and how it says so."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from compat_specs import declared
+
+import rtamt
+from rtamt import Language, StlDiscreteTimeSpecification
+
+
+def test_every_error_is_the_released_exception() -> None:
+    assert issubclass(rtamt.ParseError, rtamt.RTAMTException)
+    spec = StlDiscreteTimeSpecification()
+    calls: dict[str, Callable[[], object]] = {
+        "expected the text of a specification in the attribute spec, got None": spec.parse,
+        "expected a parsed specification; call parse() first": lambda: spec.update(0, []),
+        "unknown type 'Foo'; import it first: import_module(MODULE, 'Foo')": (
+            lambda: spec.declare_var("a", "Foo")
+        ),
+        "cannot import the module 'nowhere': No module named 'nowhere'": (
+            lambda: spec.import_module("nowhere", "Foo")
+        ),
+        "expected a unit out of s, ms, us, ns, ps, got 'h'": (
+            lambda: spec.set_sampling_period(1, "h")
+        ),
+        "expected a tolerance between 0 and 1, got 2": lambda: spec.set_sampling_period(1, "s", 2),
+        'expected a period greater than 0, in seconds or as text such as "100ms", got -1': (
+            lambda: spec.set_sampling_period(-1)
+        ),
+        "no variable and no formula is named 'z'": lambda: spec.get_value("z"),
+        "expected a file with a specification, found none at /no/such.stl": (
+            lambda: spec.get_spec_from_file("/no/such.stl")
+        ),
+    }
+    for message, call in calls.items():
+        with pytest.raises(rtamt.RTAMTException) as raised:
+            call()
+        assert str(raised.value) == message
+    spec.declare_const("k", "float", "1")
+    with pytest.raises(rtamt.RTAMTException, match="'k' is already declared"):
+        spec.declare_const("k", "float", "2")
+
+
+def test_evaluate_says_what_is_wrong_with_the_data() -> None:
+    spec = declared("a > b", ("a", "b"))
+    wrong: dict[str, dict[str, list[float]]] = {
+        "expected the times of the samples as 'time', got none": {"a": [1.0], "b": [1.0]},
+        "expected a value for every variable, got none for 'b'; the variables are a, b": {
+            "time": [0],
+            "a": [1.0],
+        },
+        "expected columns of one length, got a: 1, b: 1 and n=2": {
+            "time": [0, 1],
+            "a": [1.0],
+            "b": [1.0],
+        },
+        "expected a trace of at least 1 sample, got 0": {"time": [], "a": [], "b": []},
+    }
+    for message, data in wrong.items():
+        with pytest.raises(rtamt.InputError) as raised:
+            spec.evaluate(data)
+        assert str(raised.value) == message
+    with pytest.raises(rtamt.StateError, match="expected a trace to explain"):
+        spec.explain()
+
+
+def test_samples_and_times_of_another_kind_are_refused() -> None:
+    spec: Any = declared("a > b", ("a", "b"))
+    spec.update(0, [])
+    calls: list[tuple[Callable[[], object], str]] = [
+        (
+            lambda: spec.update(1, [("a", 1, 2)]),
+            "expected pairs of a name and a value, as [('x', 1.5)], got [('a', 1, 2)]",
+        ),
+        (
+            lambda: spec.update("one", [("a", 1)]),
+            "expected a number as the time of the sample, got 'one'",
+        ),
+        (
+            lambda: spec.evaluate({"time": None, "a": [1], "b": [1]}),
+            "expected numbers as the times of the samples, got None",
+        ),
+    ]
+    for call, message in calls:
+        with pytest.raises(rtamt.InputTypeError) as raised:
+            call()
+        assert str(raised.value) == message
+
+
+def test_after_an_error_all_is_as_before() -> None:
+    spec, twin = declared("historically[0:1](a > b)"), declared("historically[0:1](a > b)")
+    for each in (spec, twin):
+        each.update(0, [("a", 3.0), ("b", 1.0)])
+    for bad in ([("a", float("nan"))], [("a", "3")], [("b", None)]):
+        with pytest.raises(rtamt.RTAMTException):
+            spec.update(5, bad)
+    assert spec.update(1, [("b", 2.0)]) == twin.update(1, [("b", 2.0)]) == 1.0
+    assert spec.sampling_violation_counter == 0
+    assert spec.var_object_dict == twin.var_object_dict
+    spec.spec = "a >"
+    with pytest.raises(rtamt.ParseError):
+        spec.parse()
+    assert spec.update(2, [("a", 9.0)]) == twin.update(2, [("a", 9.0)])
+
+
+def test_a_future_without_end_is_refused_online_alone() -> None:
+    spec = declared("a > 1 implies eventually(b > 1)")
+    assert spec.evaluate({"time": [0, 1], "a": [2.0, 0.0], "b": [0.0, 3.0]})[0] == [0, 2.0]
+    with pytest.raises(rtamt.RTAMTException, match="'eventually' without an end"):
+        spec.update(0, [])
+
+
+def test_the_native_machines_are_asked_for_by_language() -> None:
+    spec = declared("a > 1", language=Language.CPP)
+    if rtamt.BACKEND == "native":
+        assert spec.update(0, [("a", 3.0)]) == 2.0
+    else:
+        with pytest.raises(rtamt.RTAMTException, match="native"):
+            spec.update(0, [("a", 3.0)])
