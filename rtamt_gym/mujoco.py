@@ -13,7 +13,7 @@ from rtamt import EpisodeMonitor, InputError, StateError, Verdict
 from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.mujoco_callback import Attached
 from rtamt_gym.mujoco_clock import Clock
-from rtamt_gym.mujoco_signals import StepSignal, bind_signal
+from rtamt_gym.mujoco_signals import StepSignal, bind_signal, derive
 from rtamt_gym.panel import Panel
 from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import parse_signals
@@ -134,7 +134,7 @@ class StepMonitor:
             InputError: If a signal is nan or cannot be read.
         """
         self._running = False
-        mujoco.mj_forward(self.model, self.data)
+        derive(self.model, self.data)
         self._panel.reset()
         self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
@@ -157,7 +157,7 @@ class StepMonitor:
             self._begin()
         _mj_step(self.model, self.data)
         if self.forward:
-            mujoco.mj_forward(self.model, self.data)
+            derive(self.model, self.data)
         self._unchecked += 1
         if self._unchecked == _CHECKED:
             self._check_time(self.samples)
@@ -376,7 +376,7 @@ class StepMonitor:
         """Feeds the state that the last ``mj_step`` has left."""
         self._tries = False
         if self.forward:
-            mujoco.mj_forward(self.model, self.data)
+            derive(self.model, self.data)
         self._offer()
 
     def _decide(self) -> None:

@@ -28,7 +28,7 @@ from rtamt import InputError
 from rtamt_gym.selectors import NAMED, Selector
 from rtamt_gym.signals import Number, Signal
 
-__all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation"]
+__all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation", "derive"]
 
 
 StepSignal = str | Callable[[Any, Any], float]
@@ -63,6 +63,13 @@ def bind_simulation(name: str, selector: Selector, simulation: Any) -> Number:  
         return number()
 
     return read
+
+
+def derive(model: Any, data: Any) -> None:  # noqa: ANN401
+    """Derives positions, sensors, contacts and forces from the state, which stays as it is."""
+    warmstart = data.qacc_warmstart.copy()  # some versions of MuJoCo write it here
+    mujoco.mj_forward(model, data)
+    data.qacc_warmstart[:] = warmstart
 
 
 def bind_numbers(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401

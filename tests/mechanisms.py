@@ -72,6 +72,8 @@ def record(
         swing(model, data)
         mujoco.mj_step(model, data)
         if forward:
+            warmstart = data.qacc_warmstart.copy()  # some versions of MuJoCo write it here
             mujoco.mj_forward(model, data)
+            data.qacc_warmstart[:] = warmstart
         seen.append(look(data))
     return seen
