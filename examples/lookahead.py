@@ -1,0 +1,79 @@
+"""A controller that looks ahead: of several futures it takes the one of greatest robustness.
+
+A cart balances a pole in a corridor that bends. Feedback to the middle of the corridor comes too
+late. The controller that looks ahead continues the simulation from a snapshot, its monitors with
+it, towards several places, and goes where the worst instant of the next second is best.
+
+Run: python examples/lookahead.py --plot lookahead.png
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+
+from rtamt_gym import Snapshot, StepMonitor
+
+MODEL = mujoco.MjModel.from_xml_path(str(Path(__file__).parent / "models" / "cart.xml"))
+SPEC = """inside = abs(angle) < 0.3 and abs(cart - middle) < 0.3
+out = inside and once[0:0.6](abs(cart - middle) < 0.15)"""
+SIGNALS: dict[str, Any] = {"cart": "joint:slide.qpos", "angle": "joint:hinge.qpos"}
+SIGNALS["middle"] = lambda _model, data: middle(data.time)
+
+
+def middle(time: Any) -> Any:
+    """The middle of the corridor at a time, in metres."""
+    return 0.5 - 0.5 * np.cos(1.1 * time)
+
+
+def balance(monitor: StepMonitor, place: float, steps: int) -> tuple[float, list[float]]:
+    """Balances towards a place; the least robustness, and the way of the cart."""
+    worst, way = np.inf, list[float]()
+    for _ in range(steps):
+        (x, angle), (speed, turn) = monitor.data.qpos, monitor.data.qvel
+        monitor.data.ctrl[0] = 1.5 * (x - place) + 6 * angle + 1.6 * speed + 1.4 * turn
+        worst = min(worst, monitor.step())
+        way.append(x)
+    return worst, way
+
+
+def drive(ax: Any, ahead: int) -> StepMonitor:
+    """Drives and draws; ``ahead`` steps of every future are weighed, none without a look ahead."""
+    monitor = StepMonitor(MODEL, mujoco.MjData(MODEL), SPEC, SIGNALS, view="step")
+    driven: list[float] = []
+    while (start := monitor.data.time) < 12:
+        now, place, futures = Snapshot.of(monitor), middle(start), []
+        for other in place + np.linspace(-0.8, 0.8, 17) if ahead else ():
+            worst, way = balance(monitor, other, ahead)
+            now.restore(monitor)
+            futures.append((worst, other))
+            if len(driven) % 40 == 0:
+                ax.plot(start + 0.02 * np.arange(ahead), way, "C2" if worst > 0 else "C1", lw=0.4)
+        driven += balance(monitor, max(futures)[1] if futures else place, 5)[1]
+    times = 0.02 * np.arange(len(driven))
+    ax.fill_between(times, middle(times) - 0.3, middle(times) + 0.3, color="0.9")
+    ax.plot(times, driven, color="C0")
+    return monitor
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Drives without and with a look ahead, prints what became of it, and draws it."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--plot", type=Path, help="draw the cart into this file")
+    arguments = parser.parse_args(argv)
+    plt.style.use(Path(__file__).with_name("paper.mplstyle"))
+    figure, axes = plt.subplots(1, 2, sharey=True)
+    print(f"{SPEC}\n\n{'driver':17}verdict    at step  robustness")
+    for ax, driver, ahead in zip(axes, ("feedback alone", "looks 1 s ahead"), (0, 50), strict=True):
+        seen = drive(ax, ahead)
+        print(f"{driver:17}{seen.verdict.name:9}{seen.violated_at or '-':>9}{seen.upper:12.2f}")
+        ax.set(title=driver, ylim=(-0.6, 1.6), xlabel="time in s", ylabel="cart in m")
+    if arguments.plot:
+        figure.savefig(arguments.plot)
+
+
+if __name__ == "__main__":
+    main()
