@@ -50,7 +50,7 @@ def drive(ax: Any, ahead: int) -> StepMonitor:
             worst, way = balance(monitor, other, ahead)
             now.restore(monitor)
             futures.append((worst, other))
-            if len(driven) % 40 == 0:
+            if len(driven) % 50 == 0:
                 ax.plot(start + 0.02 * np.arange(ahead), way, "C2" if worst > 0 else "C1", lw=0.4)
         driven += balance(monitor, max(futures)[1] if futures else place, 5)[1]
     times = 0.02 * np.arange(len(driven))
