@@ -98,9 +98,9 @@ public:
         t[end] = kInfinity;
     }
 
-    // The value from a time on, which is the last step's or later.
+    // The value from a time on, which is the last step's, if nobody has read it, or later.
     void set(double time, double value) {
-        if (last_time() == time) {
+        if (last_time() == time && end_ > read()) {
             --end_;
             times_[end_] = kInfinity;
         }
@@ -148,6 +148,13 @@ public:
     }
 
 private:
+    // The end of what a reader has read.
+    std::size_t read() const {
+        std::size_t end = 1;
+        for (const std::size_t next : next_) end = std::max(end, next);
+        return end;
+    }
+
     // The oldest step that is needed.
     std::size_t kept() const {
         std::size_t first = end_;
