@@ -23,7 +23,18 @@ from controller import MODULES, Setting
 
 import rtamt
 
-SECTIONS = ("update", "lockstep", "worst", "memory", "offline", "gym", "vector", "mujoco", "start")
+SECTIONS = (
+    "update",
+    "lockstep",
+    "worst",
+    "memory",
+    "offline",
+    "gym",
+    "vector",
+    "mujoco",
+    "stopping",
+    "start",
+)
 
 
 def peer(text: str) -> tuple[str, str]:

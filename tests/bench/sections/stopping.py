@@ -1,0 +1,32 @@
+"""What stopping at the first certain violation saves, against running to the end and judging then.
+
+The verdicts of all episodes are equal; an episode where they are not is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from controller import Setting, race
+from report import Row, Table
+
+ENVIRONMENTS = ("InvertedPendulum-v5", "HalfCheetah-v5", "Hopper-v5")
+
+
+def measure(setting: Setting) -> Iterator[Table]:
+    """Simulated and wall time of all episodes of an environment."""
+    episodes = 20 if setting.quick else 200
+    table = Table(f"Early stopping, {episodes} episodes; equal verdicts", "s, saved: %")
+    for name in ENVIRONMENTS:
+        subject = setting.project("stopping")
+        case = {"what": "stopping", "env": name, "episodes": episodes}
+        found = race({name: (subject, case)}, 1, table.notes).get(name)
+        subject.stop()
+        if found is None:
+            continue
+        violated, *times = found
+        table.notes[name] = f"{violated:.0f} of {episodes} episodes are violated"
+        for kind, (whole, part) in (("simulated", times[:2]), ("wall", times[2:])):
+            figures = {"to the end": whole, "stopped": part, "saved": 100 * (1 - part / whole)}
+            table.rows.append(Row(f"{name.partition('-')[0]}, {kind}", figures))
+    yield table
