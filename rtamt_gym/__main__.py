@@ -41,7 +41,7 @@ _OPTIONS = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     try:
-        options = _parser().parse_args(argv)
+        options = _options(argv)
         code: int = options.run(options)
         sys.stdout.flush()
     except SystemExit as end:  # --help and --version
@@ -65,6 +65,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         name = "" if error.filename is None else f" {error.filename}"
         return _refuse(f"cannot open{name}: {error.strerror or error}")
     return code
+
+
+def _options(argv: Sequence[str] | None) -> argparse.Namespace:
+    parser = _parser()
+    options, rest = parser.parse_known_args(argv)
+    if rest and "trace" in options and not any(text.startswith("-") for text in rest):
+        # argparse ends a list of specifications at the first option behind it.
+        options.specs += [options.trace, *rest]
+        options.trace = options.specs.pop()
+    elif rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    return options
 
 
 def _refuse(message: str) -> int:

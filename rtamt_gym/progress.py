@@ -8,10 +8,13 @@ from contextlib import contextmanager
 
 __all__ = ["progress"]
 
+DELAY = 1.0
+"""Seconds before a bar is shown."""
+
 
 @contextmanager
 def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
-    """A bar on stderr, from the second second on, if that is a terminal and tqdm is installed.
+    """A bar on stderr, after a second, if that is a terminal and tqdm is installed.
 
     Args:
         what: What goes on.
@@ -29,5 +32,5 @@ def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]
     except ModuleNotFoundError:
         yield lambda _: None
         return
-    with tqdm(desc=what, total=total, unit=unit, unit_scale=True, delay=1, leave=False) as bar:
+    with tqdm(desc=what, total=total, unit=unit, unit_scale=True, delay=DELAY, leave=False) as bar:
         yield lambda done: bar.update(done) and None

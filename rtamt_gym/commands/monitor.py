@@ -56,6 +56,10 @@ def _monitor(options: argparse.Namespace) -> int:
     specs = read_specs(options.specs)
     for path in filter(None, (options.out, options.plot)):
         check_folder(path)
+    if options.plot:
+        from rtamt_gym.drawing import check_format
+
+        check_format(options.plot)
     trace: EventTrace | Trace
     if options.dense:
         if options.period is not None:

@@ -1,0 +1,449 @@
+"""Recorded traces on the command line: several specifications, events, Parquet, files, pictures."""
+
+import csv
+import io
+import json
+import os
+import pty
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import rtamt
+from rtamt_gym import recordings
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+
+SPEC = """\
+granted = eventually[0:0.5](gnt >= 3)
+out = always(req >= 3 implies granted)
+"""
+EVEN = "time,req,gnt,note\n0,0,0,\n0.5,5,0,a request\n1,0,1,too late\n1.5,0,4,\n"
+WIDE = "time,req,gnt,note\n0,0,0,\n0.35,5,,a request\n0.9,,4,granted\n1.5,0,0,\n"
+LONG = "variable,time,value\nreq,0,0\ngnt,0,0\nreq,0.35,5\ngnt,0.9,4\nreq,1.5,0\ngnt,1.5,0\nz,9,9\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with a specification and traces."""
+    monkeypatch.chdir(tmp_path)
+    for name, text in {
+        "spec.stl": SPEC,
+        "calm.stl": "always(req < 9)",
+        "even.csv": EVEN,
+        "wide.csv": WIDE,
+        "long.csv": LONG,
+    }.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+# Why. --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("folder")
+def test_explain_prints_the_way_from_the_specification_to_the_sample(capsys: Output) -> None:
+    assert main(["explain", "spec.stl", "even.csv"]) == 1
+    assert capsys.readouterr().out == (
+        "robustness -2 at 0 s, decided by req >= 3 at 0.5 s\n"
+        "\n"
+        "   at  value  formula\n"
+        "  0 s     -2  out = always(req >= 3 implies granted)\n"
+        "0.5 s     -2  req >= 3 implies granted\n"
+        "0.5 s      2  req >= 3\n"
+        "0.5 s      5  req\n"
+    )
+
+
+@pytest.mark.usefixtures("folder")
+def test_explain_takes_several_specifications_a_view_and_a_trace_without_times(
+    capsys: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("req\n3\n8\n"))
+    assert main(["explain", "calm.stl", "low = req < 10", "-", "--view", "step"]) == 0
+    assert capsys.readouterr().out == (
+        "calm:\n"
+        "robustness 1 at sample 0, decided by req < 9 at sample 1\n"
+        "\n"
+        "      at  value  formula\n"
+        "sample 0      1  always always(req < 9)\n"
+        "sample 0      1  always(req < 9)\n"
+        "sample 1      1  req < 9\n"
+        "sample 1      8  req\n"
+        "\n"
+        "low:\n"
+        "robustness 2 at sample 0, decided by req < 10 at sample 1\n"
+        "\n"
+        "      at  value  formula\n"
+        "sample 0      2  always(low)\n"
+        "sample 1      2  low = req < 10\n"
+        "sample 1      8  req\n"
+    )
+
+
+# Several specifications, and what is written. ----------------------------------------------------
+
+
+@pytest.mark.usefixtures("folder")
+def test_several_specifications_are_judged_each(capsys: Output) -> None:
+    assert main(["monitor", "spec.stl", "first=calm.stl", "always(gnt < 5)", "even.csv"]) == 1
+    assert capsys.readouterr().out == (
+        "out: VIOLATED, robustness -2, certain from 1 s on\n"
+        "first: SATISFIED, robustness 4, at the end of the trace\n"
+        "spec3: SATISFIED, robustness 1, at the end of the trace\n"
+        "even.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
+        "\n"
+        "spec   formula   at the start  least   at  below 0 from\n"
+        "out    granted             -3     -3  0 s           0 s\n"
+        "       out                 -2     -2  0 s           0 s\n"
+        "first  (result)             4      4  0 s             -\n"
+        "spec3  (result)             1      1  0 s             -\n"
+    )
+    assert main(["monitor", "calm.stl", "always(gnt < 5)", "even.csv"]) == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_options_may_stand_between_specifications_and_the_trace(capsys: Output) -> None:
+    said = []
+    specs = ["spec.stl", "calm.stl", "always(gnt < 5)"]
+    for arguments in (
+        [*specs, "even.csv", "--view", "step"],
+        [*specs, "--view", "step", "even.csv"],
+        [*specs[:2], "--view", "step", *specs[2:], "even.csv"],
+        ["--view", "step", *specs, "even.csv"],
+    ):
+        assert main(["monitor", *arguments]) == 1
+        said.append(capsys.readouterr().out)
+    assert len(set(said)) == 1
+    assert main(["monitor", *specs, "even.csv", "--step"]) == 2
+    error = "rtamt: error: unrecognized arguments: --step; see rtamt --help\n"
+    assert capsys.readouterr().err == error
+
+
+def rows(path: Path) -> list[list[str]]:
+    with path.open(newline="") as file:
+        return list(csv.reader(file))
+
+
+def test_out_writes_the_robustness_of_every_formula_at_every_sample(
+    capsys: Output, folder: Path
+) -> None:
+    assert main(["monitor", "spec.stl", "calm.stl", "even.csv", "--out", "r.csv"]) == 1
+    assert capsys.readouterr().out.endswith("robustness: r.csv\n")
+    assert rows(folder / "r.csv") == [
+        ["time", "out.granted", "out.out", "calm"],
+        ["0.0", "-3.0", "-2.0", "4.0"],
+        ["0.5", "-2.0", "-2.0", "4.0"],
+        ["1.0", "1.0", "3.0", "9.0"],
+        ["1.5", "1.0", "3.0", "9.0"],
+    ]
+    # It is a trace like any other.
+    assert main(["monitor", "always(calm > 3)", "r.csv"]) == 0
+    capsys.readouterr()
+    (folder / "bare.csv").write_text("req\n1\n2\n")
+    assert main(["monitor", "eventually[2:3](req > 0)", "bare.csv", "--out", "r.csv"]) == 1
+    assert rows(folder / "r.csv") == [["sample", "robustness"], ["0", "-inf"], ["1", "-inf"]]
+
+
+@pytest.mark.parametrize("options", [["even.csv"], ["--dense", "wide.csv"]])
+def test_plot_draws_signals_and_robustness(
+    options: list[str], capsys: Output, folder: Path
+) -> None:
+    assert main(["monitor", "spec.stl", "calm.stl", "--plot", "p.png", *options]) == 1
+    assert capsys.readouterr().out.endswith("picture: p.png\n")
+    assert (folder / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+# Events. -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("trace", ["wide.csv", "long.csv"])
+def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Output) -> None:
+    assert main(["monitor", "--dense", "spec.stl", "calm.stl", trace, "--out", "r.csv"]) == 1
+    assert capsys.readouterr().out == (
+        "out: VIOLATED, robustness -2, at the end of the trace\n"
+        "calm: SATISFIED, robustness 4, at the end of the trace\n"
+        f"{trace}: 6 events, 0 s to 1.5 s\n"
+        "\n"
+        "spec  formula   at the start  least   at  below 0 from\n"
+        "out   granted             -3     -3  0 s           0 s\n"
+        "      out                 -2     -2  0 s           0 s\n"
+        "calm  (result)             4      4  0 s             -\n"
+        "robustness: r.csv\n"
+    )
+    written = rows(Path("r.csv"))
+    assert written[0] == ["time", "variable", "value"]
+    events = {name: [r[::2] for r in written if r[1] == name] for name in ("out.out", "calm")}
+    signals = {
+        "req": [(0, 0), (0.35, 5), (1.5, 0)],
+        "gnt": [(0, 0), (0.9, 4), (1.5, 0)],
+    }
+    for name, spec in {"out.out": SPEC, "calm": "always(req < 9)"}.items():
+        expected = rtamt.evaluate_dense(spec, {v: signals[v] for v in rtamt.parse(spec).variables})
+        assert [[float(t), float(v)] for t, v in events[name]] == [list(e) for e in expected]
+    # It is a trace like any other.
+    assert main(["monitor", "--dense", "always(calm > 3)", "r.csv"]) == 0
+
+
+@pytest.mark.usefixtures("folder")
+def test_dense_judges_every_instant_in_the_view_of_steps(capsys: Output) -> None:
+    arguments = ["monitor", "--dense", "req < 5", "wide.csv", "--view"]
+    assert main([*arguments, "step"]) == 0
+    assert capsys.readouterr().out.startswith("UNDECIDED, robustness 0, at the end of the trace\n")
+    assert main([*arguments, "episode"]) == 2
+
+
+# Parquet. ----------------------------------------------------------------------------------------
+
+
+def test_parquet_is_read_like_csv(capsys: Output, folder: Path) -> None:
+    columns = {
+        "time": [0.0, 0.5, 1.0, 1.5],
+        "msg": [{"req": r} for r in (0, 5, 0, 0)],
+        "gnt": [0, 0, 1, 4],
+        "note": ["", "a request", "too late", ""],
+    }
+    pq.write_table(pa.table(columns), folder / "even.parquet")
+    (folder / "fields.stl").write_text(SPEC.replace("req", "msg.req"))
+    assert main(["monitor", "spec.stl", "even.csv"]) == 1
+    expected = capsys.readouterr().out.replace("even.csv", "even.parquet")
+    assert main(["monitor", "fields.stl", "even.parquet"]) == 1
+    assert capsys.readouterr().out == expected
+
+
+def test_dense_parquet_takes_none_and_nan_as_no_event(capsys: Output, folder: Path) -> None:
+    columns = {
+        "time": [0, 0.35, 0.9, 1.5],
+        "req": [0, 5, None, 0],
+        "gnt": [0, float("nan"), 4, 0],
+    }
+    pq.write_table(pa.table(columns), folder / "wide.parquet")
+    names, times, values = zip(
+        ("req", 0.0, 0.0), ("gnt", 0.0, 0.0), ("req", 0.35, 5.0), ("gnt", 0.9, 4.0),
+        ("req", 1.5, 0.0), ("gnt", 1.5, 0.0), strict=True,
+    )  # fmt: skip
+    events = {"variable": pa.array(names).dictionary_encode(), "time": times, "value": values}
+    pq.write_table(pa.table(events), folder / "long.parquet")
+    said = []
+    for trace in ("wide.csv", "wide.parquet", "long.parquet"):
+        assert main(["monitor", "--dense", "spec.stl", trace]) == 1
+        said.append(capsys.readouterr().out.replace(trace, "trace"))
+    assert said[0] == said[1] == said[2]
+
+
+# What is refused. --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("trace", "message"),
+    [
+        (
+            "time,x\n0,1\n0,2\n",
+            "stdin, line 3: expected times that increase, got 0 after 0",
+        ),
+        (
+            "time,variable,value\n0,x,1\n\n0.5,y,1\n0.25,x,1\n0.25,x,2\n",
+            "stdin, line 6: expected times of 'x' that increase, got 0.25 after 0.25",
+        ),
+        (
+            "time,variable,value\n0,xx,1\n1,y,1\n",
+            (
+                "stdin: no events of 'x', which the specification reads; "
+                "the variables are xx, y; did you mean 'xx'?"
+            ),
+        ),
+        ("time,x\n0,\n1, \n", "stdin: expected events of 'x', got none"),
+        (
+            "t,x\n0,1\n",
+            "stdin: no column 'time', which --dense reads; the columns are t, x",
+        ),
+        (
+            "variable,value\nx,1\n",
+            "stdin: no column 'time', which --dense reads; the columns are variable, value",
+        ),
+        ("time,x\n0,1\ninf,2\n", "stdin, line 3, column 'time': expected a finite number, got inf"),
+        ("time,x\n,1\n", "stdin, line 2, column 'time': expected a number, got ''"),
+        ("time,x\n0,one\n", "stdin, line 2, column 'x': expected a number, got 'one'"),
+        ("time,x\n0,nan\n", "stdin, line 2, column 'x': expected a number, got 'nan'"),
+        ("time,x,y\n0,1\n", "stdin, line 2: expected 3 values (time, x, y), got 2"),
+        ("time,x\n", "stdin: expected at least one sample below the line of names"),
+    ],
+)
+def test_bad_events_are_refused_in_one_message_that_says_where(
+    capsys: Output, monkeypatch: pytest.MonkeyPatch, trace: str, message: str
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(trace))
+    assert main(["monitor", "--dense", "always[0:1](x > 0)", "-"]) == 2
+    assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            "monitor --dense --period 1 spec.stl wide.csv",
+            "expected --period or --dense, which reads events at any time",
+        ),
+        (
+            "monitor calm.stl calm.stl even.csv",
+            "expected one specification 'calm', got two; name one of them",
+        ),
+        (
+            "monitor calm.stl even.csv --out no/r.csv",
+            "cannot write no/r.csv: there is no folder no",
+        ),
+        (
+            "monitor calm.stl even.csv --plot r.doc",
+            "cannot draw r.doc: expected a name that ends in .png, .svg or .pdf",
+        ),
+        ("monitor calm.stl no.parquet", "cannot open no.parquet: No such file or directory"),
+        ("monitor calm.stl bad.parquet", "bad.parquet: expected a Parquet file"),
+        (
+            "monitor calm.stl odd.parquet",
+            "odd.parquet, row 2, column 'req': expected a number, got none",
+        ),
+        (
+            "monitor always(note>0) odd.parquet",
+            "odd.parquet, column 'note': expected numbers, got string",
+        ),
+        (
+            "monitor --dense always(z>0) odd.parquet",
+            "odd.parquet, row 1, column 'variable': expected a name, got 1",
+        ),
+        (
+            "explain calm.stl",
+            "the following arguments are required: TRACE; see rtamt explain --help",
+        ),
+        (
+            "explain req<1 even.csv",
+            (
+                "the specification speaks of the first sample only: req < 1; "
+                "write always(req < 1) or --view step"
+            ),
+        ),
+        (
+            "explain calm.stl uneven.csv",
+            (
+                "uneven.csv, line 4: expected samples at even distances, got time 2.5 after 1, "
+                "elsewhere 1 s; resample the trace, or give --period to leave the column 'time' "
+                "aside"
+            ),
+        ),
+    ],
+)
+def test_bad_input_is_refused_in_one_message_and_exit_code_2(
+    capsys: Output, arguments: str, message: str
+) -> None:
+    Path("bad.parquet").write_text("time,req\n")
+    Path("uneven.csv").write_text("time,req\n0,1\n1,1\n2.5,1\n3.5,1\n4.5,1\n")
+    odd = {
+        "time": [0, 1],
+        "req": [1, None],
+        "note": ["a", "b"],
+        "variable": [1, 2],
+        "value": [1, 2],
+    }
+    pq.write_table(pa.table(odd), "odd.parquet")
+    assert main(arguments.split()) == 2
+    assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
+
+
+def run_without(modules: list[str], arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    """The command line where some modules cannot be imported."""
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({modules})); "
+        f"from rtamt_gym.__main__ import main; sys.exit(main({arguments}))"
+    )
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["explain", "spec.stl", "even.csv"],
+        ["monitor", "--dense", "spec.stl", "wide.csv", "--plot", "p.png"],
+    ],
+)
+def test_traces_need_no_simulator(arguments: list[str]) -> None:
+    ran = run_without(["gymnasium", "mujoco", "highway_env", "pyarrow", "tqdm"], arguments)
+    assert (ran.returncode, ran.stderr) == (1, "")
+
+
+@pytest.mark.usefixtures("folder")
+def test_without_pyarrow_a_parquet_file_says_what_to_install() -> None:
+    ran = run_without(["pyarrow"], ["monitor", "calm.stl", "even.parquet"])
+    assert (ran.returncode, ran.stdout, ran.stderr) == (
+        2,
+        "",
+        "rtamt: error: pyarrow is not installed; from the checkout: pip install '.[parquet]'\n",
+    )
+
+
+# Long files. -------------------------------------------------------------------------------------
+
+
+def test_rows_are_numbered_and_refused_alike_in_every_block(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lines = ["a,b", *(f"{i},{-i}" for i in range(10)), "", '"10","-10"', "11,x"]
+    for block in (1, 3, 100):
+        monkeypatch.setattr(recordings, "_BLOCK", block)
+        read = recordings.CsvFile(lines[:-1], "t.csv").read(["b"])
+        assert read.numbers["b"].tolist() == [-float(i) for i in range(11)]
+        assert [read.where(i) for i in (0, 9, 10)] == [
+            "t.csv, line 2",
+            "t.csv, line 11",
+            "t.csv, line 13",
+        ]
+        with pytest.raises(rtamt.InputError) as caught:
+            recordings.CsvFile(lines, "t.csv").read(["b"])
+        assert str(caught.value) == "t.csv, line 14, column 'b': expected a number, got 'x'"
+
+
+def test_a_long_file_is_judged_in_the_time_that_its_lines_take(
+    capsys: Output, folder: Path
+) -> None:
+    n = 100_000
+    values = np.sin(np.arange(n)).round(4)
+    text = "\n".join(f"{i / 100},{v},{-v}" for i, v in enumerate(values))
+    (folder / "big.csv").write_text(f"time,x,y\n{text}\n")
+    begin = time.perf_counter()
+    with (folder / "big.csv").open() as file:
+        for row in csv.reader(file):
+            json.dumps(row)
+    floor = time.perf_counter() - begin
+    begin = time.perf_counter()
+    assert main(["monitor", "always(x < 2 or eventually[0:10](y > 0))", "big.csv"]) == 0
+    assert time.perf_counter() - begin < 10 * floor
+    assert "big.csv: 100000 samples, one every 0.01 s, 0 s to 999.99 s" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("folder")
+def test_on_a_terminal_a_bar_shows_how_far_it_is() -> None:
+    code = (
+        "import sys, rtamt_gym.progress as p; p.DELAY = 0;"
+        "from rtamt_gym.__main__ import main; sys.exit(main(['monitor', 'calm.stl', 'even.csv']))"
+    )
+    reading, writing = pty.openpty()
+    termios.tcsetwinsize(writing, (24, 80))
+    command = [sys.executable, "-c", code]
+    ran = subprocess.run(command, stdout=subprocess.PIPE, stderr=writing, check=True)
+    os.write(writing, b"end\n")  # a read of nothing would wait for ever
+    shown = os.read(reading, 10_000).decode()
+    os.close(writing)
+    os.close(reading)
+    assert ran.stdout.startswith(b"SATISFIED")
+    assert "reading even.csv:   0%" in shown
+    assert "judging:   0%" in shown
