@@ -142,6 +142,7 @@ class Fmus:
         """Loads and initializes the FMUs; their values at time 0."""
         self.ended = ""
         self._count = 0
+        self._now = 0.0
         self._unpack()
         for name, described, folder in zip(
             self._paths, self._described, self._folders, strict=True
@@ -153,7 +154,7 @@ class Fmus:
         self._outputs = self._reader(list(dict.fromkeys(sources)))
         self._feeds = self._feeders(list(dict.fromkeys(sources)))
         for _ in self._instances:  # as often as it takes to hand a value on through all FMUs
-            self._exchange(0.0)
+            self._exchange()
         for instance in self._instances:
             instance.exit()
         self._read = self._reader(self._reads)
@@ -161,16 +162,20 @@ class Fmus:
 
     def advance(self) -> Sequence[float] | None:
         """Makes the communication steps of a period; None if an FMU ends before the last."""
+        numerator, denominator = self._h.as_integer_ratio()
         step = float(self._h)
-        for left in reversed(range(self._substeps)):
-            now = float(self._count * self._h)
-            reached = [instance.step(now, step) for instance in self._instances]
-            if any(instance.ended for instance in self._instances):
-                self.ended = "terminated"
-            if not all(reached) or (self.ended and left):
+        for left in range(self._substeps - 1, -1, -1):
+            reached = True
+            for instance in self._instances:
+                reached &= instance.step(self._now, step)
+                if instance.ended:
+                    self.ended = "terminated"
+            if not reached or (self.ended and left):
                 return None
             self._count += 1
-            self._exchange(float(self._count * self._h))
+            self._now = self._count * numerator / denominator  # exact, and faster than a Fraction
+            if self._feeds:
+                self._exchange()
         return self._read()
 
     def close(self) -> None:
@@ -225,12 +230,11 @@ class Fmus:
                 feeders.append((write, gives))
         return feeders
 
-    def _exchange(self, now: float) -> None:
+    def _exchange(self) -> None:
         """Hands outputs to inputs."""
-        if self._feeds:
-            outputs = self._outputs()
-            for write, gives in self._feeds:
-                write([outputs[give] if isinstance(give, int) else give(now) for give in gives])
+        outputs, now = self._outputs(), self._now
+        for write, gives in self._feeds:
+            write([outputs[give] if isinstance(give, int) else give(now) for give in gives])
 
     def _connect(self, target: _Place, source: object) -> None:
         if isinstance(source, str):

@@ -20,7 +20,7 @@ from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.panel import Panel
 from rtamt_gym.run import Course, Ended, Floats, Run, Stop
 from rtamt_gym.signals import SignalLike
-from rtamt_gym.specs import SpecsLike, View, load_specs
+from rtamt_gym.specs import Nan, SpecsLike, View, load_specs
 from rtamt_gym.systems import Environment, Policy, Samples, System
 
 __all__ = ["simulate"]
@@ -37,6 +37,7 @@ def simulate(
     duration: float | None = None,
     stop: Stop = "violation",
     view: View = "episode",
+    nan: Nan = "raise",
     label: str = "",
 ) -> Run:
     """Runs a simulation under specifications, stops it when all is said, and records every sample.
@@ -74,6 +75,8 @@ def simulate(
             verdict is certain; ``"end"``: not at all.
         view: ``"episode"``: a formula speaks of the run from sample 0 on; ``"step"``: of every
             instant.
+        nan: ``"raise"`` refuses a signal that is nan; ``"hold"`` keeps its last value, in the
+            record too.
         label: Who acts, for tables and pictures.
 
     Returns:
@@ -103,6 +106,7 @@ def simulate(
     """
     check_choice("stop", stop, get_args(Stop))
     check_choice("view", view, get_args(View))
+    check_choice("nan", nan, get_args(Nan))
     loaded = load_specs(specs)
     ran = _as_system(system, policy, seed)
     panel = Panel(loaded, _period(loaded, period, ran), view)
@@ -111,7 +115,7 @@ def simulate(
     ran.bind(variables, signals, panel.period)
     with closing(ran):
         begin = time.perf_counter()
-        record = _Record(panel, variables)
+        record = _Record(panel, variables, nan)
         ended = _loop(ran, panel, record, stop, limit)
         wall_time = time.perf_counter() - begin
     return Run(
@@ -158,8 +162,9 @@ def _loop(system: System, panel: Panel, record: _Record, stop: Stop, limit: int 
 class _Record:
     """Feeds samples to the monitors, and keeps all of them and what the monitors say."""
 
-    def __init__(self, panel: Panel, variables: Sequence[str]) -> None:
+    def __init__(self, panel: Panel, variables: Sequence[str], nan: Nan) -> None:
         self._panel = panel
+        self._holds = nan == "hold"
         self._variables = variables
         self._samples: list[Sequence[float]] = []
         self._curves: dict[str, list[tuple[float, float, float]]] = {}
@@ -171,6 +176,9 @@ class _Record:
 
     def take(self, values: Sequence[float]) -> int:
         """Feeds a sample; says how many verdicts are certain."""
+        if self._holds and self._samples:
+            last = self._samples[-1]
+            values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
         decided = 0
         for update, pick, judge, note in self._feeds:
             robustness = update(*pick(values))

@@ -215,6 +215,13 @@ def test_a_formula_without_variables_is_run_too() -> None:
     assert (run.steps, run.signals, run.replay()["spec"].tolist()) == (2, {}, [1.0, 1.0, 1.0])
 
 
+def test_a_signal_that_is_nan_can_be_held_and_is_recorded_as_held() -> None:
+    rows = [{"x": x, "y": 1.0} for x in (2.0, math.nan, math.nan, 1.0)]
+    run = simulate(rows, "always(x > y)", nan="hold", stop="end")
+    assert run.signals["x"].tolist() == [2.0, 2.0, 2.0, 1.0]
+    assert run.replay()["spec"][0] == run.courses["spec"].final
+
+
 # When it stops. ----------------------------------------------------------------------------------
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:4](x > 1)"}

@@ -123,6 +123,12 @@ Z = {"level": "qpos[2]"}
             "expected view='episode' or 'step', got 'all'",
         ),
         (
+            ([{"level": math.nan}], LOW),
+            {"nan": "hold"},
+            InputError,
+            "variable 'level' is nan at sample 0",
+        ),
+        (
             (ROWS, "level < 3"),
             {},
             SpecificationError,
