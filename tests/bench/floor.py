@@ -17,8 +17,9 @@ def build(folder: Path) -> str | None:
     if compiler is None:
         return "no C compiler"
     python = ["-I", sysconfig.get_path("include")]
-    name = "cfloor" + sysconfig.get_config_var("EXT_SUFFIX")
-    for source, target in (("cfloor.c", name), ("allocations.c", "allocations.so")):
+    suffix = sysconfig.get_config_var("EXT_SUFFIX")
+    modules = (("cfloor.c", f"cfloor{suffix}"), ("dense.c", f"cdense{suffix}"))
+    for source, target in (*modules, ("allocations.c", "allocations.so")):
         command = [compiler, "-O3", "-march=native", "-fPIC", "-shared", *python]
         command += [str(HERE / source), "-o", str(folder / target)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)

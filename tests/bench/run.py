@@ -29,6 +29,7 @@ SECTIONS = (
     "worst",
     "memory",
     "offline",
+    "dense",
     "gym",
     "vector",
     "mujoco",

@@ -14,6 +14,8 @@ VARIABLES = {
     "nested": ("cmd", "pos"),
     "until": ("a", "b"),
     "since": ("a", "b"),
+    "always": ("s",),
+    "sum": ("a", "b"),
 }
 """Variables of every kind of trace, in the order in which the formulas name them."""
 
@@ -26,9 +28,11 @@ def columns(kind: str, start: int, n: int, k: int = 0) -> Columns:
         rising = np.where(tooth == k, -1.0, tooth * 1e-6)
         return {"a": rising, "b": rising}
     noise = np.random.default_rng([7, start])
-    if kind == "w1":
+    if kind in ("w1", "sum"):
         a, b = noise.standard_normal((2, n))
         return {"a": a, "b": b}
+    if kind == "always":
+        return {"s": noise.standard_normal(n)}
     u = noise.random((3, n))
     if kind == "resp":
         return {
@@ -52,9 +56,15 @@ def rows(trace: Columns) -> list[tuple[float, ...]]:
     return list(zip(*(column.tolist() for column in trace.values()), strict=True))
 
 
+def moments(start: int, n: int) -> NDArray[np.float64]:
+    """Times of events start to start + n - 1: about a thousand a second, none regular."""
+    jitter = np.random.default_rng([13, start]).random(n)
+    return np.asarray((np.arange(start, start + n) + 0.9 * jitter) / 1_000)
+
+
 def summed(kind: str, trace: Columns) -> Columns:
     """The trace for tools whose predicates compare one signal with a number."""
-    if kind in ("w1", "saw"):
+    if kind in ("w1", "saw", "sum"):
         return {"s": trace["a"] + trace["b"]}
     if kind == "nested":
         return {"cmd": trace["cmd"], "d": np.abs(trace["cmd"] - trace["pos"])}

@@ -74,6 +74,31 @@ def stream(
     return lambda: timed(n)
 
 
+def events(
+    case: Case,
+    feed: Callable[[Sequence[Any]], object],
+    inputs: Callable[[Any, traces.Columns], Any],
+    variables: int,
+) -> Measure:
+    """Nanoseconds for each event of a stream of events that come in chunks.
+
+    Args:
+        case: As for `stream`, and the size of a ``chunk``.
+        feed: Gives every input to the monitor in a tight loop.
+        inputs: Makes an input of times and of the variables' values then.
+        variables: How many have an event at each of the times.
+    """
+
+    def chunks(trace: traces.Columns, start: int) -> Any:  # noqa: ANN401
+        size = len(next(iter(trace.values())))
+        times = traces.moments(start, size)
+        parts = [slice(i, i + case["chunk"]) for i in range(0, size, case["chunk"])]
+        return [inputs(times[p], {name: v[p] for name, v in trace.items()}) for p in parts]
+
+    measure = stream(case, feed, chunks)
+    return lambda: float(measure()) / variables  # type: ignore[arg-type] # one figure
+
+
 def single_updates(
     case: Case, make: Callable[[], Callable[[Any], object]], inputs: Callable[..., Any]
 ) -> Measure:

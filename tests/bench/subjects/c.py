@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import cdense
 import cfloor
 import numpy as np
 import traces
@@ -105,12 +106,44 @@ def lockstep(case: worker.Case) -> worker.Measure:
     return worker.lockstep(case, lambda rows: cfloor.lockstep(wedges, rows, out))
 
 
+def dense(case: worker.Case) -> worker.Measure:
+    steps = cdense.Steps(1.0)
+    call = steps.update if case["chunk"] == 1 else steps.update_array
+
+    def feed(data: Any) -> None:  # noqa: ANN401
+        for events in data:
+            call(events)
+
+    def pairs(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        return {"s": list(zip(times.tolist(), only(case, trace).tolist(), strict=True))}
+
+    def arrays(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        return {"s": np.stack([times, only(case, trace)], axis=1)}
+
+    return worker.events(case, feed, pairs if case["chunk"] == 1 else arrays, 1)
+
+
+def only(case: worker.Case, trace: traces.Columns) -> Any:  # noqa: ANN401
+    if case["kind"] != "always":
+        msg = "the floor of dense time is the sliding minimum of a signal"
+        raise ValueError(msg)
+    return trace["s"]
+
+
+def dense_offline(case: worker.Case) -> worker.Measure:
+    n = case["n"]
+    values, times = only(case, traces.columns(case["kind"], 0, n)), traces.moments(0, n)
+    return worker.whole(lambda: cdense.Steps(1.0).run(times, values, np.empty(2 * n + 2)), n)
+
+
 worker.serve(
     {
         "update": update,
         "worst": worst,
         "memory": memory,
         "offline": offline,
+        "dense": dense,
+        "dense offline": dense_offline,
         "lockstep": lockstep,
     }
 )

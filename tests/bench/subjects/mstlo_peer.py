@@ -73,4 +73,66 @@ def memory(case: worker.Case) -> worker.Measure:
     return worker.memory(case, make, inputs(case["kind"]))
 
 
-worker.serve({"update": update, "worst": worst, "memory": memory})
+DENSE = {
+    "always": "G[0,1.0](s > -2)",
+    "sum": "G[0,1.0](s > -2)",
+    "resp": "(req >= 3) -> F[0,1.0](gnt >= 3)",
+    "until": "(a > 0) U[0,1.0] (b > 0)",
+}
+
+
+def dense_monitor(case: worker.Case) -> Any:  # noqa: ANN401
+    return mstlo_python.Monitor(
+        mstlo_python.parse_formula(DENSE[case["kind"]]),
+        semantics="DelayedQuantitative",
+        algorithm="Incremental",
+    )
+
+
+def dense(case: worker.Case) -> worker.Measure:
+    monitor, kind = dense_monitor(case), case["kind"]
+    update, batch = monitor.update, monitor.update_batch
+
+    def one(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        signals = traces.summed(kind, trace)
+        return [(name, float(v[0]), float(times[0])) for name, v in signals.items()]
+
+    def many(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        return steps(times, traces.summed(kind, trace))
+
+    def feed(data: Any) -> None:  # noqa: ANN401
+        for chunk in data:
+            batch(chunk).verdicts()
+
+    single = case["chunk"] == 1
+    return worker.events(
+        case, feeder(update) if single else feed, one if single else many, events_of(kind)
+    )
+
+
+def events_of(kind: str) -> int:
+    return len(traces.VARIABLES[kind])
+
+
+def steps(times: Any, signals: traces.Columns) -> Any:  # noqa: ANN401
+    moments = times.tolist()
+    return {name: list(zip(v.tolist(), moments, strict=True)) for name, v in signals.items()}
+
+
+def dense_offline(case: worker.Case) -> worker.Measure:
+    n, kind = case["n"], case["kind"]
+    data = steps(traces.moments(0, n), traces.summed(kind, traces.columns(kind, 0, n)))
+    return worker.whole(
+        lambda: dense_monitor(case).update_batch(data).verdicts(), n * events_of(kind)
+    )
+
+
+worker.serve(
+    {
+        "update": update,
+        "worst": worst,
+        "memory": memory,
+        "dense": dense,
+        "dense offline": dense_offline,
+    }
+)

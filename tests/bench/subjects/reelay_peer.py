@@ -61,4 +61,28 @@ def memory(case: worker.Case) -> worker.Measure:
     return worker.memory(case, make, inputs(case["kind"]))
 
 
-worker.serve({"update": update, "memory": memory})
+DENSE = {
+    "always": "historically[0:1.0]{s > -2}",
+    "sum": "historically[0:1.0]{s > -2}",
+    "until": "{a > 0} since[0:1.0] {b > 0}",
+}
+
+
+def dense(case: worker.Case) -> worker.Measure:
+    kind = case["kind"]
+    if kind not in DENSE or case["chunk"] > 1:
+        msg = "past operators, one event at a time"
+        raise ValueError(msg)
+    monitor = reelay.dense_timed_monitor(
+        pattern=DENSE[kind], semantics="robustness", piecewise="constant"
+    )
+
+    def one(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        signals = traces.summed(kind, trace)
+        time = float(times[0]) + 0.001  # it begins at 0
+        return {"time": time, **{name: float(v[0]) for name, v in signals.items()}}
+
+    return worker.events(case, feeder(monitor.update), one, len(traces.VARIABLES[kind]))
+
+
+worker.serve({"update": update, "memory": memory, "dense": dense})

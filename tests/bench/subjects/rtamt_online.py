@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import traces
 import worker
+from sections.dense import KINDS
 
 import rtamt
 
@@ -101,6 +103,32 @@ def offline(case: worker.Case) -> worker.Measure:
     return worker.whole(lambda: rtamt.evaluate(spec, trace, backend=case["backend"]), case["n"])
 
 
+def dense(case: worker.Case) -> worker.Measure:
+    """Events one at a time as pairs, and in chunks as arrays."""
+    machine = rtamt.DenseMonitor(KINDS[case["kind"]], backend=case["backend"])
+
+    def pairs(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        return {n: list(zip(times.tolist(), v.tolist(), strict=True)) for n, v in trace.items()}
+
+    def arrays(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        return {name: np.stack([times, v], axis=1) for name, v in trace.items()}
+
+    form = pairs if case["chunk"] == 1 else arrays
+    return worker.events(
+        case, feeder("mapping", machine, machine.variables), form, len(machine.variables)
+    )
+
+
+def dense_offline(case: worker.Case) -> worker.Measure:
+    trace, times = traces.columns(case["kind"], 0, case["n"]), traces.moments(0, case["n"])
+    signals = {name: rtamt.Events(times, values) for name, values in trace.items()}
+    spec = rtamt.parse(KINDS[case["kind"]])
+    return worker.whole(
+        lambda: rtamt.evaluate_dense(spec, signals, backend=case["backend"]),
+        case["n"] * len(signals),
+    )
+
+
 def lockstep(case: worker.Case) -> worker.Measure:
     kinds = {"step": rtamt.VectorMonitor, "episode": rtamt.VectorEpisodeMonitor}
     text = FORMULAS[case.get("formula", case["kind"])].format(k=case.get("k"))
@@ -119,6 +147,8 @@ worker.serve(
         "worst": worst,
         "memory": memory,
         "offline": offline,
+        "dense": dense,
+        "dense offline": dense_offline,
         "lockstep": lockstep,
     }
 )

@@ -93,12 +93,44 @@ def lockstep(case: worker.Case) -> worker.Measure:
     return worker.lockstep(case, step, lambda rows: rows[:, order].tolist())
 
 
+DENSE = {
+    "always": "always[0,1.0] (s > -2)",
+    "sum": "always[0,1.0] (a + b > -2)",
+    "resp": "(req >= 3) -> eventually[0,1.0] (gnt >= 3)",
+    "until": "(a > 0) until[0,1.0] (b > 0)",
+}
+
+
+def dense(case: worker.Case) -> worker.Measure:
+    if case["chunk"] > 1:
+        msg = "one sample at a time"
+        raise ValueError(msg)
+    update = sentil.OnlineMonitor(DENSE[case["kind"]]).update_packed
+
+    def one(times: Any, trace: traces.Columns) -> Any:  # noqa: ANN401
+        return float(times[0]), [float(v[0]) for _, v in sorted(trace.items())]
+
+    variables = len(traces.VARIABLES[case["kind"]])
+    return worker.events(case, feeder(update, "positional"), one, variables)
+
+
+def dense_offline(case: worker.Case) -> worker.Measure:
+    n, kind = case["n"], case["kind"]
+    trace, times = traces.columns(kind, 0, n), traces.moments(0, n)
+    parsed = sentil.Formula.parse(DENSE[kind])
+    return worker.whole(
+        lambda: parsed.robustness_signal(sentil.Trace(times, trace)), n * len(trace)
+    )
+
+
 worker.serve(
     {
         "update": update,
         "worst": worst,
         "memory": memory,
         "offline": offline,
+        "dense": dense,
+        "dense offline": dense_offline,
         "lockstep": lockstep,
     }
 )
