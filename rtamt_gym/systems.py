@@ -136,7 +136,8 @@ class Samples:
         self.limit: int | None = None
         self.needs_period = self.endless = callable(source)
         self.ended: HowEnded = ""
-        self.name = getattr(source, "__name__", "function") if callable(source) else "samples"
+        name = getattr(source, "__name__", "function").replace("<lambda>", "function")
+        self.name = name if callable(source) else "samples"
         self._source = source
         self._samples: Iterator[Sample | None] = iter(())
         self._count = 0
