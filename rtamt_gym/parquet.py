@@ -38,30 +38,35 @@ class ParquetRecording:
         self.names: Sequence[str] = [schema.column(i).path for i in range(len(schema))]
 
     def read(
-        self, numbers: Sequence[str], texts: Sequence[str] = (), gaps: Collection[str] = ()
+        self,
+        numbers: Sequence[str],
+        texts: Sequence[str] = (),
+        gaps: Collection[str] = (),
+        empty: str = "",
     ) -> Rows:
         """The rows of the file, as `Recording` says; a nan is an empty cell."""
         table = self._file.read(columns=[*numbers, *texts])
         while any(pa.types.is_struct(field.type) for field in table.schema):
             table = table.flatten()
-        columns = {name: self._numbers(table[name], name, name in gaps) for name in numbers}
+        columns = {name: self._numbers(table[name], name) for name in numbers}
+        for name, values in columns.items():
+            absent = np.isnan(values)
+            if absent.any() and name not in gaps:
+                row = int(absent.argmax())
+                got = "nan" if table[name][row].is_valid else f"none{empty}"
+                raise InputError(
+                    f"{self.source}, row {row + 1}, column '{name}': expected a number, got {got}"
+                )
         words = {name: self._texts(table[name], name) for name in texts}
         return Rows(columns, words, range(1, table.num_rows + 1), "row", self.source)
 
-    def _numbers(self, column: pa.ChunkedArray, name: str, gaps: bool) -> NDArray[np.float64]:  # noqa: FBT001
+    def _numbers(self, column: pa.ChunkedArray, name: str) -> NDArray[np.float64]:
         try:
             values: NDArray[np.float64] = column.cast(pa.float64(), safe=False).to_numpy()
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
             raise InputError(
                 f"{self.source}, column '{name}': expected numbers, got {column.type}"
             ) from None
-        absent = np.isnan(values)
-        if absent.any() and not gaps:
-            row = int(absent.argmax())
-            got = "nan" if column[row].is_valid else "none"
-            raise InputError(
-                f"{self.source}, row {row + 1}, column '{name}': expected a number, got {got}"
-            )
         return values
 
     def _texts(self, column: pa.ChunkedArray, name: str) -> Sequence[str]:

@@ -65,7 +65,11 @@ class Recording(Protocol):
     names: Sequence[str]
 
     def read(
-        self, numbers: Sequence[str], texts: Sequence[str] = (), gaps: Collection[str] = ()
+        self,
+        numbers: Sequence[str],
+        texts: Sequence[str] = (),
+        gaps: Collection[str] = (),
+        empty: str = "",
     ) -> Rows:
         """The rows of the file; other columns are not looked at.
 
@@ -73,6 +77,7 @@ class Recording(Protocol):
             numbers: Columns of numbers.
             texts: Columns of names.
             gaps: Columns of numbers of which cells may be empty.
+            empty: What to do about an empty cell elsewhere, for the message.
 
         Raises:
             InputError: On a line with too few or too many values, or a value that is no number;
@@ -138,7 +143,11 @@ class CsvFile:
             )
 
     def read(
-        self, numbers: Sequence[str], texts: Sequence[str] = (), gaps: Collection[str] = ()
+        self,
+        numbers: Sequence[str],
+        texts: Sequence[str] = (),
+        gaps: Collection[str] = (),
+        empty: str = "",
     ) -> Rows:
         """The rows of the file, as `Recording` says."""
         parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in numbers}
@@ -147,12 +156,12 @@ class CsvFile:
         while block := list(itertools.islice(self._rows, _BLOCK)):
             places, rows = zip(*block, strict=True)
             if set(map(len, rows)) != {len(self.names)}:
-                self._refuse(block, numbers, gaps)
+                self._refuse(block, numbers, gaps, empty)
             cells = dict(zip(self.names, zip(*rows, strict=True), strict=False))
             for name in numbers:
                 column = _floats(cells[name], gaps=name in gaps)
                 if column is None:
-                    self._refuse(block, numbers, gaps)
+                    self._refuse(block, numbers, gaps, empty)
                 parts[name].append(column)
             for name in texts:
                 words[name] += map(str.strip, cells[name])
@@ -177,6 +186,7 @@ class CsvFile:
         block: Sequence[tuple[int, list[str]]],
         numbers: Sequence[str],
         gaps: Collection[str],
+        empty: str,
     ) -> NoReturn:
         """The error of the first row that is none."""
         for line, row in block:
@@ -190,7 +200,7 @@ class CsvFile:
                 if _floats([cell], gaps=name in gaps) is None:
                     raise InputError(
                         f"{self.source}, line {line}, column '{name}': "
-                        f"expected a number, got {cell!r}"
+                        f"expected a number, got {cell!r}{'' if cell.strip() else empty}"
                     )
         msg = "every row is one"
         raise AssertionError(msg)

@@ -38,6 +38,7 @@ class Trace:
         samples: How many there are.
         times: The column of times, if there is one.
         where: The file and line of a sample, for messages.
+        events: What to do if rows are events, not samples, for messages.
     """
 
     source: str
@@ -45,17 +46,15 @@ class Trace:
     samples: int
     times: Floats | None
     where: Callable[[int], str]
+    events: str = ""
 
     @property
     def start(self) -> float:
         """Time of the first sample; 0 if no column says."""
         return 0.0 if self.times is None else float(self.times[0])
 
-    def period(self, uneven: str = "") -> Fraction | None:
+    def period(self) -> Fraction | None:
         """Seconds between samples by the column of times; None if there is none, or one sample.
-
-        Args:
-            uneven: One more thing to do about times that increase unevenly, for the message.
 
         Raises:
             InputError: If the times do not increase, or not evenly.
@@ -69,8 +68,8 @@ class Trace:
             before, after = self.times[at], self.times[at + 1]
             rest = "" if usual <= 0 else f", elsewhere {usual:.6g} s"
             way_out = f"resample the trace, or give --period to leave the column '{TIME}' aside"
-            if uneven and (steps > 0).all():
-                way_out = f"{uneven}, {way_out}"
+            if self.events and (steps > 0).all():
+                way_out = f"{self.events}, {way_out}"
             raise InputError(
                 f"{self.where(at + 1)}: expected samples at even distances, "
                 f"got time {after:.6g} after {before:.6g}{rest}; {way_out}"
@@ -111,8 +110,13 @@ class EventTrace:
         return min(gaps, default=1.0)
 
 
-def read_trace(recording: Recording, variables: Sequence[str]) -> Trace:
+def read_trace(recording: Recording, variables: Sequence[str], events: str = "") -> Trace:
     """The samples of the variables; other columns but that of times are not looked at.
+
+    Args:
+        recording: The file.
+        variables: The columns that are needed.
+        events: What to do about rows that are events, not samples, for messages.
 
     Raises:
         InputError: On a missing column, a value that is no number, or if there is no sample.
@@ -125,9 +129,10 @@ def read_trace(recording: Recording, variables: Sequence[str]) -> Trace:
     """
     _check_names(recording, variables)
     wanted = [v for v in dict.fromkeys((*variables, TIME)) if v in recording.names]
-    rows = _read(recording, wanted)
+    rows = _read(recording, wanted, empty=events and f"; {events}")
     columns = {name: rows.numbers[name] for name in variables}
-    return Trace(recording.source, columns, len(rows.lines), rows.numbers.get(TIME), rows.where)
+    times = rows.numbers.get(TIME)
+    return Trace(recording.source, columns, len(rows.lines), times, rows.where, events)
 
 
 def read_events(recording: Recording, variables: Sequence[str]) -> EventTrace:
@@ -187,8 +192,9 @@ def _read(
     numbers: Iterable[str],
     texts: Sequence[str] = (),
     gaps: Sequence[str] = (),
+    empty: str = "",
 ) -> Rows:
-    rows = recording.read(list(numbers), texts, gaps)
+    rows = recording.read(list(numbers), texts, gaps, empty)
     if not rows.lines:
         raise InputError(f"{rows.source}: expected at least one sample below the line of names")
     infinite = ~np.isfinite(rows.numbers.get(TIME, np.zeros(1)))

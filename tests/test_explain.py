@@ -1,6 +1,5 @@
 """Explanations: every step is what the definitions say, and the last one decides."""
 
-import copy
 import itertools
 import math
 import pickle
@@ -16,12 +15,10 @@ from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, trac
 
 import rtamt
 from rtamt import (
-    EpisodeMonitor,
     Explanation,
     Formula,
     InputError,
     InputTypeError,
-    StateError,
     explain,
     variable,
 )
@@ -61,7 +58,7 @@ def reached(formula: Formula, trace: Trace, n: int, i: int, j: int) -> float:
 
 
 @pytest.mark.parametrize("name", FORMULAS)
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_that_value(
     name: str, data: st.DataObject, backend: Backend
@@ -344,66 +341,3 @@ def test_an_array_has_the_columns_that_evaluate_expects() -> None:
     text = "f = always(b > 0); always(a > 0)"
     table = np.array([[1.0, 5.0], [2.0, 4.0]])
     assert explain(text, table).robustness == rtamt.evaluate(text, table)[0]
-
-
-# So far, of an episode. --------------------------------------------------------------------------
-
-
-def fed(monitor: EpisodeMonitor, trace: Trace, samples: range) -> EpisodeMonitor:
-    for i in samples:
-        monitor.update({name: trace[name][i] for name in monitor.variables})
-    return monitor
-
-
-@settings(max_examples=30)
-@given(formula=formulas(endless=True), trace=traces(least=2), data=st.data())
-def test_an_episode_is_explained_as_the_trace_of_its_samples(
-    formula: Formula, trace: Trace, data: st.DataObject, backend: Backend
-) -> None:
-    n = length(trace)
-    cut = data.draw(st.integers(1, n))
-    monitor = EpisodeMonitor(formula, 0.5, backend=backend, history=True)
-    plain = EpisodeMonitor(formula, 0.5, backend=backend)
-    fed(monitor, trace, range(cut))
-    part = {name: values[:cut] for name, values in trace.items()}
-    explanation = explain(formula, part, 0.5, n=cut, backend=backend)
-    assert monitor.explain() == explanation
-    assert explanation.robustness == monitor.robustness
-    fed(plain, trace, range(cut))
-    assert (monitor.lower, monitor.upper) == (plain.lower, plain.upper)
-    for twin in (copy.copy(monitor), pickle.loads(pickle.dumps(monitor))):
-        assert twin.explain() == explanation
-        fed(twin, trace, range(cut, n))
-        assert twin.explain() == explain(formula, trace, 0.5, n=n, backend=backend)
-    assert monitor.explain() == explanation
-    monitor.reset()
-    fed(monitor, trace, range(1))
-    monitor.finish()
-    assert monitor.explain().robustness == monitor.robustness
-
-
-def test_an_episode_without_history_says_how_to_be_explained() -> None:
-    monitor = EpisodeMonitor("always(a)")
-    monitor.update(a=1)
-    with pytest.raises(StateError) as caught:
-        monitor.explain()
-    assert str(caught.value) == (
-        "explain() needs the samples of the episode; make the monitor with history=True"
-    )
-    with pytest.raises(StateError) as caught:
-        EpisodeMonitor("always(a)", history=True).explain()
-    assert str(caught.value) == "explain() needs at least one sample, got none since reset"
-
-
-def test_a_refused_sample_is_not_kept(backend: Backend) -> None:
-    monitor = EpisodeMonitor("always(a)", history=True, backend=backend)
-    monitor.update(a=3)
-    with pytest.raises(InputError):
-        monitor.update(a=math.nan)
-    monitor.update(2.0)
-    assert monitor.explain().causes == (("a", 1, 2.0),)
-
-
-def test_without_history_update_is_the_method_of_the_machine(backend: Backend) -> None:
-    monitor = EpisodeMonitor("always(a)", backend=backend)
-    assert monitor.update == monitor._machine.update

@@ -105,23 +105,23 @@ def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:
 
 
 def read_samples(
-    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification], uneven: str = ""
+    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification], events: str = ""
 ) -> tuple[Trace, str | Fraction | None]:
     """The samples that the arguments of `add_trace` mean, and the period.
 
     Args:
         options: The arguments.
         specs: Say which columns are read.
-        uneven: As for `Trace.period`.
+        events: As for `read_trace`.
     """
     from rtamt_gym.recordings import open_recording
     from rtamt_gym.trace import read_trace
 
     with open_recording(options.trace) as recording:
-        trace = read_trace(recording, variables_of(specs))
+        trace = read_trace(recording, variables_of(specs), events)
     if options.period is not None:
         return trace, options.period
-    period = trace.period(uneven)
+    period = trace.period()
     if period is None and trace.times is not None and any(s.timed for s in specs.values()):
         raise InputError(
             f"{trace.source}: expected at least two samples to read the period from, got one; "

@@ -68,8 +68,8 @@ def _monitor(options: argparse.Namespace) -> int:
             trace = read_events(recording, variables_of(specs))
         judgements = {n: judge_events(spec, trace, options.view) for n, spec in specs.items()}
     else:
-        uneven = "give --dense to take rows as events at any time"
-        trace, period = read_samples(options, specs, uneven)
+        events = "give --dense to take rows as events at any time"
+        trace, period = read_samples(options, specs, events)
         judgements = {n: judge(spec, trace, period, options.view) for n, spec in specs.items()}
     first = next(iter(judgements.values()))
     print(*report(judgements, described(trace, first.period)), sep="\n")
