@@ -67,6 +67,7 @@ class Course(_Record):
         final: The robustness in the end.
         verdict: What is certain in the end.
         decided_at: The sample that decided it, or None.
+        unit: Of the bounds in the formula that have none.
     """
 
     formula: str
@@ -76,6 +77,7 @@ class Course(_Record):
     final: float
     verdict: Verdict
     decided_at: int | None
+    unit: str = "s"
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
@@ -177,7 +179,10 @@ class Run(_Record):
             InputError: If a specification reads what is no signal of the run.
         """
         if specs is None:
-            specs = {name: course.formula for name, course in self.courses.items()}
+            specs = {
+                name: rtamt.parse(course.formula, unit=course.unit)
+                for name, course in self.courses.items()
+            }
         return {
             name: rtamt.evaluate(spec, self.signals, self.period, n=self.steps + 1)
             for name, spec in load_specs(specs).items()

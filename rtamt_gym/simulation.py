@@ -48,7 +48,7 @@ def simulate(
     | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; optional |
     | `Fmus`: FMUs connected | names of their variables | |
     | a function from time to sample | keys of the sample | |
-    | an iterable of samples | keys of the sample | |
+    | an iterable of samples, or a generator function | keys of the sample | |
 
     A sample is a mapping of names to numbers. Variables of the last three that are not in
     ``signals`` read what has their own name.
@@ -213,6 +213,7 @@ class _Record:
                 judge.robustness,
                 judge.verdict,
                 outcomes[name].get("decided_at"),
+                specs[name].unit,
             )
         return courses
 
@@ -244,7 +245,12 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
         )
     if isinstance(system, System):
         return system
-    if callable(system) or isinstance(system, Iterable):
+    if hasattr(system, "keys"):
+        raise InputTypeError(
+            "expected samples one after the other, got columns; rtamt.evaluate takes these, and "
+            "to_dict('records') makes samples of a data frame"
+        )
+    if callable(system) or (isinstance(system, Iterable) and not isinstance(system, str)):
         return Samples(system)
     raise InputTypeError(
         "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time or an "

@@ -42,6 +42,7 @@ def save(run: Run, path: Path) -> None:
                 "final": repr(course.final),
                 "verdict": course.verdict.name,
                 "decided_at": course.decided_at,
+                "unit": course.unit,
             }
             for name, course in run.courses.items()
         },
@@ -92,6 +93,7 @@ def load(path: Path) -> Run:
                     final=float(course["final"]),
                     verdict=Verdict[course["verdict"]],
                     decided_at=course["decided_at"],
+                    unit=course["unit"],
                 )
                 for name, course in said["courses"].items()
             },

@@ -6,6 +6,7 @@ import difflib
 import itertools
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
+from inspect import isgeneratorfunction
 from typing import Any, Literal, Protocol, runtime_checkable
 
 import gymnasium as gym
@@ -129,16 +130,21 @@ class Environment:
 
 
 class Samples:
-    """Samples from a Python function of time, or from an iterable."""
+    """Samples from a function of time, from a generator function, or from an iterable."""
 
-    def __init__(self, source: Callable[[float], Sample | None] | Iterable[Sample]) -> None:
+    def __init__(
+        self,
+        source: Callable[[float], Sample | None]
+        | Callable[[], Iterator[Sample]]
+        | Iterable[Sample],
+    ) -> None:
         self.period: float | None = None
         self.limit: int | None = None
-        self.needs_period = self.endless = callable(source)
+        self.needs_period = self.endless = callable(source) and not isgeneratorfunction(source)
         self.ended: HowEnded = ""
         name = getattr(source, "__name__", "function").replace("<lambda>", "function")
         self.name = name if callable(source) else "samples"
-        self._source = source
+        self._source: Any = source
         self._samples: Iterator[Sample | None] = iter(())
         self._count = 0
 
@@ -156,11 +162,11 @@ class Samples:
         """The first sample."""
         self.ended = ""
         source = self._source
-        if callable(source):
+        if self.endless:
             period = self._period or Fraction(1)
             self._samples = (source(float(i * period)) for i in itertools.count())
         else:
-            self._samples = iter(source)
+            self._samples = iter(source() if callable(source) else source)
         self._count = 0
         first = self.advance()
         if first is None:
@@ -191,8 +197,8 @@ class Samples:
 
     def close(self) -> None:
         """Closes a generator, which may hold files."""
-        if isinstance(self._source, Generator):
-            self._source.close()
+        if isinstance(self._samples, Generator):
+            self._samples.close()
 
 
 def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Any
 
 import gymnasium as gym
@@ -15,10 +16,11 @@ from hypothesis import strategies as st
 from strategies import INFINITIES, Trace, formulas, length, sample, traces
 
 import rtamt
-from rtamt import EpisodeMonitor, Formula, Monitor, Verdict
+from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
 from rtamt_gym import StepMonitor, StlMonitor, simulate
 from rtamt_gym.run import Run, Stop
 from rtamt_gym.specs import View
+from rtamt_gym.systems import HowEnded
 
 INF = math.inf
 PENDULUM = """
@@ -208,6 +210,56 @@ def test_a_generator_is_closed_when_the_run_stops() -> None:
 
     assert simulate(counting(), "always(x < 3)").steps == 4
     assert closed == [True]
+
+
+def test_a_generator_function_begins_anew_with_every_run() -> None:
+    def counting() -> Iterator[dict[str, float]]:
+        return (yield from ({"x": float(i)} for i in range(3)))
+
+    first = simulate(counting, "always(x < 9)")
+    assert first == simulate(counting, "always(x < 9)")
+    assert (first.system, first.ended, first.steps) == ("counting", "terminated", 2)
+
+
+class Countdown:
+    """A system of one's own."""
+
+    name, period, needs_period, limit, endless = "countdown", 0.5, True, 9, False
+    ended: HowEnded = ""
+    closed = 0
+
+    def bind(self, variables: Any, signals: Any, period: Any) -> None:  # noqa: ANN401
+        self.bound = (list(variables), signals, period)
+
+    def start(self) -> list[float]:
+        self.left, self.ended = 3.0, ""
+        return [self.left]
+
+    def advance(self) -> list[float]:
+        self.left -= 1.0
+        self.ended = "" if self.left else "truncated"
+        return [self.left]
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def test_a_system_of_ones_own_is_run_and_closed() -> None:
+    system = Countdown()
+    run = simulate(system, "always(x > -1)", {"x": "left"})
+    assert system.bound == (["x"], {"x": "left"}, Fraction(1, 2))
+    assert run.signals["x"].tolist() == [3.0, 2.0, 1.0, 0.0]
+    assert (run.ended, run.limit, run.duration, system.closed) == ("truncated", 9, 1.5, 1)
+    with pytest.raises(InputError):
+        simulate(system, "always(sqrt(x - 2) >= 0)")
+    assert system.closed == 2
+
+
+def test_a_unit_of_the_specification_is_that_of_its_replay() -> None:
+    spec = rtamt.parse("always(x < 3 implies eventually[0:20](x > 2))", unit="ms")
+    rows = [{"x": x} for x in (0.0, 0.0, 3.0, 3.0)]
+    run = simulate(rows, spec, period="10ms", stop="end")
+    assert run.replay()["spec"][0] == run.courses["spec"].final == 1.0
 
 
 def test_a_formula_without_variables_is_run_too() -> None:

@@ -81,6 +81,24 @@ Z = {"level": "qpos[2]"}
             ),
         ),
         (
+            ("CartPole-v1", LOW),
+            {},
+            InputTypeError,
+            (
+                "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time "
+                "or an iterable of samples, got 'CartPole-v1'"
+            ),
+        ),
+        (
+            ({"level": [1.0, 2.0]}, LOW),
+            {},
+            InputTypeError,
+            (
+                "expected samples one after the other, got columns; rtamt.evaluate takes these, "
+                "and to_dict('records') makes samples of a data frame"
+            ),
+        ),
+        (
             (ramp, LOW),
             {},
             InputError,
