@@ -118,22 +118,25 @@ def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
         trace: What was judged, in words.
     """
     several = len(judgements) > 1
-    cells = [("spec", "formula", "at the start", "least", "at", "below 0 from")]
+    rows = [("spec", "formula", "at the start", "least", "at", "below 0 from")]
     for name, judgement in judgements.items():
         for formula, series in judgement.series.items():
             least, below = series.least, series.below
-            cells.append(
+            rows.append(
                 (
-                    shorten(name, 20) if formula == next(iter(judgement.series)) else "",
-                    shorten(formula, 20 if several else 30),
+                    name if formula == next(iter(judgement.series)) else "",
+                    formula,
                     number(float(series.values[0])),
                     number(float(series.values[least])),
                     series.at(least),
                     "-" if below is None else series.at(below),
                 )
             )
+    room = 80 - sum(2 + max(map(len, column)) for column in list(zip(*rows, strict=True))[2:])
+    width = max(8, (room - 2) // 2 if several else room)
+    cells = [[shorten(text, width) for text in row[:2]] + [*row[2:]] for row in rows]
     return [
-        *(f"{name}: {j}" if several else str(j) for name, j in judgements.items()),
+        *(f"{shorten(n, 20)}: {j}" if several else str(j) for n, j in judgements.items()),
         trace,
         "",
         *(table(cells, "<<>>>>") if several else table([row[1:] for row in cells], "<>>>>")),

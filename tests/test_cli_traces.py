@@ -114,6 +114,18 @@ def test_options_may_stand_between_specifications_and_the_trace(capsys: Output) 
     assert capsys.readouterr().err == error
 
 
+@pytest.mark.usefixtures("folder")
+def test_long_names_are_cut_to_80_columns(capsys: Output) -> None:
+    name = "the_request_is_granted_before_it_is_withdrawn"
+    for specs in ([f"{name} = always(req < 9.123456)"], [f"{name} = always(req < 9)", "calm.stl"]):
+        assert main(["monitor", *specs, "even.csv"]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert max(map(len, lines)) <= 80
+        shown = lines[-len(specs)].split()[0]
+        assert shown.endswith("...")
+        assert name.startswith(shown.removesuffix("..."))
+
+
 def rows(path: Path) -> list[list[str]]:
     with path.open(newline="") as file:
         return list(csv.reader(file))
