@@ -18,10 +18,9 @@ from rtamt.dense_streams import (
     Part,
     Step,
     Stream,
-    SuffixNode,
-    WindowNode,
     just_after,
 )
+from rtamt.dense_windows import SuffixNode, WindowNode
 from rtamt.events import Column, EventReader, EventsLike
 from rtamt.program import Const, Load, Map, Window
 from rtamt.terms import Registers, Terms

@@ -35,6 +35,7 @@ FLOORS = (
         "placement",
         "discrete",
         "dense_streams",
+        "dense_windows",
         "dense",
         "episode",
         "bank",
