@@ -110,13 +110,14 @@ def simulate(
     loaded = load_specs(specs)
     ran = _as_system(system, policy, seed)
     panel = Panel(loaded, _period(loaded, period, ran), view)
-    limit = _limit(duration, panel.period, ran)
+    most = _most(duration, panel.period, ran)
+    limits = [steps for steps in (most, ran.limit) if steps is not None]
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
     ran.bind(variables, signals, panel.period)
     with closing(ran):
         begin = time.perf_counter()
         record = _Record(panel, variables, nan)
-        ended = _loop(ran, panel, record, stop, limit)
+        ended = _loop(ran, panel, record, stop, most)
         wall_time = time.perf_counter() - begin
     return Run(
         system=ran.name,
@@ -127,14 +128,14 @@ def simulate(
         period=panel.period,
         view=view,
         stop=stop,
-        limit=limit,
+        limit=min(limits, default=None),
         seed=seed,
         label=label,
         wall_time=wall_time,
     )
 
 
-def _loop(system: System, panel: Panel, record: _Record, stop: Stop, limit: int | None) -> Ended:
+def _loop(system: System, panel: Panel, record: _Record, stop: Stop, most: int | None) -> Ended:
     """Feeds samples until there is no more to feed; says why there is not."""
     values: Sequence[float] | None = system.start()
     steps = 0
@@ -147,7 +148,7 @@ def _loop(system: System, panel: Panel, record: _Record, stop: Stop, limit: int 
             return "violation"
         if stop == "decided" and panel.all_decided:
             return "decided"
-        if steps == limit:
+        if steps == most:
             return "duration"
         values = system.advance()
         steps += 1
@@ -185,7 +186,7 @@ class _Record:
             lower, upper = judge.lower, judge.upper
             note((robustness, lower, upper))
             decided += upper < 0.0 or lower > 0.0
-        self._samples.append(values)
+        self._samples.append(tuple(values))
         return decided
 
     def amend(self) -> None:
@@ -285,11 +286,11 @@ def _period(
     return period
 
 
-def _limit(duration: float | None, period: Fraction | None, system: System) -> int | None:
-    """The steps that a run makes at most.
+def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:
+    """The steps after which a run is cut short; None: never.
 
     Raises:
-        InputError: If nothing limits them, or the duration is no time.
+        InputError: If it might go on for ever, or the duration is no time.
     """
     if duration is None:
         if system.endless:
@@ -297,10 +298,9 @@ def _limit(duration: float | None, period: Fraction | None, system: System) -> i
                 f"{system.name} does not end by itself; give duration= in seconds, or "
                 "duration=math.inf to run until it is stopped"
             )
-        return system.limit
+        return None
     if duration == math.inf:
-        return system.limit
+        return None
     # A float duration may lie a little below a whole number of periods.
     seconds = Fraction(check_number("duration", duration, 0.0)).limit_denominator(10**12)
-    steps = int(seconds / (period or 1))
-    return steps if system.limit is None else min(steps, system.limit)
+    return int(seconds / (period or 1))

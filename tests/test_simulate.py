@@ -316,6 +316,14 @@ def test_the_end_of_a_system_settles_and_a_time_limit_does_not() -> None:
     assert (run.ended, run.verdict, run.limit) == ("truncated", Verdict.UNDECIDED, 5)
 
 
+def test_an_environment_without_its_time_limit_runs_on() -> None:
+    env = gym.make("Pendulum-v1", max_episode_steps=5).unwrapped
+    run = simulate(
+        env, "always(v < 99)", {"v": "obs[2]"}, policy=lambda _: [0.0], seed=0, duration=1
+    )
+    assert (run.ended, run.steps) == ("duration", 20)
+
+
 @given(trace=traces())
 def test_a_stopped_run_is_the_beginning_of_the_whole_run(trace: Trace) -> None:
     specs = {"one": "always(a > -2)", "two": "always(b > -3 or c > 1)"}
