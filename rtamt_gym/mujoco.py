@@ -19,7 +19,7 @@ from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import parse_signals
 from rtamt_gym.specs import InstantMonitor, Nan, SpecsLike, View, load_specs
 
-__all__ = ["Controller", "OnStepViolation", "StepMonitor", "bind_signal"]
+__all__ = ["Controller", "OnStepViolation", "StepMonitor"]
 
 Controller = Callable[[Any, Any], object]
 """Called with model and data before a step, to set ``data.ctrl``."""

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError
-from rtamt_gym.mujoco import bind_signal
+from rtamt_gym.mujoco_signals import bind_signal, derive
 from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.systems import HowEnded, Policy
@@ -56,8 +56,8 @@ class Model:
 
     def start(self) -> list[float]:
         """Derives all that depends on the state."""
-        mujoco.mj_forward(self._model, self._data)
-        return [read(None, None, None, {}) for read in self._reads]
+        derive(self._model, self._data)
+        return [read() for read in self._reads]
 
     def advance(self) -> list[float]:
         """Makes the steps of a period; derives what the signals need of the new state."""
@@ -73,8 +73,8 @@ class Model:
                     f"{data.time:g} s: MuJoCo found the simulation unstable and reset it"
                 )
         if self._derives:
-            mujoco.mj_forward(model, data)
-        return [read(None, None, None, {}) for read in self._reads]
+            derive(model, data)
+        return [read() for read in self._reads]
 
     def close(self) -> None:
         """Model and data are the caller's."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.mujoco import bind_signal
+from rtamt_gym.mujoco_signals import bind_signal
 from rtamt_gym.selectors import MUJOCO, Selector
 from rtamt_gym.signals import Signal, SignalLike, parse_signals
 from rtamt_gym.specs import SpecsLike, load_specs
@@ -117,7 +117,7 @@ def _places(
                 f"signal {signal.name!r}: a function reads a running simulation, and a rollout is "
                 "over; give a selector"
             )
-        mark = bind_signal(signal, model, data)(None, None, None, {})
+        mark = bind_signal(signal, model, data)()
         if mark not in marks:
             raise InputError(
                 f"signal {signal.name!r}: {signal} is neither in the states nor in the sensordata "

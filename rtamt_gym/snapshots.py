@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.mujoco import StepMonitor
+from rtamt_gym.mujoco_signals import derive
 
 __all__ = ["Snapshot"]
 
@@ -74,5 +75,5 @@ class Snapshot:
             )
         mujoco.mj_setState(monitor.model, monitor.data, self._simulation, _STATE)
         if monitor.forward:
-            mujoco.mj_forward(monitor.model, monitor.data)
+            derive(monitor.model, monitor.data)
         monitor.restore(self._monitor)
