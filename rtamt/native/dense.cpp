@@ -110,7 +110,21 @@ bool Machine::take() {
         if (brief) break;
     }
     if (!sampler_.started()) settle(sampler_.known());
+    if (!brief) trim();
     return true;
+}
+
+// A long chunk must not decide for ever how much memory there is.
+void Machine::trim() {
+    bool any = false;
+    for (Pending& pending : pending_) {
+        if (pending.times.size() <= Sampler::kBlock) continue;
+        pending = {};
+        any = true;
+    }
+    if (!any) return;
+    sampler_.trim();
+    for (Stream& stream : streams_) stream.trim();
 }
 
 void Machine::proceed() {

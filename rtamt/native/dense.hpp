@@ -74,6 +74,7 @@ private:
     Observer observe(std::size_t i) { return {&streams_[i], streams_[i].add_reader()}; }
     void proceed();
     void settle(double known);
+    void trim();
 
     Sampler sampler_;
     std::vector<Pending> pending_;

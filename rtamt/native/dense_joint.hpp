@@ -92,7 +92,11 @@ private:
         const double* times = s.times();
         if (n == 0 || !within(times[0])) return 0;
         if (within(times[n - 1])) return n;
-        return static_cast<std::size_t>(std::partition_point(times, times + n, within) - times);
+        // Far behind another stream, there is little to read of much.
+        std::size_t end = 1;
+        while (end < n && within(times[end])) end = std::min(n, 2 * end);
+        const double* last = std::partition_point(times + end / 2, times + end, within);
+        return static_cast<std::size_t>(last - times);
     }
 
     void align() {

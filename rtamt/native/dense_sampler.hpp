@@ -44,6 +44,9 @@ public:
     // New events of every variable, and back.
     void extend(const Events* events);
     void retract(const Events* events);
+    void trim() {
+        for (Stream& input : inputs_) input.trim();
+    }
     // The first event of a variable, inf if there is none; before the trace has begun.
     double first_time(std::size_t variable) const { return inputs_[variable].times(0)[0]; }
     // The last one, -inf if there is none.
@@ -59,7 +62,10 @@ public:
     void consume();
     // Whether there will be no nan, and whether one block is all.
     bool rehearse();
-    bool brief() const { return started_ && joint_.upto(kInfinity, kBlock) == kInfinity; }
+    bool brief() const {
+        const double known = this->known();
+        return started_ && joint_.upto(known, kBlock) == known;
+    }
 
     std::size_t size() const { return joint_.size(); }
     const double* times() const { return joint_.times(); }

@@ -107,6 +107,17 @@ public:
         append(&time, &value, 1);
     }
 
+    // Gives back memory that much more steps needed.
+    void trim() {
+        move(kept());
+        const std::size_t room = std::max(kLeast, 2 * (end_ + 1));
+        if (2 * room > times_.size()) return;
+        times_.resize(room);
+        times_.shrink_to_fit();
+        values_.resize(room);
+        values_.shrink_to_fit();
+    }
+
     void clear() {
         times_.resize(std::max<std::size_t>(times_.size(), 2));
         values_.resize(times_.size());
@@ -171,9 +182,14 @@ private:
             values_.resize(times_.size());
         }
         // Half of the room is free now: steps move once in as many appends as there are steps.
-        std::memmove(times_.data(), times_.data() + first, size * sizeof(double));
-        std::memmove(values_.data(), values_.data() + first, size * sizeof(double));
-        end_ = size;
+        move(first);
+    }
+
+    // Drops the steps before a place.
+    void move(std::size_t first) {
+        end_ -= first;
+        std::memmove(times_.data(), times_.data() + first, end_ * sizeof(double));
+        std::memmove(values_.data(), values_.data() + first, end_ * sizeof(double));
         times_[end_] = kInfinity;
         for (std::size_t& next : next_) next -= first;
     }
