@@ -14,7 +14,6 @@ from typing import Any
 from rtamt.compat.declarations import AbstractSpecification
 from rtamt.dense_monitor import DenseMonitor, evaluate_dense
 from rtamt.errors import InputError, InputTypeError
-from rtamt.messages import Field
 
 __all__ = [
     "Pairs",
@@ -49,7 +48,7 @@ class _Dense(AbstractSpecification):
         return []
 
     def _read_signals(self, signals: Iterable[Signal]) -> tuple[Events, Events]:
-        """The events by name, those of one name joined, and those of every variable."""
+        """The events by name, those of one name joined; and those that are needed."""
         named: Events = {}
         for signal in signals:
             try:
@@ -61,17 +60,7 @@ class _Dense(AbstractSpecification):
                     f"got {reprlib.repr(signal)}"
                 )
                 raise InputTypeError(msg) from None
-        columns: Events = {}
-        for variable in self._specification().variables:
-            source = self._source(variable)
-            if source == variable:
-                columns[variable] = named.get(source, [])
-            else:
-                path = tuple(variable.removeprefix(f"{source}.").split("."))
-                field = Field(variable, source, path, None)
-                pairs = named.get(source, [])
-                columns[variable] = [(t, field.of(value, t, "time")) for t, value in pairs]
-        return named, columns
+        return named, {name: named[name] for name in self._sources() if name in named}
 
 
 class StlDenseTimeOnlineSpecification(_Dense):
@@ -90,8 +79,8 @@ class StlDenseTimeOnlineSpecification(_Dense):
 
     _monitor: DenseMonitor | None
     _twin: DenseMonitor
-    _last: dict[str, tuple[float, float]]
-    """Last event of every variable."""
+    _last: dict[str, tuple[float, Any]]
+    """Last event of every variable or message."""
     _told: tuple[float, float] | None
     """The last breakpoint that was given before the monitor gave it."""
     _robustness: float
@@ -134,12 +123,12 @@ class StlDenseTimeOnlineSpecification(_Dense):
 
     def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
         monitor = self._running()
-        named, columns = self._read_signals(signals)
-        for name, events in columns.items():
+        named, needed = self._read_signals(signals)
+        for name, events in needed.items():
             if events and events[0] == self._last.get(name):  # a chunk may begin with it once more
                 del events[0]
-        breakpoints = monitor.update(columns)
-        self._last |= {name: events[-1] for name, events in columns.items() if events}
+        breakpoints = monitor.update(needed)
+        self._last |= {name: events[-1] for name, events in needed.items() if events}
         self.var_object_dict |= named
         return self._untold(breakpoints)
 
@@ -152,7 +141,7 @@ class StlDenseTimeOnlineSpecification(_Dense):
         The steps that begin there decide it, as they last for a while: a twin is told so.
         """
         monitor = self._running()
-        if len(self._last) < len(monitor.variables):
+        if len(self._last) < len(self._sources()):
             return None
         end = min(time for time, _ in self._last.values())
         after = end + 1e-9 * (abs(end) + monitor.horizon + 1.0)
@@ -216,10 +205,10 @@ class StlDenseTimeOfflineSpecification(_Dense):
             InputTypeError: Likewise.
         """
         spec = self._specification()
-        named, columns = self._read_signals(signals)
-        pairs = [[*pair] for pair in evaluate_dense(spec, columns, **self._options())]
+        named, needed = self._read_signals(signals)
+        pairs = [[*pair] for pair in evaluate_dense(spec, needed, **self._options())]
         self.var_object_dict |= named
-        self._signals, self._ran = columns, self._whole
+        self._signals, self._ran = needed, self._whole
         return pairs
 
     def _forget(self) -> None:
