@@ -29,7 +29,7 @@ ARM = """
     </body>
     <body name="ball.1" pos=".8 0 .3">
       <freejoint name="loose"/>
-      <geom name="skin" size=".1"/>
+      <geom name="skin" size=".1" margin=".05" gap=".05"/>
     </body>
   </worldbody>
   <tendon><fixed name="cord"><joint joint="elbow" coef="1"/></fixed></tendon>

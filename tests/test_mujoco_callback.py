@@ -99,15 +99,27 @@ def test_other_simulations_are_left_alone() -> None:
     model, data = arm()
     other, others = arm("RK4")
     env = gym.make("InvertedPendulum-v5")
-    monitor = StepMonitor(model, data, SPEC, SIGNALS)
-    with monitor.attached():
+    seen: list[float] = []
+
+    def look(_model: Any, data: Any) -> float:  # noqa: ANN401
+        # Late after a step, in time inside of the next one.
+        seen.append(float(data.site("grip").xpos[2]))
+        return 0.0
+
+    with StepMonitor(model, data, "always(x < 1)", {"x": look}).attached():
         mujoco.mj_step(model, data, nstep=5)
         mujoco.mj_step(other, others, nstep=7)
         env.reset(seed=1)
         env.step(env.action_space.sample())
         mujoco.mj_step(model, data, nstep=5)
     env.close()
-    assert monitor.samples == 11
+    disturbed = seen.copy()
+    seen.clear()
+    alone = mujoco.MjData(model)
+    with StepMonitor(model, alone, "always(x < 1)", {"x": look}).attached():
+        mujoco.mj_step(model, alone, nstep=10)
+    assert disturbed == seen
+    assert len(seen) == 11
 
 
 def test_two_monitors_may_be_attached() -> None:

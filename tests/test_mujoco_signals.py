@@ -15,7 +15,7 @@ from mechanisms import arm, swing
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor
-from rtamt_gym.mujoco_signals import bind_signal
+from rtamt_gym.mujoco_signals import bind_signal, derive
 from rtamt_gym.selectors import MUJOCO, Selector, parse_selector
 from rtamt_gym.signals import Signal
 
@@ -214,6 +214,22 @@ def test_a_field_that_is_made_when_it_is_read_is_no_field() -> None:
         return
     with pytest.raises(InputError, match="got 'moment'"):
         reader("actuator:motor.moment[0]", model, data)
+
+
+def test_what_is_derived_again_leaves_the_warm_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, data = arm()
+    mujoco.mj_step(model, data)
+    before = data.qacc_warmstart.copy()
+    forward = mujoco.mj_forward
+
+    def as_in_older_versions(model: Any, data: Any) -> None:  # noqa: ANN401
+        forward(model, data)
+        data.qacc_warmstart[:] = data.qacc
+
+    monkeypatch.setattr(mujoco, "mj_forward", as_in_older_versions)
+    derive(model, data)
+    assert np.array_equal(data.qacc_warmstart, before)
+    assert not np.array_equal(data.qacc, before)
 
 
 HINT = "  hint: write qpos[0], sensor:imu[0] or body:torso.xpos[2]"

@@ -12,6 +12,7 @@ from mechanisms import INTEGRATORS, arm
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import StepMonitor
+from rtamt_gym.mujoco_clock import Clock
 
 X = {"x": "qpos[0]"}
 
@@ -128,6 +129,15 @@ def test_the_message_says_what_may_have_happened() -> None:
         "others, its timestep was changed, or it was unstable, so that MuJoCo reset it "
         "(data.warning); call reset()"
     )
+
+
+def test_rounding_of_the_time_does_not_add_up() -> None:
+    clock = Clock()
+    clock.start(5.0, 0.1)
+    for sample in range(0, 10_000, 16):
+        clock.check(5.0 + 0.1 * sample * (1 + 5e-4), sample)
+    with pytest.raises(StateError):
+        clock.check(5.0 + 0.1 * 10_016, 10_016)
 
 
 def test_no_verdict_is_decided_from_samples_of_another_course() -> None:
