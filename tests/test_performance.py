@@ -94,3 +94,42 @@ def test_evaluate_is_linear_in_the_length_of_the_trace(backend: Backend) -> None
         margin,
     )
     assert seen <= margin
+
+
+def events(start: int, n: int) -> dict[str, rtamt.Events]:
+    times = np.arange(start, start + n) / 100
+    return {name: rtamt.Events(times, v) for name, v in zip("ab", noise(n).T, strict=True)}
+
+
+@backends
+def test_evaluate_dense_is_linear_in_the_number_of_events(backend: Backend) -> None:
+    n = 50_000 if backend == "native" else 400
+    short, long = events(0, n), events(0, 4 * n)
+    spec = rtamt.parse("((a > 1) implies eventually[0:5](b > 0)) and (a > -2) until[0:2] (b > 1)")
+    margin = 4 * 2.0
+    seen = ratio(
+        lambda: rtamt.evaluate_dense(spec, long, backend=backend),
+        lambda: rtamt.evaluate_dense(spec, short, backend=backend),
+        margin,
+    )
+    assert seen <= margin
+
+
+@backends
+def test_dense_update_costs_the_same_while_a_variable_runs_ahead(backend: Backend) -> None:
+    n = 60_000 if backend == "native" else 20_000
+    ahead = events(0, n)
+
+    def late(lead: int) -> Callable[[], None]:
+        monitor = rtamt.DenseMonitor("always[0:1](a + b > -2)", backend=backend)
+        monitor.update({"a": ahead["a"][:lead], "b": ahead["b"][:1]})
+        fresh = iter(zip(ahead["b"].times.tolist(), ahead["b"].values.tolist(), strict=True))
+        next(fresh)
+
+        def feed() -> None:
+            for _ in range(50):
+                monitor.update({"b": [next(fresh)]})
+
+        return feed
+
+    assert ratio(late(n), late(n // 20), margin=3) <= 3
