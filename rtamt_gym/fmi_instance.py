@@ -9,7 +9,7 @@ from typing import Any, Final, NoReturn
 
 import fmpy  # type: ignore[import-untyped]
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
-from fmpy.fmi2 import fmi2Discard, fmi2Terminated  # type: ignore[import-untyped]
+from fmpy.fmi2 import fmi2Discard, fmi2Fatal, fmi2Terminated  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError
 
@@ -66,7 +66,8 @@ class Instance:
         self._name = name
         self._said: list[str] = []
         self._now = 0.0
-        self._failed = False
+        self._steps = False
+        self._dead = False
         self.ended = False
         self._version = 2 if described.fmiVersion == "2.0" else 3
         try:
@@ -87,6 +88,7 @@ class Instance:
     def exit(self) -> None:
         """Ends the initialization."""
         self._call(self._fmu.exitInitializationMode)
+        self._steps = True
 
     def step(self, now: float, size: float) -> bool:
         """Goes on by a communication step; False if the FMU has ended before the end of it.
@@ -147,10 +149,11 @@ class Instance:
         return write
 
     def close(self) -> None:
-        """Ends and frees the instance, if it still can be."""
-        if not self._failed:
-            self._fmu.terminate()
-        self._fmu.freeInstance()
+        """Ends and frees the instance, as far as its state allows."""
+        if self._steps:
+            self._call(self._fmu.terminate)
+        if not self._dead:
+            self._fmu.freeInstance()
 
     def _groups(
         self, verb: str, variables: Sequence[Any]
@@ -176,7 +179,8 @@ class Instance:
             self._fail(error)
 
     def _fail(self, error: FMICallException) -> NoReturn:
-        self._failed = True
+        self._steps = False
+        self._dead = error.status == fmi2Fatal  # of FMI 3.0 as well
         raise StateError(
             f"FMU {self._name!r} failed at {self._now:g} s: {error}{self._words()}"
         ) from error

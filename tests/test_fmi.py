@@ -139,6 +139,13 @@ def test_an_fmu_that_fails_says_when_and_why(folder: Path, version: int) -> None
     assert simulate(system, LOW, duration=0.5).steps == 5
 
 
+def test_fmus_that_were_loaded_are_freed_when_the_next_is_not(folder: Path) -> None:
+    system = Fmus([folder / "tank.fmu", folder / "other.fmu"])
+    for _ in range(2):
+        with pytest.raises(InputError, match="cannot load the FMU 'other': "):
+            simulate(system, "always(tank.level < 9)", duration=1)
+
+
 def test_names_that_formulas_cannot_have_are_read_by_signals(folder: Path) -> None:
     run = simulate(
         Fmus({"tank 1": folder / "tank.fmu"}), LOW, {"level": "tank 1.level"}, duration=1
