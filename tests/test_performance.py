@@ -102,20 +102,6 @@ def events(start: int, n: int) -> dict[str, rtamt.Events]:
 
 
 @backends
-def test_evaluate_dense_is_linear_in_the_number_of_events(backend: Backend) -> None:
-    n = 200_000 if backend == "native" else 400
-    short, long = events(0, n), events(0, 4 * n)
-    spec = rtamt.parse("((a > 1) implies eventually[0:5](b > 0)) and (a > -2) until[0:2] (b > 1)")
-    margin = 4 * 2.0
-    seen = ratio(
-        lambda: rtamt.evaluate_dense(spec, long, backend=backend),
-        lambda: rtamt.evaluate_dense(spec, short, backend=backend),
-        margin,
-    )
-    assert seen <= margin
-
-
-@backends
 def test_dense_update_costs_the_same_while_a_variable_runs_ahead(backend: Backend) -> None:
     n = 60_000 if backend == "native" else 20_000
     ahead = events(0, n)
