@@ -118,7 +118,8 @@ def test_no_requirement_has_an_upper_bound(
 def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distribution) -> None:
     extras = distribution.metadata.get_all("Provides-Extra")
     assert extras is not None
-    assert set(extras) == {"gym", "highway", "search", "rl", "plot", "test", "dev"}
+    promised = {"gym", "highway", "search", "rl", "plot", "parquet", "fmi", "test", "dev"}
+    assert set(extras) == promised
 
 
 def test_the_version_is_one_number(distribution: importlib.metadata.Distribution) -> None:
