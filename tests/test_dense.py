@@ -38,7 +38,7 @@ def test_evaluate_dense_gives_the_definition(
 
 
 @pytest.mark.parametrize("name", DENSE)
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(data=st.data(), whole=signals())
 def test_every_operator_means_what_its_definition_says(
     name: str, data: st.DataObject, whole: Signals, backend: Backend
@@ -48,6 +48,7 @@ def test_every_operator_means_what_its_definition_says(
     assert evaluate_dense(formula, whole, backend=backend) == expected(formula, whole)
 
 
+@settings(max_examples=50)
 @given(
     formula=formulas(endless=True, total=False, dense=True).filter(lambda f: f.variables),
     whole=signals(st.sampled_from(INFINITIES)),
@@ -56,6 +57,7 @@ def test_infinite_values_are_legal(formula: Formula, whole: Signals, backend: Ba
     assert evaluate_dense(formula, whole, backend=backend) == expected(formula, whole)
 
 
+@settings(max_examples=50)
 @given(formula=dense_formulas, whole=signals())
 def test_a_positive_robustness_holds_and_a_negative_one_does_not(
     formula: Formula, whole: Signals, backend: Backend
@@ -138,6 +140,7 @@ def sampled(trace: Trace) -> Signals:
     return {name: list(enumerate(map(float, column))) for name, column in trace.items()}
 
 
+@settings(max_examples=60)
 @given(formula=agreeing().filter(lambda f: f.variables), trace=traces())
 def test_dense_time_equals_discrete_time_on_samples_as_steps(
     formula: Formula, trace: Trace, backend: Backend
@@ -150,7 +153,7 @@ def test_dense_time_equals_discrete_time_on_samples_as_steps(
 
 @pytest.mark.parametrize("operator", ["always", "eventually"])
 @given(trace=traces(), begin=st.integers(1, 3), width=st.integers(0, 3))
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_a_later_window_equals_discrete_time_while_it_ends_before_the_last_sample(
     operator: str, trace: Trace, begin: int, width: int, backend: Backend
 ) -> None:

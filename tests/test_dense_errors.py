@@ -220,7 +220,7 @@ def test_a_term_is_no_number_only_within_the_trace(backend: Backend) -> None:
     shares=chunks(),
     data=st.data(),
 )
-@settings(max_examples=50)
+@settings(max_examples=30)
 def test_a_refused_update_leaves_no_trace(
     formula: Formula,
     whole: Signals,

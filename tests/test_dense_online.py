@@ -132,7 +132,7 @@ def test_named_formulas_have_values_late_by_their_own_latency(backend: Backend) 
 
 
 @given(formula=bounded, other=bounded, whole=signals(), shares=chunks())
-@settings(max_examples=50)
+@settings(max_examples=30)
 def test_values_are_the_robustness_just_before_it_is_unknown(
     formula: Formula, other: Formula, whole: Signals, shares: list[list[float]], backend: Backend
 ) -> None:
@@ -166,7 +166,7 @@ def again(monitor: DenseMonitor) -> DenseMonitor:
 
 @pytest.mark.parametrize("twin", [copy.copy, copy.deepcopy, again])
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 5))
-@settings(max_examples=40)
+@settings(max_examples=20)
 def test_a_twin_continues_and_leaves_the_original_alone(
     twin: Callable[[DenseMonitor], DenseMonitor],
     formula: Formula,
@@ -192,7 +192,7 @@ def test_a_twin_continues_and_leaves_the_original_alone(
 
 
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 6))
-@settings(max_examples=50)
+@settings(max_examples=30)
 def test_reset_forgets_everything(
     formula: Formula, whole: Signals, shares: list[list[float]], after: int, backend: Backend
 ) -> None:
