@@ -277,20 +277,27 @@ def test_a_long_file_is_judged_in_the_time_that_its_lines_take(
     assert "big.csv: 100000 samples, one every 0.01 s, 0 s to 999.99 s" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("folder")
-def test_on_a_terminal_a_bar_shows_how_far_it_is() -> None:
+def on_a_terminal(prelude: str) -> str:
+    """What the command line writes to a terminal of 80 columns on stderr."""
     code = (
-        "import sys, rtamt_gym.progress as p; p.DELAY = 0;"
+        f"import sys, rtamt_gym.progress as p; p.DELAY = 0; {prelude};"
         "from rtamt_gym.__main__ import main; sys.exit(main(['monitor', 'calm.stl', 'even.csv']))"
     )
     reading, writing = pty.openpty()
     termios.tcsetwinsize(writing, (24, 80))
     command = [sys.executable, "-c", code]
     ran = subprocess.run(command, stdout=subprocess.PIPE, stderr=writing, check=True)
-    os.write(writing, b"end\n")  # a read of nothing would wait for ever
+    os.write(writing, b"end")  # a read of nothing would wait for ever
     shown = os.read(reading, 10_000).decode()
     os.close(writing)
     os.close(reading)
     assert ran.stdout.startswith(b"SATISFIED")
+    return shown
+
+
+@pytest.mark.usefixtures("folder")
+def test_on_a_terminal_a_bar_shows_how_far_it_is_if_tqdm_is_installed() -> None:
+    shown = on_a_terminal("import tqdm")
     assert "reading even.csv:   0%" in shown
     assert "judging:   0%" in shown
+    assert on_a_terminal("sys.modules['tqdm'] = None") == "end"
