@@ -190,8 +190,10 @@ def test_the_unit_and_the_period_may_come_after_parse() -> None:
     spec = declared("always[0:200](a > 0)", ("a",))
     spec.unit = "ms"
     spec.set_sampling_period(100, "ms")
-    values = [spec.update(100 * i, [("a", x)]) for i, x in enumerate([3.0, 2.0, 1.0, 4.0])]
-    assert (values, spec.sampling_violation_counter) == ([3.0, 2.0, 1.0, 1.0], 0)
+    samples = enumerate([3.0, 2.0, 1.0, 4.0, 6.0, 7.0])
+    values = [spec.update(100 * i, [("a", x)]) for i, x in samples]
+    assert values == [3.0, 2.0, 1.0, 1.0, 1.0, 4.0]
+    assert spec.sampling_violation_counter == 0
     assert spec.get_sampling_frequency() == 10.0
 
 
