@@ -288,11 +288,13 @@ def on_a_terminal(prelude: str) -> str:
     command = [sys.executable, "-c", code]
     ran = subprocess.run(command, stdout=subprocess.PIPE, stderr=writing, check=True)
     os.write(writing, b"end")  # a read of nothing would wait for ever
-    shown = os.read(reading, 10_000).decode()
+    shown = b""
+    while not shown.endswith(b"end"):
+        shown += os.read(reading, 1000)
     os.close(writing)
     os.close(reading)
     assert ran.stdout.startswith(b"SATISFIED")
-    return shown
+    return shown.decode()
 
 
 @pytest.mark.usefixtures("folder")
