@@ -113,6 +113,9 @@ class EpisodeMachine(Machine, Protocol):
     def upper(self) -> float:
         """The greatest over all continuations."""
 
+    def bounds(self) -> tuple[float, float]:
+        """Both bounds in one call."""
+
     @property
     def finished(self) -> bool:
         """Whether the trace has ended."""

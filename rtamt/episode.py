@@ -178,6 +178,10 @@ class EpisodeMachine:
         choose = min if instruction.function == "min" else max
         return [choose(found[a][world] for a in instruction.args) for world in WORLDS]
 
+    def bounds(self) -> tuple[float, float]:
+        """The lower and the upper bound."""
+        return self.lower, self.upper
+
     def finish(self) -> float:
         """End the trace here; see `EpisodeMonitor.finish`."""
         if self.samples == 0:

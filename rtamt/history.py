@@ -63,6 +63,10 @@ class Recorder:
         """The greatest over all continuations."""
         return self._machine.upper
 
+    def bounds(self) -> tuple[float, float]:
+        """Both bounds in one call."""
+        return self._machine.bounds()
+
     @property
     def finished(self) -> bool:
         """Whether the trace has ended."""

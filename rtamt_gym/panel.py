@@ -110,7 +110,7 @@ class Panel:
         """
         if len(self._monitors) == len(reads) == 1:
             (read,), ((_, monitor, judge),) = reads, self._monitors
-            update = monitor.update
+            update, bounds = monitor.update, judge.bounds
 
             def sample(
                 obs: Any,  # noqa: ANN401
@@ -119,7 +119,7 @@ class Panel:
                 info: dict[str, Any],
             ) -> tuple[float, float, float, int]:
                 robustness = update(read(obs, action, reward, info))
-                lower, upper = judge.lower, judge.upper
+                lower, upper = bounds()
                 return robustness, lower, upper, upper < 0.0 or lower > 0.0
 
             return sample
@@ -141,12 +141,14 @@ class Panel:
         """
         if len(self._monitors) == len(reads) == 1:
             (read,), ((_, monitor, judge),) = reads, self._monitors
-            update = monitor.update
+            update, bounds = monitor.update, judge.bounds
 
             def feed() -> float:
                 robustness = update(read())
-                if not self.settled and (judge.upper < 0.0 or judge.lower > 0.0):
-                    decide()
+                if not self.settled:
+                    lower, upper = bounds()
+                    if upper < 0.0 or lower > 0.0:
+                        decide()
                 return robustness
 
             return feed
@@ -165,7 +167,12 @@ class Panel:
         self, names: Sequence[str]
     ) -> Callable[[list[float]], tuple[float, float, float, int]]:
         picks = [
-            (monitor.update, indices[0] if len(indices) == 1 else None, _pick(indices), judge)
+            (
+                monitor.update,
+                indices[0] if len(indices) == 1 else None,
+                _pick(indices),
+                judge.bounds,
+            )
             for name, monitor, judge in self._monitors
             for indices in [tuple(names.index(variable) for variable in self.variables[name])]
         ]
@@ -173,9 +180,9 @@ class Panel:
         def feed(values: list[float]) -> tuple[float, float, float, int]:
             robustness = lower = upper = math.inf
             decided = 0
-            for update, index, pick, judge in picks:
+            for update, index, pick, bounds in picks:
                 value = update(*pick(values)) if index is None else update(values[index])
-                low, high = judge.lower, judge.upper
+                low, high = bounds()
                 if high < 0.0 or low > 0.0:
                     decided += 1
                 # Calls of min() would cost as much as all the rest.

@@ -37,6 +37,7 @@ def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend)
             assert feed(monitor, trace, n - 1) == monitor.robustness
         expected = episode(formula, trace, n)
         assert np.array_equal(offered(monitor), expected, equal_nan=True), n
+        assert monitor.bounds() == expected[1:]
         assert monitor.verdict is verdict(*expected[1:])
         assert (monitor.samples, monitor.finished) == (n, False)
 

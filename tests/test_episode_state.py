@@ -180,3 +180,14 @@ def test_refused_input_leaves_the_episode_as_it_was(
                 monitor.update(bad)
         assert monitor.update(good) == twin.update(good)
         assert offered(monitor) == offered(twin)
+
+
+def test_bounds_are_lower_and_upper_wherever_an_episode_is_taken(backend: Backend) -> None:
+    monitor = EpisodeMonitor("always[0:5](a > 0)", backend=backend, history=True)
+    monitor.update(2.0)
+    for twin in (monitor, copy.copy(monitor), pickle.loads(pickle.dumps(monitor))):
+        assert twin.bounds() == (twin.lower, twin.upper) == (-math.inf, 2.0)
+        twin.finish()
+        assert twin.bounds() == (2.0, 2.0)
+        twin.reset()
+        assert twin.bounds() == (-math.inf, math.inf)
