@@ -57,8 +57,13 @@ def saved_note(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def to_json(runs: Sequence[Run]) -> str:
-    """The outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
+def to_json(runs: Sequence[Run], on_violation: str) -> str:
+    """The outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
+
+    Args:
+        runs: One or more of one environment.
+        on_violation: What a certain violation did.
+    """
     first = runs[0]
     return json.dumps(
         {
@@ -66,7 +71,7 @@ def to_json(runs: Sequence[Run]) -> str:
             "environment": first.system,
             "period": None if first.period is None else float(first.period),
             "time_limit": first.limit,
-            "stop": first.stop,
+            "on_violation": on_violation,
             "specs": {name: course.formula for name, course in first.courses.items()},
             "episodes": [_outcome(run) for run in runs],
         },

@@ -157,7 +157,7 @@ def test_run_prints_a_row_for_every_specification_of_every_episode(
 
 
 def test_run_that_only_reports_says_when_verdicts_were_certain(capsys: Output, ramp: str) -> None:
-    arguments = f"run {ramp} --signal x=obs[0] --policy zero --stop end".split()
+    arguments = f"run {ramp} --signal x=obs[0] --policy zero --on-violation report".split()
     specs = ["--spec", "always(x < 5.5)", "--spec", "always(x < 9)"]
     assert main([*arguments, *specs, "--max-steps", "7", "--seed", "1"]) == 0
     assert capsys.readouterr().out.splitlines()[3:] == [
@@ -192,7 +192,7 @@ def test_run_writes_strict_json_with_infinities_as_text(
         "environment": ramp,
         "period": 0.1,
         "time_limit": 8,
-        "stop": "violation",
+        "on_violation": "terminate",
         "specs": {"low": "always(x < 5.5)"},
         "episodes": [
             {

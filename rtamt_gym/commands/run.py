@@ -52,11 +52,10 @@ def add(commands: Commands) -> None:
     )
     run.add_argument("--episodes", type=positive, default=1, metavar="N", help="how many (1)")
     run.add_argument(
-        "--stop",
-        choices=("violation", "decided", "end"),
-        default="violation",
-        help="at the first certain violation, also when every verdict is certain, or at the end "
-        "of the episode only (violation)",
+        "--on-violation",
+        choices=("terminate", "truncate", "report"),
+        default="terminate",
+        help="what a certain violation does to the episode (terminate)",
     )
     run.add_argument(
         "--policy", choices=("random", "zero"), default="random", help="the actions (random)"
@@ -109,7 +108,7 @@ def _run(options: argparse.Namespace) -> int:
             policy=policies(seed),
             seed=seed,
             period=options.period,
-            stop=options.stop,
+            stop="end" if options.on_violation == "report" else "violation",
             view=options.view,
         )
         for seed in range(options.seed, options.seed + options.episodes)
@@ -119,7 +118,7 @@ def _run(options: argparse.Namespace) -> int:
         print(f"{name}: {spec.formula}")
     print("", *report(runs), "", *saved_note(runs), sep="\n")
     if options.json:
-        options.json.write_text(to_json(runs) + "\n", encoding="utf-8")
+        options.json.write_text(to_json(runs, options.on_violation) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
         shown = next((i for i, run in enumerate(runs) if run.violated_by), 0)
