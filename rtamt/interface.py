@@ -102,13 +102,13 @@ def as_interface(
         spec: Declares inputs and outputs, where they are not given.
         semantics: Which robustness is meant.
         inputs: Variables that the system reads; the name of a message stands for its fields. None:
-            those that the text declares ``input``.
+            those that the text declares ``input``; empty: there are none.
         outputs: Variables that the system sets, likewise.
 
     Raises:
         InputError: On an unknown semantics, a name that is no variable of the specification or
-            that is both input and output, or if the semantics is about inputs (outputs) and there
-            are none.
+            that is both input and output, or if the semantics is about inputs (outputs) and
+            neither text nor argument says which.
         InputTypeError: On names that are no texts.
 
     Example:
@@ -135,7 +135,8 @@ def as_interface(
         raise InputError(msg)
     if semantics != "standard":
         role, _ = _MEANINGS[semantics]
-        if not (reads if role == "input" else sets):
+        said, found = (inputs, reads) if role == "input" else (outputs, sets)
+        if said is None and not found:
             free = (v for v in spec.variables if v not in (*reads, *sets))
             some = next(free, "x")
             msg = (

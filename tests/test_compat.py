@@ -1,6 +1,7 @@
 """The released classes for samples: laws on generated formulas, and the shapes of their calls."""
 
 import copy
+import math
 import pickle
 from typing import Any
 
@@ -309,3 +310,12 @@ def test_explain_says_what_decided_the_first_sample() -> None:
     explanation = spec.explain()
     assert explanation.robustness == -2.0
     assert [cause.sample for cause in explanation.causes] == [1, 1]
+
+
+def test_a_formula_without_outputs_has_the_robustness_of_what_is_given() -> None:
+    spec = rtamt.StlDiscreteTimeSpecification(rtamt.Semantics.OUTPUT_ROBUSTNESS)
+    spec.declare_var("req", "float")
+    spec.set_var_io_type("req", "input")
+    spec.spec = "req >= 3"
+    spec.parse()
+    assert spec.evaluate({"time": [0, 1], "req": [4, 1]}) == [[0, math.inf], [1, -math.inf]]

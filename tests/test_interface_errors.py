@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from types import SimpleNamespace
 from typing import Any
@@ -41,15 +42,6 @@ REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
         (
             "semantics='input-vacuity' is about inputs, and there are none; declare them in the "
             "text (input float req) or name them: inputs=('req',)"
-        ),
-    ),
-    (
-        DECLARED,
-        {"semantics": "output-robustness", "outputs": ()},
-        InputError,
-        (
-            "semantics='output-robustness' is about outputs, and there are none; declare them in "
-            "the text (output float gnt) or name them: outputs=('gnt',)"
         ),
     ),
     (
@@ -145,6 +137,14 @@ output Twist odom
 output float cmd.ok
 cmd.linear.x > 1 or cmd.linear.y > 1 or cmd.ok > 1 or odom.linear.x > 1
 """
+
+
+def test_a_side_that_is_said_to_be_empty_leaves_every_predicate_to_the_other() -> None:
+    spec, data = "req >= 3 or gnt >= 3", {"req": [4, 1], "gnt": [0, 1]}
+    robustness = evaluate(spec, data, semantics="output-robustness", outputs=())
+    assert robustness.tolist() == [math.inf, -math.inf]
+    vacuity = evaluate(spec, data, semantics="input-vacuity", inputs=(), outputs=("req", "gnt"))
+    assert vacuity.tolist() == [0.0, 0.0]
 
 
 def test_a_message_stands_for_its_fields_and_the_innermost_name_decides() -> None:
