@@ -113,7 +113,7 @@ class Machine:
             self._inputs.retract([len(times) for times, _ in columns])
             raise
         self._first, self._last, self._begin, self._end = first, last, begin, end
-        while self._inputs.next <= end and begin <= end:
+        while self._inputs.next <= end:
             self._inputs.take()
         if rows:
             if self._waits is not None:

@@ -265,7 +265,8 @@ def _pairs(given: object, message: str) -> list[tuple[object, object]]:
 
 
 def _table(given: object, name: str) -> Array:
-    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+    # What has keys iterates over them, or over values without times, as columns of pandas do.
+    if isinstance(given, str | bytes) or hasattr(given, "keys") or not isinstance(given, Iterable):
         msg = f"expected {_forms(name)}, got {kind_of(given)}"
         raise InputTypeError(msg)
     if isinstance(given, np.ndarray):
@@ -273,22 +274,30 @@ def _table(given: object, name: str) -> Array:
         if not table.size:
             return np.empty((0, 2))
         if table.ndim != 2 or table.shape[1] != 2:
-            msg = f"expected {_forms(name)}, got shape {table.shape}"
-            raise InputError(msg)
+            raise _misshapen(table, name)
         return table
     events = list(given)
     try:
         table = np.array(events)
     except (ValueError, TypeError):  # pairs and others
         table = _NOTHING
-    if table.dtype.kind in "biuf" and table.ndim == 2 and table.shape[1] == 2:
+    if table.dtype.kind in "biuf" and table.ndim == 2:
+        if table.shape[1] != 2:
+            raise _misshapen(table, name)
         return table.astype(np.float64, copy=False)
     pairs = [_pair(event, i, name) for i, event in enumerate(events)]
     return np.array(pairs, np.float64).reshape(-1, 2)
 
 
+def _misshapen(table: NDArray[np.generic], name: str) -> InputError:
+    return InputError(f"expected {_forms(name)}, got shape {table.shape}")
+
+
 def _forms(name: str) -> str:
-    return f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or Events"
+    return (
+        f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or "
+        "Events(times, values)"
+    )
 
 
 def _pair(event: object, i: int, name: str) -> tuple[float, float]:

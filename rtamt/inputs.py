@@ -326,7 +326,7 @@ def _is_count(n: object) -> bool:
 
 
 def kind_of(value: object) -> str:
-    """Type and beginning of a value, for messages."""
-    text = repr(value)
+    """Type and beginning of a value in one line, for messages."""
+    text = " ".join(repr(value).split())
     shown = text if len(text) <= 40 else text[:37] + "..."
     return f"{type(value).__name__} {shown}"

@@ -3,7 +3,7 @@
 import functools
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any, Literal
 
@@ -45,7 +45,24 @@ def monitor(backend: Backend) -> DenseMonitor:
     return made
 
 
-FORMS = "events of 'req' as a sequence of (time, value), an array of shape (n, 2) or Events"
+class Column:
+    """Values with an index, as those of data frames: has keys, and iterates over values."""
+
+    def __init__(self, values: dict[float, float]) -> None:
+        self.values = values
+        self.keys = values.keys
+
+    def __iter__(self) -> Iterator[float]:
+        return iter(self.values.values())
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{key}    {value}" for key, value in self.values.items())
+
+
+FORMS = (
+    "events of 'req' as a sequence of (time, value), an array of shape (n, 2) or "
+    "Events(times, values)"
+)
 WRONG: list[tuple[Any, Error, str]] = [
     (
         {"rq": [(3, 1)]},
@@ -71,6 +88,11 @@ WRONG: list[tuple[Any, Error, str]] = [
     ({"req": 4.0}, InputTypeError, f"expected {FORMS}, got float 4.0"),
     ({"req": None}, InputTypeError, f"expected {FORMS}, got NoneType None"),
     ({"req": {3: 1}}, InputTypeError, f"expected {FORMS}, got dict {{3: 1}}"),
+    (
+        {"req": Column({3.0: 1, 4.0: 2})},
+        InputTypeError,
+        f"expected {FORMS}, got Column 3.0 1 4.0 2",
+    ),
     (
         {"req": (3, 1)},
         InputError,
@@ -107,6 +129,7 @@ WRONG: list[tuple[Any, Error, str]] = [
         "expected a number as the value of event 0 of 'req', got int " + "1" + "0" * 36 + "...",
     ),
     ({"req": np.zeros((2, 3))}, InputError, f"expected {FORMS}, got shape (2, 3)"),
+    ({"req": ([3, 4, 5], [1, 1, 2])}, InputError, f"expected {FORMS}, got shape (2, 3)"),
     ({"req": np.zeros(4)}, InputError, f"expected {FORMS}, got shape (4,)"),
     (
         {"req": np.array([["3", "1"]])},

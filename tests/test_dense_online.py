@@ -191,6 +191,23 @@ def test_a_twin_continues_and_leaves_the_original_alone(
     assert twin(monitor).finish() == []
 
 
+@given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 5))
+@settings(max_examples=20)
+def test_a_state_stays_as_it_was_taken_whatever_goes_on_from_it(
+    formula: Formula, whole: Signals, shares: list[list[float]], after: int, backend: Backend
+) -> None:
+    calls = chunked(whole, shares)
+    monitor = DenseMonitor(formula, backend=backend)
+    begun = [step for chunk in calls[:after] for step in monitor.update(of(monitor, chunk))]
+    make, arguments, state = monitor.__reduce__()
+    expected = list(evaluate_dense(formula, whole, backend=backend))
+    assert begun + play(monitor, calls[after:]) == expected
+    for _ in range(2):
+        other = make(*arguments)
+        other.__setstate__(state)
+        assert begun + play(other, calls[after:]) == expected
+
+
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 6))
 @settings(max_examples=30)
 def test_reset_forgets_everything(
