@@ -14,6 +14,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from numbers import Real
 from typing import NamedTuple, SupportsIndex, cast
 
 import numpy as np
@@ -23,7 +24,7 @@ from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError
 from rtamt.evaluation import whole_trace
 from rtamt.formula import Formula, Node
-from rtamt.inputs import Columns, NanPolicy, SampleReader
+from rtamt.inputs import Columns, NanPolicy, SampleReader, kind_of
 from rtamt.interface import Interface, Names, Reading, Semantics, as_interface
 from rtamt.lowering import compile_program
 from rtamt.offline import run_outputs
@@ -213,8 +214,9 @@ def explain(
 
     Raises:
         SpecificationError: As `evaluate` does.
-        InputError: Likewise, and if the trace has no such sample.
-        InputTypeError: As `evaluate` does, and if ``sample`` is no whole number.
+        InputError: Likewise, if the trace has no such sample, or ``start`` is not finite.
+        InputTypeError: As `evaluate` does, and if ``sample`` is no whole number or ``start`` no
+            number.
 
     Example:
         >>> trace = {"req": [0, 4, 0, 0, 0], "gnt": [5, 0, 0, 1, 4]}
@@ -235,6 +237,7 @@ def explain(
     """
     specification = as_specification(spec)
     seconds = as_period(period)
+    start = _time(start)
     formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
     names = {f"#{i}": formula for i, formula in enumerate(formulas)}  # no formula is named so
     observed = replace(specification, formulas={**specification.formulas, **names})
@@ -254,6 +257,16 @@ def explain(
         columns_of = dict(zip(program.variables, columns, strict=True))
         causes = tuple(Cause(v, at, float(columns_of[v][at])) for v in formula.variables)
     return Explanation(steps, causes, None if seconds is None else float(seconds), start)
+
+
+def _time(start: float) -> float:
+    if not isinstance(start, Real):
+        msg = f"expected the time of the first sample in seconds as start, got {kind_of(start)}"
+        raise InputTypeError(msg)
+    if not math.isfinite(start):
+        msg = f"expected a finite time of the first sample as start, got {start!r}"
+        raise InputError(msg)
+    return float(start)
 
 
 def _place(sample: SupportsIndex, length: int) -> int:

@@ -318,6 +318,29 @@ def test_a_sample_that_the_trace_has_not_is_refused(
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize(
+    ("start", "error", "message"),
+    [
+        (
+            "10",
+            InputTypeError,
+            "expected the time of the first sample in seconds as start, got str '10'",
+        ),
+        (
+            math.nan,
+            InputError,
+            "expected a finite time of the first sample as start, got nan",
+        ),
+    ],
+)
+def test_a_start_that_is_no_time_is_refused(
+    start: float, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error) as caught:
+        explain("always(a)", {"a": [1, 2, 3]}, period=1, start=start)
+    assert str(caught.value) == message
+
+
 def test_what_evaluate_refuses_is_refused_alike() -> None:
     cases: list[tuple[str, dict[str, list[float]], dict[str, Any]]] = [
         ("always(a)", {"b": [1]}, {}),
