@@ -65,8 +65,6 @@ class _DenseBuilder(ProgramBuilder):
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         """Write p on (t', t]: a witness inside a step needs p on the rest of that step."""
         begin, end = bounds
-        if end == 0:
-            return q
         oldest = None if end is None else begin - end
         if oldest == 0:
             recent = q
