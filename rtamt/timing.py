@@ -149,5 +149,6 @@ def _count(
         f"bound {decimal_text(bound)} {name} is not a multiple of the period "
         f"{seconds_text(period)} s ({steps:g} steps)",
         f"use {seconds_text(low)} {name} or {seconds_text(high)} {name}, "
-        f"or period={seconds_text(finer * UNITS[name])}",
+        # No period=: who gives another than that of the data gets wrong bounds in silence.
+        f"or take samples {seconds_text(finer * UNITS[name])} s apart",
     )

@@ -13,7 +13,7 @@ from rtamt import EpisodeMonitor, InputError, StateError, Verdict
 from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.mujoco_callback import Attached
 from rtamt_gym.mujoco_clock import Clock
-from rtamt_gym.mujoco_signals import StepSignal, bind_signal, derive
+from rtamt_gym.mujoco_signals import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.panel import Panel
 from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import parse_signals
@@ -103,8 +103,8 @@ class StepMonitor:
     ) -> None:
         check_choice("view", view, get_args(View))
         check_choice("nan", nan, get_args(Nan))
-        self.model = model
-        self.data = data
+        check_pair(model, data)
+        self.model, self.data = model, data
         loaded = load_specs(specs)
         self._signals = parse_signals(
             signals, [name for spec in loaded.values() for name in spec.variables], MUJOCO

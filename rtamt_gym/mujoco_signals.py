@@ -24,15 +24,28 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.selectors import NAMED, Selector
 from rtamt_gym.signals import Number, Signal
 
-__all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation", "derive"]
+__all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation", "check_pair", "derive"]
 
 
 StepSignal = str | Callable[[Any, Any], float]
 """A selector, or a callable of model and data."""
+
+
+def check_pair(model: object, data: object) -> None:
+    """Refuses what is no model with its data.
+
+    Raises:
+        InputTypeError: Likewise.
+    """
+    if not isinstance(model, mujoco.MjModel) or not isinstance(data, mujoco.MjData):
+        raise InputTypeError(
+            f"expected an MjModel and its MjData, got {type(model).__name__} and "
+            f"{type(data).__name__}"
+        )
 
 
 def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401

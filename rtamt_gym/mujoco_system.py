@@ -8,8 +8,8 @@ from typing import Any
 
 import mujoco  # type: ignore[import-untyped]
 
-from rtamt import InputError, StateError
-from rtamt_gym.mujoco_signals import bind_signal, derive
+from rtamt import InputError, InputTypeError, StateError
+from rtamt_gym.mujoco_signals import bind_signal, check_pair, derive
 from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.systems import HowEnded, Policy
@@ -27,6 +27,12 @@ class Model:
     endless = True
 
     def __init__(self, model: Any, data: Any, policy: Policy | None) -> None:  # noqa: ANN401
+        check_pair(model, data)
+        if policy is not None and not callable(policy):
+            raise InputTypeError(
+                "expected a policy, a function of model and data that sets data.ctrl, got "
+                f"{policy!r}"
+            )
         self.name = model.names.partition(b"\0")[0].decode()
         self.period: float | None = float(model.opt.timestep)
         self.limit: int | None = None
@@ -42,7 +48,7 @@ class Model:
         period: Fraction | None,
     ) -> None:
         """Binds the selectors, and finds out how many steps make a period."""
-        parsed = parse_signals(signals or {}, variables, MUJOCO)
+        parsed = parse_signals(signals or {}, variables, MUJOCO, spare=True)
         self._reads = [bind_signal(signal, self._model, self._data) for signal in parsed]
         self._derives = not all(signal.source in _STATE for signal in parsed)
         timestep = Fraction(self._model.opt.timestep).limit_denominator(10**12)

@@ -49,13 +49,13 @@ class _Record:
 
 def _same(left: object, right: object) -> bool:
     if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
-        return np.array_equal(left, right)
+        return np.array_equal(left, right, equal_nan=True)
     if isinstance(left, Mapping) and isinstance(right, Mapping):
         return list(left) == list(right) and all(_same(left[key], right[key]) for key in left)
     return left == right
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Course(_Record):
     """What became of one specification, sample by sample and in the end.
 
@@ -84,6 +84,10 @@ class Course(_Record):
         """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
         return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
 
+    def __repr__(self) -> str:
+        at = "" if self.decided_at is None else f" at sample {self.decided_at}"
+        return f"<Course of {self.formula}: {self.verdict.name}{at}, robustness {self.final:.3g}>"
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Run(_Record):
@@ -93,7 +97,8 @@ class Run(_Record):
 
     Attributes:
         system: Name of what ran.
-        signals: Values of every variable, sample by sample, from sample 0 on.
+        signals: Values of every variable, and of all that was recorded beside, sample by sample,
+            from sample 0 on.
         courses: What became of every specification, by its name.
         ended: Why it is over: ``"violation"``, ``"decided"``, ``"terminated"``, ``"truncated"`` or
             ``"duration"``.
@@ -116,6 +121,10 @@ class Run(_Record):
         (array([0. , 0.5, 1. ]), array([1., 2., 4.]))
         >>> run.courses["dry"].robustness, run.courses["dry"].verdicts
         (array([ 2.,  1., -1.]), array([ 0,  0, -1], dtype=int8))
+        >>> run.violated_by, run.violated_at
+        ('dry', 2)
+        >>> run.courses
+        {'dry': <Course of always(level < 3): VIOLATED at sample 2, robustness -1>}
         >>> run.replay()
         {'dry': array([-1., -1., -1.])}
     """
@@ -154,6 +163,11 @@ class Run(_Record):
     def verdict(self) -> Verdict:
         """What is certain of all specifications together."""
         return min(course.verdict for course in self.courses.values())
+
+    @property
+    def violated_at(self) -> int | None:
+        """The sample that showed the first violation; None if there is none."""
+        return None if self.violated_by is None else self.courses[self.violated_by].decided_at
 
     @property
     def saved(self) -> int | None:

@@ -175,7 +175,10 @@ class Signal:
             part = path.pop(0)
             if isinstance(space, spaces.Dict):
                 if part not in space.spaces:
-                    raise InputError(self._refusal(whole, what, f"has no key {part!r}"))
+                    reason = f"has no key {part!r}"
+                    raise InputError(
+                        self._refusal(whole, what, reason) + _question(part, space.spaces)
+                    )
                 space = space.spaces[part]
             else:
                 self._check_range(part, len(space.spaces), whole, what)
@@ -229,9 +232,11 @@ class Signal:
                 for part in path:
                     value = value[part]
             except (AttributeError, IndexError, KeyError, TypeError) as error:
+                vehicle = getattr(simulation, "vehicle", None)
+                near = "" if hasattr(vehicle, field) else _question(field, dir(vehicle))
                 raise InputError(
                     f"signal {self.name!r}: cannot read {self} of {type(simulation).__name__}: "
-                    f"{error}"
+                    f"{error}{near}"
                 ) from None
             return self.number(value)
 
@@ -248,7 +253,7 @@ class Signal:
                     value = value[part]
                 except (KeyError, IndexError, TypeError):
                     held = (
-                        f"its keys are {listing(value)}"
+                        f"its keys are {listing(value)}{_question(part, value)}"
                         if isinstance(value, Mapping)
                         else f"it has {value!r} before {part!r}"
                     )
@@ -268,6 +273,13 @@ class Signal:
             self.call(Step(obs, action, reward, info, env))
         )
 
+    def _element(self, value: object) -> str:
+        """The way out where a selector gives an array or a sequence."""
+        held = isinstance(value, np.ndarray | list | tuple) and np.size(value)
+        if not held or not isinstance(self.reads, Selector):
+            return ""
+        return f"; write {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
+
     def number(self, value: object) -> float:
         """The number that was read, as a float.
 
@@ -277,6 +289,7 @@ class Signal:
         if not isinstance(value, _NUMBERS):
             raise InputTypeError(
                 f"signal {self.name!r}: expected a number from {self}, got {value!r}"
+                + self._element(value)
             )
         return float(value)
 
@@ -285,14 +298,17 @@ def parse_signals(
     signals: Mapping[str, Any],
     variables: Iterable[str],
     sources: Sequence[str] = SOURCES,
+    *,
+    spare: bool = False,
 ) -> tuple[Signal, ...]:
-    """The signals of the variables, in the order of the variables.
+    """The signals of the variables, in the order of the variables, then those to spare.
 
     Args:
         signals: Selector, callable, or pair with a value at reset, for every variable; see
             `SignalLike`.
         variables: Names that the specifications read.
         sources: The words that selectors may begin with.
+        spare: Whether there may be signals that no specification reads, to be recorded.
 
     Raises:
         InputError: If a variable has no signal or a signal no variable; names the nearest.
@@ -304,22 +320,29 @@ def parse_signals(
         )
     names = list(dict.fromkeys(variables))
     example = "obs[0]" if "obs" in sources else "qpos[0]"
-    spare = [name for name in signals if name not in names]
+    others = [name for name in signals if name not in names]
     for name in names:
         if name not in signals:
-            near = _nearest(name, spare)
+            near = _nearest(name, others)
             way_out = f"did you mean {near!r}?" if near else f'give one: "{name}": "{example}"'
             raise InputError(
                 f"variable {name!r} has no signal; the signals are {listing(signals)}; {way_out}"
             )
-    for name in spare:
+    for name in () if spare else others:
         near = _nearest(name, names)
         way_out = f"did you mean {near!r}?" if near else "leave it out"
         raise InputError(
             f"signal {name!r} is read by no specification; the variables are "
             f"{listing(names)}; {way_out}"
         )
+    if spare:
+        names += others
     return tuple(Signal.parse(name, signals[name], sources) for name in names)
+
+
+def _question(name: object, names: Iterable[Any]) -> str:
+    near = _nearest(name, [each for each in names if isinstance(each, str)])
+    return f"; did you mean {near!r}?" if near else ""
 
 
 def _reader(place: int, path: tuple[Any, ...]) -> Read:
@@ -345,7 +368,9 @@ def _default(name: str, value: object) -> float:
     return float(value)
 
 
-def _nearest(name: str, names: Iterable[str]) -> str | None:
+def _nearest(name: object, names: Iterable[str]) -> str | None:
+    if not isinstance(name, str):
+        return None
     return next(iter(difflib.get_close_matches(name, list(names), n=1)), None)
 
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from fractions import Fraction
+from numbers import Real
 from operator import itemgetter
 from typing import Any, get_args
 
@@ -63,8 +64,10 @@ def simulate(
         system: What runs.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
             or several with their names.
-        signals: What the variables of the specifications read.
-        policy: Who acts.
+        signals: What the variables of the specifications read, and what else to record: signals
+            that no specification reads are in the run and its picture too.
+        policy: Who acts. It is given the observation, or model and data; a function that wants more
+            of an environment takes it from around: ``lambda obs: act(env.unwrapped)``.
         seed: Of an environment's reset.
         period: Time between samples, in seconds or as text with a unit. None: as the system says;
             where it says nothing, ``1`` with bounds in the default unit counts steps.
@@ -116,7 +119,7 @@ def simulate(
     ran.bind(variables, signals, panel.period)
     with closing(ran):
         begin = time.perf_counter()
-        record = _Record(panel, variables, nan)
+        record = _Record(panel, variables, signals or {}, nan)
         ended = _loop(ran, panel, record, stop, most)
         wall_time = time.perf_counter() - begin
     return Run(
@@ -163,10 +166,13 @@ def _loop(system: System, panel: Panel, record: _Record, stop: Stop, most: int |
 class _Record:
     """Feeds samples to the monitors, and keeps all of them and what the monitors say."""
 
-    def __init__(self, panel: Panel, variables: Sequence[str], nan: Nan) -> None:
+    def __init__(
+        self, panel: Panel, variables: Sequence[str], signals: Iterable[str], nan: Nan
+    ) -> None:
         self._panel = panel
         self._holds = nan == "hold"
-        self._variables = variables
+        self._names = list(dict.fromkeys([*variables, *signals]))
+        self._unread = range(len(variables), len(self._names))
         self._samples: list[Sequence[float]] = []
         self._curves: dict[str, list[tuple[float, float, float]]] = {}
         self._feeds = []
@@ -186,8 +192,18 @@ class _Record:
             lower, upper = judge.lower, judge.upper
             note((robustness, lower, upper))
             decided += upper < 0.0 or lower > 0.0
+        for index in self._unread:
+            self._check(index, values[index])
         self._samples.append(tuple(values))
         return decided
+
+    def _check(self, index: int, value: object) -> None:
+        """Of a value that no monitor reads: as a monitor does."""
+        where = f"{self._names[index]!r} at sample {len(self._samples)}"
+        if not isinstance(value, Real):
+            raise InputTypeError(
+                f"expected a number for {where}, got {type(value).__name__} {value!r}"
+            )
 
     def amend(self) -> None:
         """Puts down the bounds once more: the end of the trace has settled them."""
@@ -196,9 +212,9 @@ class _Record:
 
     def signals(self) -> dict[str, Floats]:
         """The values of every variable."""
-        shape = len(self._samples), len(self._variables)
+        shape = len(self._samples), len(self._names)
         table = np.array(self._samples, dtype=np.float64).reshape(shape)
-        return dict(zip(self._variables, np.ascontiguousarray(table.T), strict=True))
+        return dict(zip(self._names, np.ascontiguousarray(table.T), strict=True))
 
     def courses(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, Course]:
         """What became of every specification."""
@@ -233,9 +249,13 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
         raise InputError(
             f"expected one environment, got {system}; VectorStlMonitor monitors many at once"
         )
+    if isinstance(system, str):
+        raise InputTypeError(
+            f"expected a system to run, got text; gym.make({system!r}) makes an environment"
+        )
     if seed is not None:
         raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
-    if isinstance(system, tuple) and [type(part).__name__ for part in system] == _MUJOCO:
+    if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
         from rtamt_gym.mujoco_system import Model
 
         model, data = system
@@ -251,7 +271,7 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
             "expected samples one after the other, got columns; rtamt.evaluate takes these, and "
             "to_dict('records') makes samples of a data frame"
         )
-    if callable(system) or (isinstance(system, Iterable) and not isinstance(system, str)):
+    if callable(system) or isinstance(system, Iterable):
         return Samples(system)
     raise InputTypeError(
         "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time or an "
@@ -259,7 +279,7 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
     )
 
 
-_MUJOCO = ["MjModel", "MjData"]
+_MUJOCO = {"MjModel", "MjData"}
 
 
 def _period(

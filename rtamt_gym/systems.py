@@ -63,14 +63,14 @@ class System(Protocol):
         signals: Mapping[str, SignalLike] | None,
         period: Fraction | None,
     ) -> None:
-        """Finds out how the variables are read.
+        """Finds out how the variables are read, and the signals that are none, to be recorded.
 
         Raises:
             RtamtError: If a variable cannot be read, or the system cannot run with this period.
         """
 
     def start(self) -> Sequence[float]:
-        """Sample 0: the values of the variables before the first step."""
+        """Sample 0: the variables before the first step, then the signals that are none."""
 
     def advance(self) -> Sequence[float] | None:
         """The sample after one more step; None if there is none, for the system has ended."""
@@ -91,6 +91,12 @@ class Environment:
                 "an environment needs a policy, a function from observation to action; "
                 "policy=lambda obs: env.action_space.sample() acts at random"
             )
+        if not callable(policy):
+            way_out = "lambda obs: model.predict(obs)[0]" if hasattr(policy, "predict") else ""
+            raise InputTypeError(
+                f"expected a policy, a function from observation to action, got {policy!r}; "
+                f"write policy={way_out or f'lambda obs: {policy!r}'}"
+            )
         self.name = env.spec.id if env.spec else type(env.unwrapped).__name__
         self.period = read_period(env)
         self.limit = env.spec.max_episode_steps if env.spec else None
@@ -107,7 +113,7 @@ class Environment:
         period: Fraction | None,  # noqa: ARG002 - an environment steps as it does
     ) -> None:
         """Binds the selectors."""
-        parsed = parse_signals(signals or {}, variables)
+        parsed = parse_signals(signals or {}, variables, spare=True)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
         self._reads = [signal.bind(self._env) for signal in parsed]
 
@@ -202,14 +208,17 @@ class Samples:
 
 
 def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:
-    """What every variable reads where values have names: its own name, if nothing else is said.
+    """What is read where values have names: every variable its own, if nothing else is said.
 
     Args:
         variables: Names that the specifications read.
-        signals: For some of them another name.
+        signals: For some of them another name; and what else to record.
+
+    Returns:
+        A name for every variable, then for every signal that is none.
 
     Raises:
-        InputError: If a signal is no variable; names the nearest.
+        InputError: If a signal might be meant for a variable that has none.
         InputTypeError: If ``signals`` is no mapping of names to names.
     """
     given = {} if signals is None else signals
@@ -218,14 +227,15 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
             f'expected a mapping such as signals={{"x": "its name"}}, got {signals!r}'
         )
     for name, read in given.items():
-        if name not in variables:
+        silent = [variable for variable in variables if variable not in given]
+        if name not in variables and (meant := nearest(name, silent)):
             raise InputError(
                 f"signal {name!r} is read by no specification; the variables are "
-                f"{listing(variables)}{nearest(name, variables) or '; leave it out'}"
+                f"{listing(variables)}{meant}"
             )
         if not isinstance(read, str):
             raise InputTypeError(f"signal {name!r}: expected a name, got {read!r}")
-    return [given.get(name, name) for name in variables]
+    return [given.get(name, name) for name in dict.fromkeys([*variables, *given])]
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

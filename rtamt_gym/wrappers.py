@@ -13,7 +13,7 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import EpisodeMonitor, InputError, StateError
+from rtamt import EpisodeMonitor, InputError, Specification, SpecificationError, StateError
 from rtamt_gym.arguments import check_choice, check_length
 from rtamt_gym.episodes import record
 from rtamt_gym.panel import Panel, Sample
@@ -71,7 +71,9 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
     A copy or a pickle of a MuJoCo environment is a new simulation, as Gymnasium makes it, with the
     monitors of the old one: reset it.
 
-    The last ``buffer_length`` episodes that ended are in :attr:`stl_episodes`.
+    The last ``buffer_length`` episodes that ended are in :attr:`stl_episodes`. Whoever wants the
+    signals beside the robustness, sample by sample, or an end at a certain satisfaction, runs
+    whole episodes with :func:`rtamt_gym.simulate`.
 
     With ``substeps=True`` there is a sample for every step of the simulation instead: an
     environment moves its simulation several times in one step, and what goes wrong in between is
@@ -191,7 +193,13 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         self._read_period = read_substep_period if substeps else read_period
         self._period = resolve_period(loaded, period, env, self._read_period)
         self._guards_period = period is None and any(spec.timed for spec in loaded.values())
-        self._panel = Panel(loaded, self._period, view, nan)
+        try:
+            self._panel = Panel(loaded, self._period, view, nan)
+        except SpecificationError as error:
+            inner = None if substeps else read_substep_period(env)
+            if inner is not None and period is None and _fits(loaded, inner, view):
+                error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
+            raise
         self._substeps = substeps
         self._bind_signals()
         self._charged = False
@@ -353,6 +361,15 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             info.setdefault("is_success", False)
         elif panel.all_decided:
             info.setdefault("is_success", True)
+
+
+def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool:
+    """Whether the bounds are multiples of a period."""
+    try:
+        Panel(specs, period, view)
+    except SpecificationError:
+        return False
+    return True
 
 
 _UNPICKLED = frozenset({"_sample", "_sample_reset", "_inside"})

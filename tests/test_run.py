@@ -129,3 +129,14 @@ def test_a_run_evaluates_alike_on_both_machines(backend: rtamt.backend.Backend) 
         offline = rtamt.evaluate(course.formula, made.signals, made.period, backend=backend)
         assert offline.tolist() == made.replay()[name].tolist()
         assert offline[0] == course.final
+
+
+def test_a_run_says_when_it_was_violated_and_first_by_what() -> None:
+    rows = [{"x": x} for x in (1.0, 4.0, 6.0, 1.0)]
+    specs = {"high": "always(x < 5)", "low": "always(x < 3)"}
+    run = simulate(rows, specs, stop="end")
+    assert (run.violated_by, run.violated_at) == ("low", 1)
+    assert simulate(rows, "always(x < 9)").violated_at is None
+    assert repr(run.courses["high"]) == (
+        "<Course of always(x < 5): VIOLATED at sample 2, robustness -1>"
+    )

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from gymnasium import spaces
 
@@ -78,7 +79,7 @@ UNFIT: list[tuple[SignalLike, spaces.Space[Any], str]] = [
         spaces.Dict(goal=VECTOR),
         (
             "signal 'x': obs['gaol'][0] does not fit: the observation space has no key 'gaol'; "
-            "it is Dict('goal': Box(shape=(4,), dtype=float32))"
+            "it is Dict('goal': Box(shape=(4,), dtype=float32)); did you mean 'goal'?"
         ),
     ),
     (
@@ -247,13 +248,25 @@ def test_a_signal_that_is_none_says_what_is_one(
             "info['sped']",
             {"speed": 1.0, "crashed": False},
             InputError,
-            "signal 'x': the info has no info['sped']; its keys are 'speed', 'crashed'",
+            (
+                "signal 'x': the info has no info['sped']; its keys are 'speed', 'crashed'; "
+                "did you mean 'speed'?"
+            ),
         ),
         (
             "info['speed'][0]",
             {"speed": 1.0},
             InputError,
             "signal 'x': the info has no info['speed'][0]; it has 1.0 before 0",
+        ),
+        (
+            "info['speed']",
+            {"speed": np.array([0.5, 1.0])},
+            InputTypeError,
+            (
+                "signal 'x': expected a number from info['speed'], got array([0.5, 1. ]); "
+                "write info['speed'][0]"
+            ),
         ),
         (
             "info['speed']",

@@ -358,3 +358,34 @@ def test_a_run_is_repeated_by_its_seed() -> None:
 def test_a_duration_is_cut_to_whole_periods(duration: float, steps: int) -> None:
     run = simulate(lambda t: {"x": t}, "always(x < 9)", period=0.1, duration=duration)
     assert run.steps == steps
+
+
+def test_signals_that_no_specification_reads_are_recorded() -> None:
+    rows = [{"x": float(i), "y": 10.0 * i, "z": math.nan if i == 2 else 1.0} for i in range(4)]
+    signals = {"height": "y", "gap": "z"}
+    run = simulate(rows, "always(x < 9)", signals)
+    assert {name: list(values) for name, values in run.signals.items() if name != "gap"} == {
+        "x": [0.0, 1.0, 2.0, 3.0],
+        "height": [0.0, 10.0, 20.0, 30.0],
+    }
+    assert np.isnan(run.signals["gap"]).tolist() == [False, False, True, False]
+    assert run == simulate(rows, "always(x < 9)", signals)
+    held = simulate(rows, "always(x < 9)", signals, nan="hold")
+    assert held.signals["gap"].tolist() == [1.0] * 4
+    alone = simulate(rows, "always(x < 9)")
+    assert run.courses == alone.courses
+    assert run.replay({"spec": "always(height < 9)"})["spec"][0] == -21.0
+
+
+def test_an_environment_and_a_model_record_what_is_beside() -> None:
+    env = gym.make("CartPole-v1")
+    signals = {"x": "obs[0]", "speed": "obs[1]", "push": ("action", -1.0)}
+    run = simulate(env, "always(abs(x) < 1)", signals, policy=lambda _: 1, seed=0)
+    assert list(run.signals) == ["x", "speed", "push"]
+    assert run.signals["push"].tolist() == [-1.0] + [1.0] * run.steps
+    assert (np.diff(run.signals["speed"]) > 0).all()
+    model = mujoco.MjModel.from_xml_path("examples/models/cart.xml")
+    pair = model, mujoco.MjData(model)
+    names = {"angle": "joint:hinge.qpos", "now": "time"}
+    ran = simulate(pair, "always(abs(angle) < 9)", names, duration=0.1)
+    np.testing.assert_allclose(ran.signals["now"], ran.times, atol=1e-12)

@@ -23,6 +23,16 @@ def ramp(t: float) -> dict[str, float]:
     return {"x": t}
 
 
+class Learner:
+    """As those of Stable-Baselines3 are: called by `predict`."""
+
+    def predict(self, _obs: object) -> tuple[int, None]:
+        return 0, None
+
+    def __repr__(self) -> str:
+        return "Learner()"
+
+
 CARTPOLE = gym.make("CartPole-v1")
 ROWS = [{"level": 1.0}, {"level": 2.0}]
 LOW = "always(level < 3)"
@@ -84,10 +94,13 @@ Z = {"level": "qpos[2]"}
             ("CartPole-v1", LOW),
             {},
             InputTypeError,
-            (
-                "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time "
-                "or an iterable of samples, got 'CartPole-v1'"
-            ),
+            ("expected a system to run, got text; gym.make('CartPole-v1') makes an environment"),
+        ),
+        (
+            ("CartPole-v1", LOW),
+            {"policy": int, "seed": 1},
+            InputTypeError,
+            ("expected a system to run, got text; gym.make('CartPole-v1') makes an environment"),
         ),
         (
             ({"level": [1.0, 2.0]}, LOW),
@@ -165,10 +178,52 @@ Z = {"level": "qpos[2]"}
             ),
         ),
         (
-            (ROWS, LOW, {"y": "x"}),
+            (ROWS, LOW, {"beside": "level2"}),
             {},
             InputError,
-            "signal 'y' is read by no specification; the variables are 'level'; leave it out",
+            "sample 0 of samples has no 'level2'; it has 'level'; did you mean 'level'?",
+        ),
+        (
+            ([{"level": 1.0, "beside": "high"}], LOW, {"beside": "beside"}),
+            {},
+            InputTypeError,
+            "expected a number for 'beside' at sample 0, got str 'high'",
+        ),
+        (
+            (CARTPOLE, "always(angle < 1)", {"angel": "obs[2]"}),
+            {"policy": int},
+            InputError,
+            "variable 'angle' has no signal; the signals are 'angel'; did you mean 'angel'?",
+        ),
+        (
+            (CARTPOLE, LOW, {"level": "obs[0]"}),
+            {"policy": 0},
+            InputTypeError,
+            (
+                "expected a policy, a function from observation to action, got 0; "
+                "write policy=lambda obs: 0"
+            ),
+        ),
+        (
+            (CARTPOLE, LOW, {"level": "obs[0]"}),
+            {"policy": Learner()},
+            InputTypeError,
+            (
+                "expected a policy, a function from observation to action, got Learner(); "
+                "write policy=lambda obs: model.predict(obs)[0]"
+            ),
+        ),
+        (
+            (model()[::-1], LOW, Z),
+            {"duration": 1},
+            InputTypeError,
+            "expected an MjModel and its MjData, got MjData and MjModel",
+        ),
+        (
+            (model(), LOW, Z),
+            {"policy": 1.0, "duration": 1},
+            InputTypeError,
+            "expected a policy, a function of model and data that sets data.ctrl, got 1.0",
         ),
         (
             (ROWS, LOW, {"level": 0}),

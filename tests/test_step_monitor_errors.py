@@ -35,7 +35,7 @@ X = {"x": "qpos[0]"}
                 "STL:1:7: bound 0.015 s is not a multiple of the period 0.01 s (1.5 steps)\n"
                 "  always[0:0.015](x < 1)\n"
                 "        ^\n"
-                "  hint: use 0.01 s or 0.02 s, or period=0.005"
+                "  hint: use 0.01 s or 0.02 s, or take samples 0.005 s apart"
             ),
         ),
         (
@@ -75,6 +75,13 @@ def test_what_cannot_be_monitored_is_refused_at_construction(
     with pytest.raises(error) as caught:
         StepMonitor(*arm(), **given)
     assert str(caught.value) == message
+
+
+def test_a_model_and_its_data_are_expected_in_this_order() -> None:
+    model, data = arm()
+    with pytest.raises(InputTypeError) as caught:
+        StepMonitor(data, model, "always(x < 1)", X)
+    assert str(caught.value) == "expected an MjModel and its MjData, got MjData and MjModel"
 
 
 def disturbed(data: Any, model: Any, how: str) -> None:  # noqa: ANN401

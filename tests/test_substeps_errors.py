@@ -60,7 +60,7 @@ NEEDS = (
             "vehicle.sped",
             (
                 "signal 'x': cannot read vehicle.sped of ParkingEnv: "
-                "'Vehicle' object has no attribute 'sped'"
+                "'Vehicle' object has no attribute 'sped'; did you mean 'speed'?"
             ),
         ),
         (
@@ -111,8 +111,14 @@ def test_what_cannot_be_followed_is_refused_at_construction(
 def test_a_bound_must_be_a_multiple_of_the_simulations_period_only() -> None:
     env = gym.make("InvertedPendulum-v5")
     StlMonitor(env, "eventually[0:0.02](x > 1)", {"x": "qpos[0]"}, substeps=True)
-    with pytest.raises(SpecificationError, match=r"not a multiple of the period 0\.04 s"):
+    with pytest.raises(SpecificationError, match=r"not a multiple of the period 0\.04 s") as caught:
         StlMonitor(env, "eventually[0:0.02](x > 1)", {"x": "qpos[0]"})
+    assert caught.value.__notes__ == ["substeps=True takes samples 0.02 s apart, which fits"]
+    # Not for a bound that no simulation step divides, nor where the period was the caller's.
+    for spec, period in [("eventually[0:0.03](x > 1)", None), ("eventually[0:0.02](x > 1)", 0.04)]:
+        with pytest.raises(SpecificationError, match="not a multiple") as caught:
+            StlMonitor(env, spec, {"x": "qpos[0]"}, period=period)
+        assert not hasattr(caught.value, "__notes__")
 
 
 def test_a_step_that_does_not_step_the_simulation_as_expected_is_noticed() -> None:

@@ -68,7 +68,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:7: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
             "  always[0:0.25](x > 0)\n"
             "        ^\n"
-            "  hint: use 0.2 s or 0.3 s, or period=0.05"
+            "  hint: use 0.2 s or 0.3 s, or take samples 0.05 s apart"
         ),
     ),
     (
@@ -78,7 +78,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:15: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
             "  x > 0 and once[250ms:1s](x > 0)\n"
             "                ^\n"
-            "  hint: use 0.2 s or 0.3 s, or period=0.05"
+            "  hint: use 0.2 s or 0.3 s, or take samples 0.05 s apart"
         ),
     ),
     (
@@ -88,7 +88,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:11: bound 150 ms is not a multiple of the period 0.1 s (1.5 steps)\n"
             "  eventually[150:400ms](x > 0)\n"
             "            ^\n"
-            "  hint: use 100 ms or 200 ms, or period=0.05"
+            "  hint: use 100 ms or 200 ms, or take samples 0.05 s apart"
         ),
     ),
     (
