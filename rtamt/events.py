@@ -14,8 +14,8 @@ from typing import NoReturn, SupportsFloat, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError, InputTypeError, StateError, nearest
-from rtamt.inputs import array_of_numbers, kind_of, refuse_term
+from rtamt.errors import InputError, InputTypeError, StateError
+from rtamt.inputs import array_of_numbers, kind_of, listed, refuse_term, unknown_variable
 from rtamt.messages import Messages
 from rtamt.program import Program
 
@@ -139,9 +139,7 @@ class EventReader:
         named = self._named(events)
         for name in named:
             if name not in self.variables:
-                hint = nearest(str(name), self.variables) or self._list()
-                msg = f"unknown variable '{name}'{hint}"
-                raise InputError(msg)
+                raise unknown_variable(name, self.variables, self._messages)
         return [
             _column(named[name], name, after) if name in named else _NONE
             for name, after in zip(self.variables, last, strict=True)
@@ -159,7 +157,8 @@ class EventReader:
         for name in self.variables:
             column = _column(named[name], name, -math.inf) if name in named else _NONE
             if not len(column[0]):
-                msg = f"expected events of every variable, got none of '{name}'{self._list()}"
+                known = listed(self.variables)
+                msg = f"expected events of every variable, got none of '{name}'{known}"
                 raise InputError(msg)
             columns.append(column)
         return columns
@@ -219,9 +218,6 @@ class EventReader:
             {n: _pairs(e, n) if n in messages else e for n, e in events.items()},
             lambda field, pairs: [(time, field.of(m, time, "time")) for time, m in pairs],
         )
-
-    def _list(self) -> str:
-        return f"; the variables are {', '.join(self.variables)}"
 
 
 def _closed(numbers: ArrayLike, name: str) -> Array:

@@ -25,7 +25,9 @@ __all__ = [
     "SampleReader",
     "array_of_numbers",
     "kind_of",
+    "listed",
     "refuse_term",
+    "unknown_variable",
 ]
 
 NanPolicy = Literal["raise", "hold"]
@@ -114,15 +116,11 @@ class SampleReader:
     def _refuse_names(self, named: Mapping[str, object]) -> NoReturn:
         for name in named:
             if name not in self._known:
-                msg = f"unknown variable '{name}'{nearest(name, self._known) or self._list()}"
-                raise InputError(msg)
+                raise unknown_variable(name, self.variables, self._messages)
         missing = next(name for name in self.variables if name not in named)
-        msg = f"expected a value for every variable, got none for '{missing}'{self._list()}"
+        known = listed(self.variables)
+        msg = f"expected a value for every variable, got none for '{missing}'{known}"
         raise InputError(msg)
-
-    def _list(self) -> str:
-        names = ", ".join(self.variables)
-        return f"; the variables are {names}" if names else "; the formula has no variables"
 
     def _row(self, values: Sequence[object] | NDArray[np.generic]) -> Iterable[object]:
         if isinstance(values, np.ndarray):
@@ -271,6 +269,18 @@ class SampleReader:
             InputError: Naming the term, the sample and the values.
         """
         refuse_term(self.program, values, f"sample {sample}{self._where}")
+
+
+def unknown_variable(name: object, variables: Sequence[str], messages: Messages) -> InputError:
+    """The error of a name that is neither a variable nor a message of some."""
+    near = nearest(str(name), (*variables, *sorted(messages.names)))
+    return InputError(f"unknown variable '{name}'{near or listed(variables)}")
+
+
+def listed(variables: Sequence[str]) -> str:
+    """A hint with all variables."""
+    names = ", ".join(variables)
+    return f"; the variables are {names}" if names else "; the formula has no variables"
 
 
 def refuse_term(program: Program, values: Sequence[float], place: str) -> NoReturn:

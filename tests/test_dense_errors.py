@@ -342,6 +342,12 @@ def test_a_future_without_an_end_is_refused_online(backend: Backend) -> None:
     )
 
 
+def test_an_error_points_into_the_text_that_was_given(backend: Backend) -> None:
+    for blanks in range(3):
+        with pytest.raises(RtamtError, match=rf"^STL:1:{11 + blanks}: 'always'"):
+            DenseMonitor(" " * blanks + "once[0:1] always (x > 1)", backend=backend)
+
+
 # What means events. ------------------------------------------------------------------------------
 
 PAIRS = [(0.0, 3.0), (1.0, 1.0), (2.5, 2.0), (4.0, 2.0)]

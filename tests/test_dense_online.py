@@ -191,6 +191,21 @@ def test_a_twin_continues_and_leaves_the_original_alone(
     assert twin(monitor).finish() == []
 
 
+@pytest.mark.parametrize("twin", [copy.copy, copy.deepcopy, again])
+def test_a_twin_has_the_unit_and_the_interface_of_the_original(
+    twin: Callable[[DenseMonitor], DenseMonitor], backend: Backend
+) -> None:
+    spec = parse("x >= y implies eventually[0:0.5s](y > x)", unit="ms")
+    monitor = DenseMonitor(
+        spec, backend=backend, semantics="output-robustness", inputs=["x"], outputs=["y"]
+    )
+    other = twin(monitor)
+    assert other.horizon == 500
+    assert other.specification == spec
+    assert other.interface == monitor.interface
+    assert (other.interface.inputs, other.interface.outputs) == (("x",), ("y",))
+
+
 @given(formula=bounded, whole=signals(), shares=chunks(4), after=st.integers(0, 5))
 @settings(max_examples=20)
 def test_a_state_stays_as_it_was_taken_whatever_goes_on_from_it(

@@ -93,6 +93,11 @@ REFUSED: list[tuple[Callable[[Monitor], object], type[RtamtError], str]] = [
         InputError,
         "unknown variable 'time'; the variables are req, gnt",
     ),
+    (
+        lambda m: m.update({0: 1.0, 1: 2.0}),
+        InputError,
+        "unknown variable '0'; the variables are req, gnt",
+    ),
     (lambda m: m.update(1.0), InputError, "expected 2 values (req, gnt), got 1"),
     (lambda m: m.update(1.0, 2.0, 3.0), InputError, "expected 2 values (req, gnt), got 3"),
     (lambda m: m.update([1.0, 2.0, 3.0]), InputError, "expected 2 values (req, gnt), got 3"),

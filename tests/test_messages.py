@@ -232,6 +232,11 @@ REFUSED: list[tuple[dict[str, Any], type[Exception], str]] = [
         InputError,
         "unknown variable 'dmc'; the variables are cmd.linear.x, cmd.angular.y, pos",
     ),
+    (
+        {"cdm": Twist(), "pos": 1},
+        InputError,
+        "unknown variable 'cdm'; did you mean 'cmd'?",
+    ),
 ]
 
 

@@ -75,6 +75,7 @@ REFUSED: list[tuple[dict[str, Any], type[Exception], str]] = [
         InputError,
         "expected a time after 1.0 at event 0 of 'cmd.linear.x', got 0.5",
     ),
+    ({"cdm": []}, InputError, "unknown variable 'cdm'; did you mean 'cmd'?"),
     ({"odom": []}, InputError, "unknown variable 'odom'; the variables are cmd.linear.x, pos"),
 ]
 
