@@ -262,6 +262,18 @@ def test_times_have_the_digits_that_tell_samples_apart() -> None:
     assert str(explanation).splitlines()[-1] == "1700000000.2 s      1  a"
 
 
+def test_of_two_names_of_a_formula_the_first_is_shown() -> None:
+    explanation = explain("p = a > 2; q = a > 2; always(q)", {"a": [3, 1]})
+    assert [step.name for step in explanation.steps] == [None, "p"]
+    assert str(explanation).splitlines()[3] == "sample 0     -1  always(p)"
+
+
+def test_no_zero_is_shown_with_a_sign() -> None:
+    explanation = explain("not (a > 3)", {"a": [3]})
+    assert math.copysign(1, explanation.robustness) == -1
+    assert "-0" not in str(explanation)
+
+
 def test_what_a_predicate_counts_under_interface_semantics_is_said() -> None:
     spec = "input float req; output float gnt; always(req >= 3 implies {})"
     given = explain(spec.format("false and gnt > 1"), TRACE, semantics="output-robustness")

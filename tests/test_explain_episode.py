@@ -61,6 +61,16 @@ def test_an_episode_without_history_says_how_to_be_explained() -> None:
     assert str(caught.value) == "explain() needs at least one sample, got none since reset"
 
 
+def test_a_state_replaces_the_samples_that_were_kept(backend: Backend) -> None:
+    monitor = EpisodeMonitor("always(a)", history=True, backend=backend)
+    monitor.update(a=3)
+    *_, state = monitor.__reduce__()
+    monitor.update(a=1)
+    monitor.__setstate__(state)
+    monitor.update(a=2)
+    assert monitor.explain().causes == (("a", 1, 2.0),)
+
+
 def test_a_refused_sample_is_not_kept(backend: Backend) -> None:
     monitor = EpisodeMonitor("always(a)", history=True, backend=backend)
     monitor.update(a=3)
