@@ -8,6 +8,7 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from fractions import Fraction
 from numbers import Real
 from pathlib import Path
@@ -180,8 +181,9 @@ class Fmus:
 
     def close(self) -> None:
         """Frees the FMUs; what was unpacked stays for the next run."""
-        while self._instances:
-            self._instances.pop().close()
+        with ExitStack() as stack:  # all of them, also where one fails to end
+            while self._instances:
+                stack.callback(self._instances.pop(0).close)
         for bound in ("_outputs", "_feeds", "_read"):
             self.__dict__.pop(bound, None)
 
@@ -193,9 +195,10 @@ class Fmus:
             return
         top = Path(tempfile.mkdtemp(prefix="rtamt-fmu-"))
         weakref.finalize(self, shutil.rmtree, top, ignore_errors=True)
-        for i, path in enumerate(self._paths.values()):
-            fmpy.extract(path, top / str(i))
-            self._folders.append(top / str(i))
+        folders = [top / str(i) for i in range(len(self._paths))]
+        for path, folder in zip(self._paths.values(), folders, strict=True):
+            fmpy.extract(path, folder)
+        self._folders = folders
 
     def _reader(self, places: Sequence[_Place]) -> Reader:
         """The function that reads variables of several FMUs."""

@@ -149,11 +149,17 @@ class Instance:
         return write
 
     def close(self) -> None:
-        """Ends and frees the instance, as far as its state allows."""
-        if self._steps:
-            self._call(self._fmu.terminate)
-        if not self._dead:
-            self._fmu.freeInstance()
+        """Ends and frees the instance, as far as its state allows.
+
+        Raises:
+            StateError: If it fails to end; it is freed nevertheless.
+        """
+        try:
+            if self._steps:
+                self._call(self._fmu.terminate)
+        finally:
+            if not self._dead:
+                self._fmu.freeInstance()
 
     def _groups(
         self, verb: str, variables: Sequence[Any]

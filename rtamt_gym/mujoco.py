@@ -317,10 +317,9 @@ class StepMonitor:
 
         The simulation must go back with it: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
-        panel, clock, self._running = state
+        panel, clock, running = state
         self._panel.restore(panel)
-        self._clock = replace(clock)
-        self._unchecked = 0
+        self._clock, self._running, self._unchecked = replace(clock), running, 0
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: self.__dict__[name] for name in self.__dict__ if name not in _UNPICKLED}

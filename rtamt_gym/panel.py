@@ -9,7 +9,7 @@ from operator import itemgetter
 from typing import Any
 
 import rtamt
-from rtamt import EpisodeMonitor
+from rtamt import EpisodeMonitor, InputError
 from rtamt_gym.episodes import outcome
 from rtamt_gym.signals import Number, Read
 from rtamt_gym.specs import InstantMonitor, Nan, View, machine_state, make_monitor
@@ -48,6 +48,7 @@ class Panel:
         nan: Nan = "raise",
     ) -> None:
         self.variables = {name: spec.variables for name, spec in specs.items()}
+        self._described = {name: str(spec.formula) for name, spec in specs.items()}
         self._monitors = [
             (name, *make_monitor(name, spec, period, view, nan)) for name, spec in specs.items()
         ]
@@ -244,11 +245,19 @@ class Panel:
             monitor.state() if isinstance(monitor, InstantMonitor) else machine_state(monitor)
             for _, monitor, _ in self._monitors
         ]
-        return monitors, dict(self._decided), self.violated_by
+        return self._described, monitors, dict(self._decided), self.violated_by
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Goes back to a `state` of a panel of the same specifications."""
-        monitors, decided, self.violated_by = state
+        """Goes back to a `state` of a panel of the same specifications.
+
+        Raises:
+            InputError: If they are others.
+        """
+        described, monitors, decided, violated_by = state
+        if described != self._described:
+            raise InputError(
+                f"expected a state of the specifications {self._described}, got one of {described}"
+            )
         for (_, monitor, _), held in zip(self._monitors, monitors, strict=True):
             if isinstance(monitor, InstantMonitor):
                 monitor.restore(held)
@@ -256,6 +265,7 @@ class Panel:
                 monitor.__setstate__(held)
         self._decided = dict(decided)
         self.settled = len(self._decided)
+        self.violated_by = violated_by
 
 
 def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:

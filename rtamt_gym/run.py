@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt import Verdict
+from rtamt import InputError, Verdict
+from rtamt_gym.signals import listing
 from rtamt_gym.specs import SpecsLike, View, load_specs
 from rtamt_gym.tables import moment
 
@@ -197,9 +198,17 @@ class Run(_Record):
                 name: rtamt.parse(course.formula, unit=course.unit)
                 for name, course in self.courses.items()
             }
+        loaded = load_specs(specs)
+        for name, spec in loaded.items():
+            for variable in spec.variables:
+                if variable not in self.signals:
+                    raise InputError(
+                        f"specification {name!r} reads {variable!r}, which was not recorded; the "
+                        f"signals of the run are {listing(self.signals)}"
+                    )
         return {
             name: rtamt.evaluate(spec, self.signals, self.period, n=self.steps + 1)
-            for name, spec in load_specs(specs).items()
+            for name, spec in loaded.items()
         }
 
     def plot(self, path: str | os.PathLike[str]) -> None:

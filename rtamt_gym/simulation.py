@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
@@ -249,9 +250,11 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
         raise InputError(
             f"expected one environment, got {system}; VectorStlMonitor monitors many at once"
         )
-    if isinstance(system, str):
+    if isinstance(system, str | os.PathLike):
+        fmu = os.fspath(system).endswith(".fmu")
         raise InputTypeError(
-            f"expected a system to run, got text; gym.make({system!r}) makes an environment"
+            "expected a system to run, got its name; write "
+            f"{'Fmus' if fmu else 'gym.make'}({os.fspath(system)!r})"
         )
     if seed is not None:
         raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")

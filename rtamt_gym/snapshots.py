@@ -9,7 +9,7 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.mujoco import StepMonitor
 from rtamt_gym.mujoco_signals import derive
 
@@ -19,7 +19,7 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that decides how MuJoCo goes on, the warm start of its solver included."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Snapshot:
     """A `StepMonitor` and its simulation at an instant.
 
@@ -56,7 +56,13 @@ class Snapshot:
 
     @classmethod
     def of(cls, monitor: StepMonitor) -> Snapshot:
-        """Takes a snapshot."""
+        """Takes a snapshot.
+
+        Raises:
+            InputTypeError: Of anything else than a `StepMonitor`.
+        """
+        if not isinstance(monitor, StepMonitor):
+            raise InputTypeError(f"expected a StepMonitor, got {monitor!r}")
         simulation = np.empty(mujoco.mj_stateSize(monitor.model, _STATE))
         mujoco.mj_getState(monitor.model, monitor.data, simulation, _STATE)
         return cls(simulation, monitor.state())
@@ -65,7 +71,8 @@ class Snapshot:
         """Goes back to this instant.
 
         Raises:
-            InputError: If the monitor is of a model with another state.
+            InputError: If the monitor is of a model with another state, or of other
+                specifications.
         """
         size = mujoco.mj_stateSize(monitor.model, _STATE)
         if size != len(self._simulation):
@@ -73,7 +80,10 @@ class Snapshot:
                 f"expected a snapshot of the same model, with {size} numbers of state, got one "
                 f"with {len(self._simulation)}"
             )
+        monitor.restore(self._monitor)
         mujoco.mj_setState(monitor.model, monitor.data, self._simulation, _STATE)
         if monitor.forward:
             derive(monitor.model, monitor.data)
-        monitor.restore(self._monitor)
+
+    def __repr__(self) -> str:
+        return f"<Snapshot with {len(self._simulation)} numbers of state>"

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmus import library, write_fmu
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, StateError
 from rtamt_gym import Fmus, simulate
+from rtamt_gym.fmi_instance import Instance
 
 LOW = "always(level < 9)"
 
@@ -314,3 +316,44 @@ def test_an_array_is_no_single_number(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
         simulate(Fmus(path), "always(row < 3)", duration=1)
     assert str(refused.value) == "'row' is an array, expected a single number"
+
+
+def test_fmus_are_freed_even_if_one_fails_to_end(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    freed = []
+
+    class Restive:
+        """An FMU that refuses to be terminated."""
+
+        def terminate(self) -> None:
+            raise FMICallException("fmi2Terminate", 3)
+
+        def freeInstance(self) -> None:  # noqa: N802 - as FMPy has it
+            freed.append(self)
+
+    def instantiate(self: Instance, *_: object) -> None:
+        vars(self).update(
+            _name="tank", _said=[], _now=0.0, _steps=True, _dead=False, _fmu=Restive()
+        )
+
+    system = Fmus({"a": folder / "tank.fmu", "b": folder / "tank.fmu"})
+    monkeypatch.setattr(Instance, "__init__", instantiate)
+    system._instances = [Instance("a", None, folder), Instance("b", None, folder)]
+    with pytest.raises(StateError, match="FMU 'tank' failed at 0 s: fmi2Terminate failed"):
+        system.close()
+    assert len(freed) == 2
+    system.close()
+    assert len(freed) == 2
+
+
+def test_what_was_not_unpacked_whole_is_unpacked_anew(folder: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "second.fmu"
+    moved.write_bytes((folder / "tank.fmu").read_bytes())
+    system = Fmus([folder / "tank.fmu", moved])
+    whole = moved.read_bytes()
+    moved.unlink()
+    with pytest.raises(FileNotFoundError):
+        simulate(system, "always(tank.level < 9)", duration=1)
+    moved.write_bytes(whole)
+    assert simulate(system, "always(tank.level < 9)", duration=1).steps == 10

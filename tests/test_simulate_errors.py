@@ -1,6 +1,7 @@
 """What `simulate` refuses, and how it says so."""
 
 import math
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -94,13 +95,19 @@ Z = {"level": "qpos[2]"}
             ("CartPole-v1", LOW),
             {},
             InputTypeError,
-            ("expected a system to run, got text; gym.make('CartPole-v1') makes an environment"),
+            ("expected a system to run, got its name; write gym.make('CartPole-v1')"),
         ),
         (
             ("CartPole-v1", LOW),
             {"policy": int, "seed": 1},
             InputTypeError,
-            ("expected a system to run, got text; gym.make('CartPole-v1') makes an environment"),
+            ("expected a system to run, got its name; write gym.make('CartPole-v1')"),
+        ),
+        (
+            (Path("plant.fmu"), LOW),
+            {},
+            InputTypeError,
+            "expected a system to run, got its name; write Fmus('plant.fmu')",
         ),
         (
             ({"level": [1.0, 2.0]}, LOW),

@@ -7,7 +7,7 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym import Snapshot, StepMonitor
 from rtamt_gym.specs import View
 
@@ -151,3 +151,26 @@ def test_a_snapshot_of_another_model_is_refused() -> None:
     assert str(refused.value) == (
         "expected a snapshot of the same model, with 17 numbers of state, got one with 81"
     )
+
+
+def test_a_snapshot_of_other_specifications_is_refused_and_changes_nothing() -> None:
+    monitor = monitored("Euler")
+    played(monitor, np.ones(20))
+    snapshot = Snapshot.of(monitor)
+    model, data = monitor.model, mujoco.MjData(monitor.model)
+    other = StepMonitor(model, data, {"a": "always(x < 9)", "b": "always(x < 8)"}, {"x": "qpos[0]"})
+    other.reset()
+    other.step()
+    time, state = data.time, other.details
+    with pytest.raises(InputError, match="expected a state of the specifications {'a': 'always"):
+        snapshot.restore(other)
+    assert (data.time, other.details, other.samples) == (time, state, 2)
+    other.step()
+
+
+def test_a_snapshot_is_of_a_step_monitor() -> None:
+    with pytest.raises(InputTypeError) as refused:
+        Snapshot.of(1)  # type: ignore[arg-type]
+    assert str(refused.value) == "expected a StepMonitor, got 1"
+    monitor = monitored("Euler")
+    assert repr(Snapshot.of(monitor)) == "<Snapshot with 81 numbers of state>"
