@@ -13,11 +13,16 @@ from rtamt import Language, StlDiscreteTimeSpecification
 def test_every_error_is_the_released_exception() -> None:
     assert issubclass(rtamt.ParseError, rtamt.RTAMTException)
     spec = StlDiscreteTimeSpecification()
+    spec.import_module("fractions", "Fractoin")
     calls: dict[str, Callable[[], object]] = {
         "expected the text of a specification in the attribute spec, got None": spec.parse,
         "expected a parsed specification; call parse() first": lambda: spec.update(0, []),
         "unknown type 'Foo'; import it first: import_module(MODULE, 'Foo')": (
             lambda: spec.declare_var("a", "Foo")
+        ),
+        "unknown type 'flaot'; did you mean 'float'?": lambda: spec.declare_var("a", "flaot"),
+        "the module 'fractions' has no 'Fractoin'; did you mean 'Fraction'?": (
+            lambda: spec.declare_var("a", "Fractoin")
         ),
         "cannot import the module 'nowhere': No module named 'nowhere'": (
             lambda: spec.import_module("nowhere", "Foo")
@@ -68,7 +73,6 @@ def test_evaluate_says_what_is_wrong_with_the_data() -> None:
 
 def test_samples_and_times_of_another_kind_are_refused() -> None:
     spec: Any = declared("a > b", ("a", "b"))
-    spec.update(0, [])
     calls: list[tuple[Callable[[], object], str]] = [
         (
             lambda: spec.update(1, [("a", 1, 2)]),

@@ -11,7 +11,7 @@ from typing import Any, TypedDict
 
 from rtamt.backend import Backend
 from rtamt.compat.options import Language, Semantics, StlIOType
-from rtamt.errors import InputError, ParseError, SpecificationError, StateError
+from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.interface import Semantics as SemanticsName
 from rtamt.interval import Exact
 from rtamt.parser import parse_as
@@ -255,10 +255,16 @@ class AbstractSpecification:
         from rtamt.grammar.diagnosis import PRIMITIVES  # loads the parser
 
         if var_type in self.modules:
-            return getattr(self.modules[var_type], var_type)()
+            module = self.modules[var_type]
+            if not hasattr(module, var_type):
+                msg = f"the module '{module.__name__}' has no '{var_type}'"
+                raise SpecificationError(msg + nearest(var_type, dir(module)))
+            return getattr(module, var_type)()
         if var_type in PRIMITIVES:
             return self._initial()
-        msg = f"unknown type '{var_type}'; import it first: import_module(MODULE, '{var_type}')"
+        hint = nearest(var_type, (*PRIMITIVES, *self.modules))
+        hint = hint or f"; import it first: import_module(MODULE, '{var_type}')"
+        msg = f"unknown type '{var_type}'{hint}"
         raise SpecificationError(msg)
 
     def _read(self) -> Specification:

@@ -155,10 +155,11 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         sample = self._arguments(values)
         last = self._time
         try:
-            violated = last is not None and not self._least <= timestamp - last <= self._most
+            passed = timestamp - (timestamp if last is None else last)
         except TypeError:
             msg = f"expected a number as the time of the sample, got {timestamp!r}"
             raise InputTypeError(msg) from None
+        violated = last is not None and not self._least <= passed <= self._most
         robustness = monitor.update(*sample)
         if self._episode is not None:
             robustness = self._episode.update(*sample)
