@@ -181,7 +181,9 @@ class Run(_Record):
         """Evaluates specifications offline on the recorded signals: `rtamt.evaluate`.
 
         Of the run's own specifications, the first value equals the last that was monitored; with
-        ``view="step"`` the values are those that the monitor gave, without its latency.
+        ``view="step"`` the values are those that the monitor gave, without its latency; but a whole
+        formula ``always p`` or ``eventually p`` looks back online and forward here, see
+        `rtamt.Monitor`.
 
         Args:
             specs: Others than the run's own; they read the signals of the run.
