@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Collection, Iterable, Sequence
 from numbers import Real
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError
+from rtamt_gym.names import listing, nearest
 
 __all__ = ["check_choice", "check_known", "check_length", "check_mask", "check_number"]
 
@@ -41,11 +41,9 @@ def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None
     """Refuses a key that names no specification."""
     for key in given:
         if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            way_out = f"did you mean {near[0]!r}?" if near else "leave it out"
             raise InputError(
                 f"{name}= names {key!r}, which is no specification; the specifications are "
-                f"{', '.join(map(repr, known))}; {way_out}"
+                f"{listing(known)}{nearest(key, known) or '; leave it out'}"
             )
 
 

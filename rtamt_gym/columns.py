@@ -18,7 +18,8 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.signals import Signal, Step, listing
+from rtamt_gym.names import listing
+from rtamt_gym.signals import Signal, Step
 
 __all__ = ["Batch", "Columns", "Floats", "Lanes"]
 

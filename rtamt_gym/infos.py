@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.columns import Lanes
-from rtamt_gym.signals import listing
+from rtamt_gym.names import listing
 
 __all__ = [
     "final_infos",

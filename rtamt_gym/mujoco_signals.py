@@ -17,7 +17,6 @@ count: those that MuJoCo's solver has taken in.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any
 
@@ -25,6 +24,7 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from rtamt import InputError, InputTypeError
+from rtamt_gym.names import nearest
 from rtamt_gym.selectors import NAMED, Selector
 from rtamt_gym.signals import Number, Signal
 
@@ -138,11 +138,9 @@ def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
     fields = [field for field in dir(named) if not field.startswith("_") and _held(named, field)]
     field = selector.field or "data"
     if field not in fields:
-        close = difflib.get_close_matches(field, fields, 1)
         raise InputError(
             f"signal {name!r}: {selector} does not fit: expected one of the fields "
-            f"{', '.join(fields)}, got {field!r}"
-            + (f"; did you mean {close[0]!r}?" if close else "")
+            f"{', '.join(fields)}, got {field!r}{nearest(field, fields)}"
         )
     return getattr(named, field)
 

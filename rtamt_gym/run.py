@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym.signals import listing
+from rtamt_gym.names import listing
 from rtamt_gym.specs import SpecsLike, View, load_specs
 from rtamt_gym.tables import moment
 

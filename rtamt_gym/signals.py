@@ -18,7 +18,6 @@ simulation of the environment, and bound to closures.
 
 from __future__ import annotations
 
-import difflib
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -31,9 +30,10 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError, InputTypeError
+from rtamt_gym.names import listing, nearest
 from rtamt_gym.selectors import MUJOCO, STEP, VEHICLE, Selector, hint, parse_selector
 
-__all__ = ["Number", "Read", "Signal", "SignalLike", "Step", "listing", "parse_signals"]
+__all__ = ["Number", "Read", "Signal", "SignalLike", "Step", "parse_signals"]
 
 SOURCES: Final = (*STEP, *MUJOCO, *VEHICLE)
 """The words that a selector of an environment may begin with."""
@@ -177,7 +177,7 @@ class Signal:
                 if part not in space.spaces:
                     reason = f"has no key {part!r}"
                     raise InputError(
-                        self._refusal(whole, what, reason) + _question(part, space.spaces)
+                        self._refusal(whole, what, reason) + nearest(part, space.spaces)
                     )
                 space = space.spaces[part]
             else:
@@ -233,7 +233,7 @@ class Signal:
                     value = value[part]
             except (AttributeError, IndexError, KeyError, TypeError) as error:
                 vehicle = getattr(simulation, "vehicle", None)
-                near = "" if hasattr(vehicle, field) else _question(field, dir(vehicle))
+                near = "" if hasattr(vehicle, field) else nearest(field, dir(vehicle))
                 raise InputError(
                     f"signal {self.name!r}: cannot read {self} of {type(simulation).__name__}: "
                     f"{error}{near}"
@@ -253,7 +253,7 @@ class Signal:
                     value = value[part]
                 except (KeyError, IndexError, TypeError):
                     held = (
-                        f"its keys are {listing(value)}{_question(part, value)}"
+                        f"its keys are {listing(value)}{nearest(part, value)}"
                         if isinstance(value, Mapping)
                         else f"it has {value!r} before {part!r}"
                     )
@@ -323,26 +323,18 @@ def parse_signals(
     others = [name for name in signals if name not in names]
     for name in names:
         if name not in signals:
-            near = _nearest(name, others)
-            way_out = f"did you mean {near!r}?" if near else f'give one: "{name}": "{example}"'
+            way_out = nearest(name, others) or f'; give one: "{name}": "{example}"'
             raise InputError(
-                f"variable {name!r} has no signal; the signals are {listing(signals)}; {way_out}"
+                f"variable {name!r} has no signal; the signals are {listing(signals)}{way_out}"
             )
     for name in () if spare else others:
-        near = _nearest(name, names)
-        way_out = f"did you mean {near!r}?" if near else "leave it out"
         raise InputError(
             f"signal {name!r} is read by no specification; the variables are "
-            f"{listing(names)}; {way_out}"
+            f"{listing(names)}{nearest(name, names) or '; leave it out'}"
         )
     if spare:
         names += others
     return tuple(Signal.parse(name, signals[name], sources) for name in names)
-
-
-def _question(name: object, names: Iterable[Any]) -> str:
-    near = _nearest(name, [each for each in names if isinstance(each, str)])
-    return f"; did you mean {near!r}?" if near else ""
 
 
 def _reader(place: int, path: tuple[Any, ...]) -> Read:
@@ -366,17 +358,6 @@ def _default(name: str, value: object) -> float:
     if math.isnan(value):
         raise InputError(message)
     return float(value)
-
-
-def _nearest(name: object, names: Iterable[str]) -> str | None:
-    if not isinstance(name, str):
-        return None
-    return next(iter(difflib.get_close_matches(name, list(names), n=1)), None)
-
-
-def listing(names: Iterable[Any]) -> str:
-    """The names in an error message."""
-    return ", ".join(repr(name) for name in names) or "none"
 
 
 def _count(number: int, noun: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
@@ -12,7 +11,8 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import gymnasium as gym
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.signals import SignalLike, listing, parse_signals
+from rtamt_gym.names import listing, nearest
+from rtamt_gym.signals import SignalLike, parse_signals
 from rtamt_gym.specs import read_period
 
 __all__ = [
@@ -23,7 +23,6 @@ __all__ = [
     "Samples",
     "System",
     "named_signals",
-    "nearest",
 ]
 
 Policy = Callable[..., Any]
@@ -236,9 +235,3 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
         if not isinstance(read, str):
             raise InputTypeError(f"signal {name!r}: expected a name, got {read!r}")
     return [given.get(name, name) for name in dict.fromkeys([*variables, *given])]
-
-
-def nearest(name: str, names: Iterable[str]) -> str:
-    """A question for the most similar name, or an empty string."""
-    close = difflib.get_close_matches(name, list(names), 1)
-    return f"; did you mean {close[0]!r}?" if close else ""
