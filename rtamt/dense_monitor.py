@@ -147,7 +147,7 @@ class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
                 such field. No message is changed.
             InputTypeError: If a message is of another class than the text declares; likewise.
         """
-        return write_fields(self.specification, self.values, {**(messages or {}), **named})
+        return write_fields(self.specification, self.values, messages, named)
 
     @property
     def settled(self) -> float:

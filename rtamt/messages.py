@@ -141,7 +141,10 @@ def _fields(variable: str, specification: Specification) -> Iterator[Field]:
 
 
 def write_fields(
-    specification: Specification, values: Mapping[str, float], messages: Mapping[str, object]
+    specification: Specification,
+    values: Mapping[str, float],
+    messages: Mapping[str, object] | None,
+    named: Mapping[str, object],
 ) -> bool:
     """Set the fields of messages that formulas name to the values of the formulas.
 
@@ -149,17 +152,22 @@ def write_fields(
         specification: Has formulas with dotted names.
         values: Those of its formulas by name.
         messages: What to write to, by name. Nothing is written if one of them is refused.
+        named: Likewise.
 
     Returns:
         Whether all that was written are numbers: no latency has still to pass.
 
     Raises:
         InputError: If no formula names a field of a message, or a message has no such field.
-        InputTypeError: If a message is of another class than declared, or cannot be changed.
+        InputTypeError: If a message is of another class than declared, or cannot be changed, or on
+            messages without names.
     """
+    if not isinstance(messages, Mapping | None):
+        msg = f"expected messages by name, as in write(out=message), got {type(messages).__name__}"
+        raise InputTypeError(msg)
     fields = Messages(specification, values)
     targets: list[tuple[Field, object]] = []
-    for name, message in messages.items():
+    for name, message in {**(messages or {}), **named}.items():
         here = [(field, field.holder(message)) for field in fields.under(name)]
         if not here:
             known = f"; write {name}.value = FORMULA"

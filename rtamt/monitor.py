@@ -190,7 +190,7 @@ class Monitor(_Single[DiscreteMachine]):
             (nan, False, {'value': nan})
             (1.0, True, {'value': 1.0})
         """
-        return write_fields(self.specification, self.values, {**(messages or {}), **named})
+        return write_fields(self.specification, self.values, messages, named)
 
     def update_many(self, block: Columns) -> NDArray[np.float64]:
         """Take in a block of samples; what `update` gives for each, as an array.

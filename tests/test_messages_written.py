@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -133,6 +133,15 @@ def test_what_cannot_be_written_is_refused(
     monitor = results(text)
     with pytest.raises(error, match=f"^{re.escape(words)}"):
         monitor.write({name: message})
+
+
+def test_a_message_without_its_name_is_refused() -> None:
+    monitor: Any = results("out.value = x > 0")
+    with pytest.raises(InputTypeError) as refused:
+        monitor.write(Slotted())
+    assert str(refused.value) == (
+        "expected messages by name, as in write(out=message), got Slotted"
+    )
 
 
 def test_nothing_is_written_if_one_message_is_refused() -> None:

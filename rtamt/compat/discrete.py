@@ -172,7 +172,7 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
             self.sampling_violation_counter += 1
         if self._published:
             message = {self.out_var: values[self.out_var]}
-            write_fields(monitor.specification, {self._result: robustness}, message)
+            write_fields(monitor.specification, {self._result: robustness}, message, {})
         return robustness
 
     def reset(self) -> None:
