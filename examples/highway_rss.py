@@ -60,8 +60,7 @@ def main(argv: list[str] | None = None) -> None:
             run = simulate(env, SPECS, SIGNALS, policy=policy, seed=seed, stop="end")
             margins = "  ".join(f"{run.courses[rule].final:+6.2f} m" for rule in SPECS)
             crash, broken = run.ended == "terminated", "never"
-            if run.violated_by:
-                at = run.courses[run.violated_by].decided_at or 0
+            if (at := run.violated_at) is not None:
                 broken = f"{run.times[at]:.1f} s"
                 distance.plot(run.times[at], run.signals["spare"][at], "o", color=colour)
             print(f"{driver:10}  {margins}  {broken:>9}  {run.duration:6.1f} s{'  crash' * crash}")

@@ -278,7 +278,7 @@ class Signal:
         held = isinstance(value, np.ndarray | list | tuple) and np.size(value)
         if not held or not isinstance(self.reads, Selector):
             return ""
-        return f"; write {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
+        return f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
 
     def number(self, value: object) -> float:
         """The number that was read, as a float.

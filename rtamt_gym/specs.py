@@ -12,6 +12,7 @@ from typing import Any, Literal
 import gymnasium as gym
 from gymnasium.logger import warn
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
+from gymnasium.wrappers import MaxAndSkipObservation
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
@@ -138,13 +139,14 @@ def read_period(env: Env) -> float | None:
     ``metadata["render_fps"]``, is not the rate of the samples: Pendulum says 30 and makes 20.
 
     A `SyncVectorEnv` says what its environments say; an `AsyncVectorEnv` says nothing: asked for
-    what its environments do not have, it would shut them down.
+    what its environments do not have, it would shut them down. Nor is there an answer where a
+    `MaxAndSkipObservation` makes several steps of one.
 
     Raises:
         InputError: If the environments of a `SyncVectorEnv` say different things.
     """
     simulation = env.unwrapped
-    if isinstance(simulation, AsyncVectorEnv):
+    if isinstance(simulation, AsyncVectorEnv) or _skips(env):
         return None
     if isinstance(simulation, SyncVectorEnv):
         periods = {read_period(each) for each in simulation.envs}
@@ -257,6 +259,15 @@ def _load(spec: SpecLike) -> rtamt.Specification:
         "expected the text of a specification, the path of a .stl file or an "
         f"rtamt.Specification, got {spec!r}"
     )
+
+
+def _skips(env: Env) -> bool:
+    """Whether a wrapper of Gymnasium makes several steps of the simulation in one."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, MaxAndSkipObservation):
+            return True
+        env = env.env
+    return False
 
 
 def _positive(value: object) -> float | None:

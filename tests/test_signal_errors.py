@@ -265,7 +265,7 @@ def test_a_signal_that_is_none_says_what_is_one(
             InputTypeError,
             (
                 "signal 'x': expected a number from info['speed'], got array([0.5, 1. ]); "
-                "write info['speed'][0]"
+                "choose an element, info['speed'][0]"
             ),
         ),
         (

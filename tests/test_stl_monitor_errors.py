@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from gymnasium.wrappers import MaxAndSkipObservation, TransformReward
 
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError
@@ -117,6 +119,15 @@ def test_an_error_in_one_of_several_specifications_names_it() -> None:
     with pytest.raises(rtamt.ParseError) as caught:
         StlMonitor(Timeless(), {"good": "always(x > 1)", "bad": "always(x >"}, X)
     assert caught.value.__notes__ == ["in specification 'bad'"]
+
+
+def test_the_period_behind_a_wrapper_that_skips_steps_is_not_guessed() -> None:
+    env = MaxAndSkipObservation(gym.make("CartPole-v1"), skip=4)
+    late = "eventually[0:0.8](x > 1)"
+    with pytest.raises(SpecificationError, match="does not say how long a step lasts"):
+        StlMonitor(TransformReward(env, float), late, {"x": "obs[0]"})
+    monitor = StlMonitor(env, late, {"x": "obs[0]"}, period=0.08)
+    assert monitor.period == Fraction(2, 25)
 
 
 def test_a_bound_that_is_no_multiple_of_the_period_is_refused() -> None:
