@@ -14,7 +14,7 @@ from rtamt_gym.episodes import outcome
 from rtamt_gym.signals import Number, Read
 from rtamt_gym.specs import InstantMonitor, Nan, View, machine_state, make_monitor
 
-__all__ = ["Panel", "Sample"]
+__all__ = ["Panel", "Sample", "pick"]
 
 Sample = Callable[[Any, Any, Any, dict[str, Any]], tuple[float, float, float, int]]
 """Feeds what a step gives; least robustness, lower and upper bound, and verdicts decided."""
@@ -171,7 +171,7 @@ class Panel:
             (
                 monitor.update,
                 indices[0] if len(indices) == 1 else None,
-                _pick(indices),
+                pick(indices),
                 judge.bounds,
             )
             for name, monitor, judge in self._monitors
@@ -181,8 +181,8 @@ class Panel:
         def feed(values: list[float]) -> tuple[float, float, float, int]:
             robustness = lower = upper = math.inf
             decided = 0
-            for update, index, pick, bounds in picks:
-                value = update(*pick(values)) if index is None else update(values[index])
+            for update, index, picked, bounds in picks:
+                value = update(*picked(values)) if index is None else update(values[index])
                 low, high = bounds()
                 if high < 0.0 or low > 0.0:
                     decided += 1
@@ -268,7 +268,8 @@ class Panel:
         self.violated_by = violated_by
 
 
-def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+def pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """The function that takes the elements at some indices."""
     if len(indices) > 1:
         return itemgetter(*indices)
     return lambda values: tuple(values[index] for index in indices)

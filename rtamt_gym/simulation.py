@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from fractions import Fraction
 from numbers import Real
-from operator import itemgetter
 from typing import Any, get_args
 
 import gymnasium as gym
@@ -19,7 +18,7 @@ from gymnasium.vector import VectorEnv
 import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt_gym.arguments import check_choice, check_number
-from rtamt_gym.panel import Panel
+from rtamt_gym.panel import Panel, pick
 from rtamt_gym.run import Course, Ended, Floats, Run, Stop
 from rtamt_gym.signals import SignalLike
 from rtamt_gym.specs import Nan, SpecsLike, View, load_specs
@@ -120,7 +119,7 @@ def simulate(
     ran.bind(variables, signals, panel.period)
     with closing(ran):
         begin = time.perf_counter()
-        record = _Record(panel, variables, signals or {}, nan)
+        record = _Recorder(panel, variables, signals or {}, nan)
         ended = _loop(ran, panel, record, stop, most)
         wall_time = time.perf_counter() - begin
     return Run(
@@ -139,7 +138,7 @@ def simulate(
     )
 
 
-def _loop(system: System, panel: Panel, record: _Record, stop: Stop, most: int | None) -> Ended:
+def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int | None) -> Ended:
     """Feeds samples until there is no more to feed; says why there is not."""
     values: Sequence[float] | None = system.start()
     steps = 0
@@ -164,7 +163,7 @@ def _loop(system: System, panel: Panel, record: _Record, stop: Stop, most: int |
     return "terminated"
 
 
-class _Record:
+class _Recorder:
     """Feeds samples to the monitors, and keeps all of them and what the monitors say."""
 
     def __init__(
@@ -178,9 +177,11 @@ class _Record:
         self._curves: dict[str, list[tuple[float, float, float]]] = {}
         self._feeds = []
         for name, (monitor, judge) in panel.monitors.items():
-            indices = [variables.index(variable) for variable in panel.variables[name]]
+            indices = tuple(variables.index(variable) for variable in panel.variables[name])
             self._curves[name] = []
-            self._feeds.append((monitor.update, _pick(indices), judge, self._curves[name].append))
+            self._feeds.append(
+                (monitor.update, pick(indices), judge.bounds, self._curves[name].append)
+            )
 
     def take(self, values: Sequence[float]) -> int:
         """Feeds a sample; says how many verdicts are certain."""
@@ -188,9 +189,9 @@ class _Record:
             last = self._samples[-1]
             values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
         decided = 0
-        for update, pick, judge, note in self._feeds:
-            robustness = update(*pick(values))
-            lower, upper = judge.lower, judge.upper
+        for update, picked, bounds, note in self._feeds:
+            robustness = update(*picked(values))
+            lower, upper = bounds()
             note((robustness, lower, upper))
             decided += upper < 0.0 or lower > 0.0
         for index in self._unread:
@@ -234,12 +235,6 @@ class _Record:
                 specs[name].unit,
             )
         return courses
-
-
-def _pick(indices: Sequence[int]) -> Callable[[Sequence[float]], Sequence[float]]:
-    if len(indices) > 1:
-        return itemgetter(*indices)
-    return lambda values: [values[index] for index in indices]
 
 
 def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System:  # noqa: ANN401
