@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt import bank, dense, discrete, episode
 from rtamt.dense_lowering import DenseProgram, encoded_dense
 from rtamt.errors import InputError
-from rtamt.events import Column, EventReader, EventsLike
+from rtamt.events import Column, EventReader
 from rtamt.inputs import SampleReader
 from rtamt.lanes import LaneReader
 from rtamt.placement import place
@@ -140,7 +140,7 @@ class DenseMachine(Stateful, Protocol):
         """The observed registers just before they are unknown."""
 
     @property
-    def update(self) -> Callable[[Mapping[str, EventsLike]], list[tuple[float, float]]]:
+    def update(self) -> Callable[..., list[tuple[float, float]]]:
         """Take in new events; the steps of the result that are settled by them."""
 
     def finish(self) -> list[tuple[float, float]]:

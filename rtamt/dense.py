@@ -90,11 +90,12 @@ class Machine:
         """The observed registers just before they are unknown; after `finish`, at the end."""
         return [self._streams[r].value for r in self._observed]
 
-    def update(self, events: Mapping[str, EventsLike]) -> list[Step]:
+    def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> list[Step]:
         """Take in new events; the steps of the result that are settled by them."""
         if self.finished:
             self.reader.refuse_update()
-        return self._take(self.reader.read(events, self._last))
+        given = self.reader.given(events, named)
+        return self._take(self.reader.read(given, self._last))
 
     def _take(self, columns: Sequence[Column]) -> list[Step]:
         first = [

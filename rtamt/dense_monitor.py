@@ -22,9 +22,10 @@ Interpolation = Literal["previous"]
 _UPDATE = """Take in new events, and give the breakpoints that are settled by them.
 
 Args:
-    events: For each variable a sequence of (time, value), an array of shape (n, 2), or `Events`.
-        A variable that is absent or whose events are empty has no new ones. Of variables that are
-        fields, such as ``cmd.linear.x``, the message may be given: ``{"cmd": [(time, message)]}``.
+    events: A mapping from variables to a sequence of (time, value), an array of shape (n, 2), or
+        `Events`; or the same by keyword, ``update(x=[(0, 1.5)])``. A variable that is absent or
+        whose events are empty has no new ones. Of variables that are fields, such as
+        ``cmd.linear.x``, the message may be given: ``{"cmd": [(time, message)]}``.
 
 Returns:
     (time, robustness) wherever the robustness becomes another one, before `settled`; each once.
@@ -89,7 +90,7 @@ class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
         "update": _UPDATE,
     }
 
-    update: Callable[[Mapping[str, EventsLike]], list[tuple[float, float]]]
+    update: Callable[..., list[tuple[float, float]]]
 
     def __init__(
         self,

@@ -125,6 +125,24 @@ class EventReader:
         self.variables = program.variables
         self._messages = Messages(program.specification, program.variables)
 
+    def given(
+        self, events: Sequence[Mapping[str, EventsLike]], named: Mapping[str, EventsLike]
+    ) -> Mapping[str, EventsLike]:
+        """The events that ``update(*events, **named)`` means: one mapping, or by name.
+
+        Raises:
+            InputError: On both, or on several positional arguments.
+        """
+        if len(events) == 1 and not named:
+            return events[0]
+        if not events:
+            return named
+        msg = (
+            "expected events as one mapping or by name, as in update(x=[(0.0, 1.5)]), got "
+            f"{len(events)} by position and {len(named)} by name"
+        )
+        raise InputError(msg)
+
     def read(self, events: Mapping[str, EventsLike], last: Sequence[float]) -> list[Column]:
         """The new events of every variable, in the order of the variables.
 

@@ -291,6 +291,21 @@ def test_signals_must_overlap(backend: Backend) -> None:
     assert monitor.finish() == []
 
 
+def test_events_are_given_as_one_mapping_or_by_name(backend: Backend) -> None:
+    monitor = DenseMonitor("a > b", backend=backend)
+    assert monitor.update(a=[(0, 3)], b=[(0, 1), (1, 2)]) == []
+    assert monitor.update() == []
+    one = {"a": [(1, 4)]}
+    for args, named in [((one, one), {}), ((one,), one), ((one, one), one)]:
+        text = (
+            "expected events as one mapping or by name, as in update(x=[(0.0, 1.5)]), got "
+            f"{len(args)} by position and {len(named)} by name"
+        )
+        refused(InputError, text, functools.partial(monitor.update, *args, **named))
+    assert monitor.update(**one) == [(0, 2)]
+    assert monitor.finish() == []
+
+
 def test_nothing_comes_after_the_end(backend: Backend) -> None:
     monitor = DenseMonitor("a > 0", backend=backend)
     monitor.update({"a": [(0, 1)]})

@@ -192,7 +192,18 @@ nb::list fresh(dense::Machine& machine) {
     return list;
 }
 
-PyObject* update_dense(PyObject* self, PyObject* events) {
+// Any other call than with one argument: the reader says what it means.
+nb::object given(const BoundDense& bound, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
+    nb::list positional;
+    for (Py_ssize_t i = 0; i < n; ++i) positional.append(nb::handle(args[i]));
+    nb::dict named;
+    const Py_ssize_t names = kwnames ? PyTuple_GET_SIZE(kwnames) : 0;
+    for (Py_ssize_t i = 0; i < names; ++i)
+        named[nb::handle(PyTuple_GET_ITEM(kwnames, i))] = nb::handle(args[n + i]);
+    return bound.reader.attr("given")(nb::tuple(positional), named);
+}
+
+PyObject* update_dense(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
     if (!nb::inst_ready(self)) [[unlikely]] {
         PyErr_SetString(PyExc_TypeError, "the machine was not made: __init__ was not called");
         return nullptr;
@@ -201,7 +212,13 @@ PyObject* update_dense(PyObject* self, PyObject* events) {
     try {
         if (bound.running) [[unlikely]] require_idle(bound);
         if (bound.machine.finished()) [[unlikely]] refused(bound, "refuse_update");
-        if (!read_events(bound, events)) [[unlikely]] read_events_slowly(bound, events);
+        nb::object events;
+        if (n == 1 && !kwnames) [[likely]]
+            events = nb::borrow(args[0]);
+        else
+            events = given(bound, args, n, kwnames);
+        if (!read_events(bound, events.ptr())) [[unlikely]]
+            read_events_slowly(bound, events.ptr());
         if (!bound.machine.take()) [[unlikely]] refuse_nan(bound);
         return fresh(bound.machine).release().ptr();
     } catch (nb::python_error& error) {
@@ -280,8 +297,9 @@ nb::tuple run(BoundDense& bound, const nb::sequence& columns) {
 }
 
 PyMethodDef dense_methods[] = {
-    {"update", update_dense, METH_O,
-     "update($self, events, /)\n--\n\n"
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(update_dense)),
+     METH_FASTCALL | METH_KEYWORDS,
+     "update($self, /, *events, **named)\n--\n\n"
      "Take in new events of variables; what is newly known of the result."},
     {nullptr, nullptr, 0, nullptr},
 };
