@@ -319,3 +319,19 @@ def test_a_formula_without_outputs_has_the_robustness_of_what_is_given() -> None
     spec.spec = "req >= 3"
     spec.parse()
     assert spec.evaluate({"time": [0, 1], "req": [4, 1]}) == [[0, math.inf], [1, -math.inf]]
+
+
+def test_a_message_without_the_field_of_the_result_takes_no_sample() -> None:
+    spec = StlDiscreteTimeSpecification()
+    spec.import_module(__name__, "Float")
+    spec.declare_var("x", "float")
+    spec.declare_var("rob", "Float")
+    spec.spec = "rob.level = once(x > 0)"
+    spec.parse()
+    text = r"^'rob' \(Float\) has no field 'level'"
+    for _ in range(2):
+        with pytest.raises(rtamt.InputError, match=text):
+            spec.update(0, [("x", 5.0)])
+    spec.get_value("rob").level = 0.0
+    assert spec.update(0, [("x", 3.0)]) == 3.0
+    assert spec.get_value("rob").level == 3.0

@@ -6,6 +6,7 @@ it gives the robustness that the trace has at its first sample if it ends now.
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
@@ -197,6 +198,9 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
             # By position, in a sixth of the time; of one name it would give no tuple.
             self._arguments = operator.itemgetter(*self._names)
         self._published = self._source(self._result) != self._result
+        if self._published:  # a message without the field is refused before the first sample
+            message = {self.out_var: self.var_object_dict[self.out_var]}
+            write_fields(spec, {self._result: math.nan}, message, {})
         self._monitor, self._ran = monitor, self._now
         return monitor
 
