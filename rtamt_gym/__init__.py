@@ -7,13 +7,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rtamt_gym.fmi import Fmus
     from rtamt_gym.mujoco import StepMonitor
     from rtamt_gym.rewards import StlReward
     from rtamt_gym.rollouts import evaluate_rollouts
-    from rtamt_gym.run import Run
     from rtamt_gym.signals import Step
-    from rtamt_gym.simulation import simulate
+    from rtamt_gym.simulation.fmi import Fmus
+    from rtamt_gym.simulation.run import Run
+    from rtamt_gym.simulation.simulate import simulate
     from rtamt_gym.snapshots import Snapshot
     from rtamt_gym.vector import VectorStlMonitor
     from rtamt_gym.vector_rewards import VectorStlReward
@@ -34,8 +34,8 @@ __all__ = [
 ]
 
 _MODULES = {
-    "Fmus": "rtamt_gym.fmi",
-    "Run": "rtamt_gym.run",
+    "Fmus": "rtamt_gym.simulation.fmi",
+    "Run": "rtamt_gym.simulation.run",
     "Snapshot": "rtamt_gym.snapshots",
     "Step": "rtamt_gym.signals",
     "StepMonitor": "rtamt_gym.mujoco",
@@ -44,7 +44,7 @@ _MODULES = {
     "VectorStlMonitor": "rtamt_gym.vector",
     "VectorStlReward": "rtamt_gym.vector_rewards",
     "evaluate_rollouts": "rtamt_gym.rollouts",
-    "simulate": "rtamt_gym.simulation",
+    "simulate": "rtamt_gym.simulation.simulate",
 }
 
 

@@ -11,13 +11,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from rtamt_gym import plot
-from rtamt_gym.outcomes import report, saved_note
-from rtamt_gym.policies import import_highway, make
-from rtamt_gym.run import Run
 from rtamt_gym.signals import SignalLike, Step
-from rtamt_gym.simulation import simulate
-from rtamt_gym.systems import Policy
+from rtamt_gym.simulation import plot
+from rtamt_gym.simulation.outcomes import report, saved_note
+from rtamt_gym.simulation.policies import import_highway, make
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.simulate import simulate
+from rtamt_gym.simulation.systems import Policy
 
 __all__ = ["HIGHWAY", "PENDULUM", "Scenario", "run", "watch"]
 

@@ -18,8 +18,8 @@ import pytest
 from recorded import SPEC, write_files
 
 import rtamt
-from rtamt_gym import recordings
 from rtamt_gym.__main__ import main
+from rtamt_gym.recorded import recordings
 
 Output = pytest.CaptureFixture[str]
 
@@ -280,7 +280,7 @@ def test_a_long_file_is_judged_in_the_time_that_its_lines_take(
 def on_a_terminal(prelude: str) -> str:
     """What the command line writes to a terminal of 80 columns on stderr."""
     code = (
-        f"import sys, rtamt_gym.progress as p; p.DELAY = 0; {prelude};"
+        f"import sys, rtamt_gym.recorded.progress as p; p.DELAY = 0; {prelude};"
         "from rtamt_gym.__main__ import main; sys.exit(main(['monitor', 'calm.stl', 'even.csv']))"
     )
     reading, writing = pty.openpty()

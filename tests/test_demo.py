@@ -8,7 +8,7 @@ import pytest
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.demo import HIGHWAY, PENDULUM, watch
-from rtamt_gym.run import Run
+from rtamt_gym.simulation.run import Run
 
 
 def verdicts(runs: list[Run]) -> dict[str, dict[str, str]]:

@@ -14,7 +14,7 @@ from fmus import library, write_fmu
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, StateError
 from rtamt_gym import Fmus, simulate
-from rtamt_gym.fmi_instance import Instance
+from rtamt_gym.simulation.fmi_instance import Instance
 
 LOW = "always(level < 9)"
 

@@ -15,8 +15,8 @@ from matplotlib.patches import Rectangle
 
 from rtamt import InputError, Verdict
 from rtamt_gym.drawing import check_format
-from rtamt_gym.plot import draw, save
-from rtamt_gym.run import Course, Floats, Run
+from rtamt_gym.simulation.plot import draw, save
+from rtamt_gym.simulation.run import Course, Floats, Run
 
 INF = math.inf
 
@@ -126,5 +126,5 @@ def test_a_name_that_says_no_format_is_refused() -> None:
 
 
 def test_no_window_system_is_asked_for() -> None:
-    code = "import sys, rtamt_gym.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, rtamt_gym.simulation.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

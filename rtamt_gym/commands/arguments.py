@@ -13,7 +13,7 @@ import rtamt
 from rtamt import InputError
 
 if TYPE_CHECKING:
-    from rtamt_gym.trace import Trace
+    from rtamt_gym.recorded.trace import Trace
 
 __all__ = [
     "Commands",
@@ -114,8 +114,8 @@ def read_samples(
         specs: Say which columns are read.
         events: As for `read_trace`.
     """
-    from rtamt_gym.recordings import open_recording
-    from rtamt_gym.trace import read_trace
+    from rtamt_gym.recorded.recordings import open_recording
+    from rtamt_gym.recorded.trace import read_trace
 
     with open_recording(options.trace) as recording:
         trace = read_trace(recording, variables_of(specs), events)

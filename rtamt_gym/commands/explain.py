@@ -26,7 +26,7 @@ def add(commands: Commands) -> None:
 
 
 def _explain(options: argparse.Namespace) -> int:
-    from rtamt_gym.judge import viewed
+    from rtamt_gym.recorded.judge import viewed
 
     specs = read_specs(options.specs)
     trace, period = read_samples(options, specs)

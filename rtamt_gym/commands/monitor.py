@@ -48,10 +48,10 @@ def add(commands: Commands) -> None:
 
 
 def _monitor(options: argparse.Namespace) -> int:
-    from rtamt_gym.judge import described, judge, judge_events, report, signals_of
-    from rtamt_gym.output import save_csv
-    from rtamt_gym.recordings import open_recording
-    from rtamt_gym.trace import EventTrace, Trace, read_events
+    from rtamt_gym.recorded.judge import described, judge, judge_events, report, signals_of
+    from rtamt_gym.recorded.output import save_csv
+    from rtamt_gym.recorded.recordings import open_recording
+    from rtamt_gym.recorded.trace import EventTrace, Trace, read_events
 
     specs = read_specs(options.specs)
     for path in filter(None, (options.out, options.plot)):
@@ -77,7 +77,7 @@ def _monitor(options: argparse.Namespace) -> int:
         save_csv(judgements, options.out, dense=options.dense)
         print(f"robustness: {options.out}")
     if options.plot:
-        from rtamt_gym.trace_plot import draw_trace
+        from rtamt_gym.recorded.plot import draw_trace
 
         signals = signals_of(trace, first.period)
         draw_trace(signals, judgements, trace.source).savefig(options.plot, dpi=110)

@@ -85,9 +85,9 @@ def add(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rtamt_gym.outcomes import report, saved_note, to_json
-    from rtamt_gym.policies import POLICIES, make
-    from rtamt_gym.simulation import simulate
+    from rtamt_gym.simulation.outcomes import report, saved_note, to_json
+    from rtamt_gym.simulation.policies import POLICIES, make
+    from rtamt_gym.simulation.simulate import simulate
 
     specs = read_specs(options.spec)
     signals = _read_signals(options.signal)
@@ -95,7 +95,7 @@ def _run(options: argparse.Namespace) -> int:
         check_folder(path)
     if options.plot:
         from rtamt_gym.drawing import check_format
-        from rtamt_gym.plot import save
+        from rtamt_gym.simulation.plot import save
 
         check_format(options.plot)
     env = make(options.env_id, options.max_steps)

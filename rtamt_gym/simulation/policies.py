@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError
-from rtamt_gym.systems import Policy
+from rtamt_gym.simulation.systems import Policy
 
 __all__ = ["POLICIES", "Policies", "import_highway", "make"]
 

@@ -19,10 +19,10 @@ import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt_gym.arguments import check_choice, check_number
 from rtamt_gym.panel import Panel, pick
-from rtamt_gym.run import Course, Ended, Floats, Run, Stop
 from rtamt_gym.signals import SignalLike
+from rtamt_gym.simulation.run import Course, Ended, Floats, Run, Stop
+from rtamt_gym.simulation.systems import Environment, Policy, Samples, System
 from rtamt_gym.specs import Nan, SpecsLike, View, load_specs
-from rtamt_gym.systems import Environment, Policy, Samples, System
 
 __all__ = ["simulate"]
 
@@ -254,7 +254,7 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
     if seed is not None:
         raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
     if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
-        from rtamt_gym.mujoco_system import Model
+        from rtamt_gym.simulation.mujoco import Model
 
         model, data = system
         return Model(model, data, policy)

@@ -7,8 +7,8 @@ import itertools
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from rtamt_gym.judge import RESULT, Judgement, Series
-from rtamt_gym.trace import TIME, VALUE, VARIABLE
+from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.trace import TIME, VALUE, VARIABLE
 
 __all__ = ["save_csv"]
 

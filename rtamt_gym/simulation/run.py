@@ -220,7 +220,7 @@ class Run(_Record):
             InputError: If the name says no format of pictures.
         """
         from rtamt_gym.drawing import check_format
-        from rtamt_gym.plot import save
+        from rtamt_gym.simulation.plot import save
 
         check_format(Path(path))
         save([self], Path(path))
@@ -231,7 +231,7 @@ class Run(_Record):
         All readers of Parquet understand it, ``rtamt monitor`` among them. Needs the extra
         ``parquet``.
         """
-        from rtamt_gym.storage import save
+        from rtamt_gym.simulation.storage import save
 
         save(self, Path(path))
 
@@ -242,7 +242,7 @@ class Run(_Record):
         Raises:
             InputError: If the file holds no run.
         """
-        from rtamt_gym.storage import load
+        from rtamt_gym.simulation.storage import load
 
         return load(Path(path))
 

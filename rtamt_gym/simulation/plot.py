@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from rtamt_gym.drawing import BOUNDS, OPEN, ROBUSTNESS, SIGNAL, VERDICTS, frame, tidy
-from rtamt_gym.run import Course, Run
+from rtamt_gym.simulation.run import Course, Run
 from rtamt_gym.tables import moment
 
 __all__ = ["draw", "save"]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import SpecificationError, Verdict
-from rtamt_gym.progress import progress
+from rtamt_gym.recorded.progress import progress
+from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.tables import instant, moment, number, shorten, table
-from rtamt_gym.trace import EventTrace, Trace
 
 __all__ = [
     "RESULT",

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.progress import progress
+from rtamt_gym.recorded.progress import progress
 
 __all__ = ["CsvFile", "Recording", "Rows", "open_recording"]
 
@@ -96,7 +96,7 @@ def open_recording(path: str) -> Iterator[Recording]:
     if path == "-":
         yield CsvFile(sys.stdin, "stdin")
     elif path.endswith(".parquet"):
-        from rtamt_gym.parquet import ParquetRecording
+        from rtamt_gym.recorded.parquet import ParquetRecording
 
         yield ParquetRecording(path)
     else:

@@ -12,7 +12,7 @@ from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.mujoco_signals import bind_signal, check_pair, derive
 from rtamt_gym.selectors import MUJOCO
 from rtamt_gym.signals import SignalLike, parse_signals
-from rtamt_gym.systems import HowEnded, Policy
+from rtamt_gym.simulation.systems import HowEnded, Policy
 
 __all__ = ["Model"]
 

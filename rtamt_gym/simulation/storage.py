@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rtamt import InputError, Verdict
-from rtamt_gym.run import Course, Floats, Run
+from rtamt_gym.simulation.run import Course, Floats, Run
 
 __all__ = ["load", "save"]
 

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.recordings import Rows
+from rtamt_gym.recorded.recordings import Rows
 
 __all__ = ["ParquetRecording"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.recordings import Recording, Rows
+from rtamt_gym.names import nearest
+from rtamt_gym.recorded.recordings import Recording, Rows
 
 __all__ = ["TIME", "EventTrace", "Trace", "read_events", "read_trace"]
 
@@ -122,7 +122,7 @@ def read_trace(recording: Recording, variables: Sequence[str], events: str = "")
         InputError: On a missing column, a value that is no number, or if there is no sample.
 
     Example:
-        >>> from rtamt_gym.recordings import CsvFile
+        >>> from rtamt_gym.recorded.recordings import CsvFile
         >>> trace = read_trace(CsvFile(["time,x", "0,5", "0.5,4"], "trace.csv"), ["x"])
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
@@ -146,7 +146,7 @@ def read_events(recording: Recording, variables: Sequence[str]) -> EventTrace:
             not increase.
 
     Example:
-        >>> from rtamt_gym.recordings import CsvFile
+        >>> from rtamt_gym.recorded.recordings import CsvFile
         >>> wide = CsvFile(["time,x,y", "0,5,1", "0.2,4,"], "trace.csv")
         >>> long = CsvFile(["time,variable,value", "0,x,5", "0,y,1", "0.2,x,4"], "trace.csv")
         >>> for recording in (wide, long):
@@ -179,7 +179,7 @@ def _by_rows(recording: Recording, variables: Sequence[str]) -> EventTrace:
         if name not in known:
             raise InputError(
                 f"{recording.source}: no events of '{name}', which the specification reads; "
-                f"the variables are {', '.join(known)}{_nearest(name, known)}"
+                f"the variables are {', '.join(known)}{nearest(name, known)}"
             )
         (given,) = np.nonzero(named == name)
         _check_order(rows, given, f" of '{name}'")
@@ -227,7 +227,7 @@ def _check_names(recording: Recording, wanted: Sequence[str]) -> None:
         )
     for name in wanted:
         if name not in names:
-            hint = _nearest(name, names)
+            hint = nearest(name, names)
             if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
                 hint = "; columns are separated by commas"
             reader = "--dense" if name in (TIME, VALUE, VARIABLE) else "the specification"
@@ -237,11 +237,6 @@ def _check_names(recording: Recording, wanted: Sequence[str]) -> None:
             )
         if names.count(name) > 1:
             raise InputError(f"{source}, line 1: expected one column '{name}', got two")
-
-
-def _nearest(name: str, names: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, names, 1)
-    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def _is_number(text: str) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rtamt import Verdict
 from rtamt_gym.drawing import OPEN, ROBUSTNESS, SIGNAL, VERDICTS, frame, tidy
-from rtamt_gym.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.tables import number, shorten
 
 __all__ = ["draw_trace"]

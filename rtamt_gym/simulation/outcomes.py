@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 import rtamt
-from rtamt_gym.run import Run
+from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import moment, number, shorten, table
 
 __all__ = ["report", "saved_note", "to_json"]

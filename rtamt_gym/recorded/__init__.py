@@ -1,0 +1,1 @@
+"""Recorded traces under specifications, read from files; nothing here needs a simulator."""
