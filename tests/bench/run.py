@@ -32,7 +32,7 @@ SECTIONS = (
     "dense",
     "gym",
     "vector",
-    "mujoco",
+    "simulation",
     "stopping",
     "start",
 )

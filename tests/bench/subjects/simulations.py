@@ -1,8 +1,9 @@
-"""MuJoCo models of Gymnasium stepped bare or under a monitor, and environments of them."""
+"""MuJoCo models of Gymnasium, environments of them, and FMUs: bare or under a monitor."""
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -14,6 +15,7 @@ import worker
 
 ASSETS = Path(gym.__file__).parent / "envs/mujoco/assets"
 SPEC = "always(abs(x) < 1e9)"
+TESTS = Path(__file__).parents[2]
 
 
 def model(case: worker.Case) -> worker.Measure:
@@ -79,6 +81,52 @@ def environment(case: worker.Case) -> worker.Measure:
     return measure
 
 
+def fmu(case: worker.Case) -> worker.Measure:
+    """Nanoseconds for a step of the tank of the tests, whose level is read."""
+    sys.path.insert(0, str(TESTS))
+    import fmpy
+    import fmus
+
+    import rtamt_gym
+
+    version, steps = case["version"], case["steps"]
+    folder = Path.cwd() / f"fmi{version}"
+    folder.mkdir()
+    path = fmus.write_fmu(folder / "tank.fmu", fmus.library(version, folder), version)
+    described = fmpy.read_model_description(path)
+    (level,) = (v.valueReference for v in described.modelVariables if v.name == "level")
+    unpacked = fmpy.extract(path, folder / "unpacked")
+
+    def bare() -> float:
+        slave = fmpy.instantiate_fmu(unpacked, described, fmi_type="CoSimulation")
+        if version == 2:
+            slave.setupExperiment()
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        read = slave.getReal if version == 2 else slave.getFloat64
+        begin = time.perf_counter_ns()
+        for i in range(steps):
+            slave.doStep(i * 0.1, 0.1)
+            read([level])
+        took = time.perf_counter_ns() - begin
+        slave.terminate()
+        slave.freeInstance()
+        return took / steps
+
+    def took(n: int) -> int:
+        system = rtamt_gym.Fmus(path)
+        begin = time.perf_counter_ns()
+        rtamt_gym.simulate(system, case["specs"], duration=0.1 * n)
+        return time.perf_counter_ns() - begin
+
+    def simulated() -> float:
+        # What loading costs does not depend on the steps: it is taken off.
+        loading = min(took(1) for _ in range(3))
+        return (min(took(1 + steps) for _ in range(3)) - loading) / steps
+
+    return simulated if case["specs"] else bare
+
+
 with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)  # MuJoCo writes a log into the working directory
-    worker.serve({"model": model, "environment": environment})
+    worker.serve({"model": model, "environment": environment, "fmu": fmu})

@@ -1,4 +1,4 @@
-"""Around `mj_step`: what a monitored simulation costs more than a bare one."""
+"""Around `mj_step` and `doStep`: what a monitored simulation costs more than a bare one."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ MODELS = {
 
 
 def measure(setting: Setting) -> Iterator[Table]:
-    """Steps of a model, by what is read; steps of an environment, by where samples are taken."""
+    """Steps of a model, by what is read; of an environment, by where samples are taken; of FMUs."""
     yield models(setting)
     yield environments(setting)
+    yield units(setting)
 
 
 def compete(setting: Setting, cases: dict[str, dict[str, Any]], table: Table) -> Figures:
@@ -90,4 +91,28 @@ def environments(setting: Setting) -> Table:
         ):
             if who in found:
                 table.rows.append(Row(label, {"rtamt": (found[who][0] - bare) / 1e3}))
+    return table
+
+
+def units(setting: Setting) -> Table:
+    """Time of a communication step of an FMU, by FMPy alone and by `simulate`."""
+    table = Table("an FMU: FMPy's doStep and a read, and simulate with all its records", "us")
+    for version in (2, 3):
+        case = {"what": "fmu", "version": version, "steps": 2_000}
+        found = compete(
+            setting,
+            {
+                "bare": {**case, "specs": None},
+                "one": {**case, "specs": "always(level > 0)"},
+                "two": {**case, "specs": {"a": "always(level > 0)", "b": "always(level < 9)"}},
+            },
+            table,
+        )
+        for who, label in (
+            ("bare", f"FMI {version}.0, doStep and a read"),
+            ("one", "  simulate, one spec"),
+            ("two", "  simulate, two specs"),
+        ):
+            if who in found:
+                table.rows.append(Row(label, {"rtamt": found[who][0] / 1e3}))
     return table
