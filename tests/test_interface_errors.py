@@ -20,7 +20,7 @@ from rtamt import (
     VectorMonitor,
     evaluate,
 )
-from rtamt.interface import Interface, as_interface
+from rtamt.interface import STANDARD, Interface, as_interface
 
 PLAIN = "always(req >= 3 implies gnt >= 3)"
 DECLARED = f"input float req; output float gnt; {PLAIN}"
@@ -124,7 +124,9 @@ def test_a_signature_that_makes_no_sense_is_refused(
 
 def test_the_signature_is_that_of_the_text_unless_it_is_given() -> None:
     spec = rtamt.parse(DECLARED)
-    assert as_interface(spec, "standard") == Interface("standard", ("req",), ("gnt",))
+    declared = as_interface(spec, "output-vacuity")
+    assert declared == Interface("output-vacuity", ("req",), ("gnt",))
+    assert as_interface(spec) == STANDARD  # which asks for no signature
     turned = as_interface(spec, "input-vacuity", inputs=["gnt"], outputs={"req": 1})
     assert turned == Interface("input-vacuity", ("gnt",), ("req",))
     assert as_interface(spec, "input-vacuity", iter(["req"])).inputs == ("req",)
@@ -149,7 +151,7 @@ def test_a_side_that_is_said_to_be_empty_leaves_every_predicate_to_the_other() -
 
 def test_a_message_stands_for_its_fields_and_the_innermost_name_decides() -> None:
     spec = rtamt.parse(MESSAGES, modules={"geometry": SimpleNamespace(Twist=object)})
-    roles = {name: as_interface(spec).role(name) for name in spec.variables}
+    roles = {name: as_interface(spec, "input-vacuity").role(name) for name in spec.variables}
     inputs, outputs = {"cmd.linear.x", "cmd.linear.y"}, {"odom.linear.x", "cmd.ok"}
     assert roles == {**dict.fromkeys(inputs, "input"), **dict.fromkeys(outputs, "output")}
     assert set(spec.inputs) == inputs
