@@ -49,6 +49,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
                 "the columns are time;x; columns are separated by commas"
             ),
         ),
+        (
+            "time,variable,value\n0,x,1\n",
+            (
+                "stdin: no column 'x', which the specification reads; the columns are "
+                "time, variable, value; give --dense to take rows as events at any time"
+            ),
+        ),
         ("x,x\n1,2\n", "stdin, line 1: expected one column 'x', got two"),
         ("x,y\n1,2\n3\n", "stdin, line 3: expected 2 values (x, y), got 1"),
         ("x,y\n1,2\n\na,4\n", "stdin, line 4, column 'x': expected a number, got 'a'"),

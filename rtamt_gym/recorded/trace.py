@@ -127,7 +127,7 @@ def read_trace(recording: Recording, variables: Sequence[str], events: str = "")
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
     """
-    _check_names(recording, variables)
+    _check_names(recording, variables, events)
     wanted = [v for v in dict.fromkeys((*variables, TIME)) if v in recording.names]
     rows = _read(recording, wanted, empty=events and f"; {events}")
     columns = {name: rows.numbers[name] for name in variables}
@@ -218,7 +218,7 @@ def _check_order(rows: Rows, given: NDArray[np.intp], what: str = "") -> None:
         )
 
 
-def _check_names(recording: Recording, wanted: Sequence[str]) -> None:
+def _check_names(recording: Recording, wanted: Sequence[str], events: str = "") -> None:
     source, names = recording.source, recording.names
     if all(map(_is_number, names)):
         raise InputError(
@@ -230,6 +230,8 @@ def _check_names(recording: Recording, wanted: Sequence[str]) -> None:
             hint = nearest(name, names)
             if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
                 hint = "; columns are separated by commas"
+            if events and {VARIABLE, VALUE} <= set(names):
+                hint = f"; {events}"
             reader = "--dense" if name in (TIME, VALUE, VARIABLE) else "the specification"
             raise InputError(
                 f"{source}: no column '{name}', which {reader} reads; "
