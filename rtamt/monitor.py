@@ -285,7 +285,7 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
     """
 
     __slots__ = {
-        "bounds": "Give `lower` and `upper`, in a third of the time that reading both takes.",
+        "bounds": "Give `lower` and `upper`, in less than half of the time of reading both.",
         "update": _UPDATE.format(result=" and give the robustness if the episode ended with it.")
         + "    StateError: After `finish`.\n",
     }

@@ -332,6 +332,9 @@ def test_a_message_without_the_field_of_the_result_takes_no_sample() -> None:
     for _ in range(2):
         with pytest.raises(rtamt.InputError, match=text):
             spec.update(0, [("x", 5.0)])
-    spec.get_value("rob").level = 0.0
+    spec.get_value("rob").level = 7.0
+    with pytest.raises(rtamt.InputError, match="nan"):
+        spec.update(0, [("x", math.nan)])
+    assert spec.get_value("rob").level == 7.0
     assert spec.update(0, [("x", 3.0)]) == 3.0
     assert spec.get_value("rob").level == 3.0

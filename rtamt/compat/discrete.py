@@ -6,7 +6,6 @@ it gives the robustness that the trace has at its first sample if it ends now.
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
@@ -20,7 +19,7 @@ from rtamt.errors import InputError, InputTypeError, SpecificationError, StateEr
 from rtamt.evaluation import evaluate
 from rtamt.explanation import Explanation, explain
 from rtamt.interval import UNITS
-from rtamt.messages import write_fields
+from rtamt.messages import Messages, write_fields
 from rtamt.monitor import EpisodeMonitor, Monitor
 from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
@@ -199,8 +198,8 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
             self._arguments = operator.itemgetter(*self._names)
         self._published = self._source(self._result) != self._result
         if self._published:  # a message without the field is refused before the first sample
-            message = {self.out_var: self.var_object_dict[self.out_var]}
-            write_fields(spec, {self._result: math.nan}, message, {})
+            for field in Messages(spec, (self._result,)).under(self.out_var):
+                field.holder(self.var_object_dict[self.out_var])
         self._monitor, self._ran = monitor, self._now
         return monitor
 
