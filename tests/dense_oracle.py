@@ -1,7 +1,7 @@
 """The definitions of STL robustness over dense time, written down naively.
 
-Every number in a formula's intervals and every time of an event is a multiple of `STEP`. So all
-functions of time are constant on the cells [g, g + STEP) of a grid; the end of the trace is an
+Every number in a formula's intervals and every time of an event is a multiple of `step`. So all
+functions of time are constant on the cells [g, g + step) of a grid; the end of the trace is an
 instant with a value of its own. A cell has the value that the definition gives in its middle.
 Shares no code with the library.
 """
@@ -26,20 +26,23 @@ class Definition:
     Args:
         signals: The events of every variable.
         read: The value of a predicate where the variables have these values.
+        step: Divides all times and bounds.
     """
 
     def __init__(
         self,
         signals: Signals,
         read: Callable[[Node, Mapping[str, float]], float] | None = None,
+        step: float = STEP,
     ) -> None:
         self.read = read or _difference
+        self.step = step
         self.begin = max(events[0][0] for events in signals.values())
         self.end = min(events[-1][0] for events in signals.values())
         assert self.begin <= self.end
-        assert all(t % STEP == 0 for events in signals.values() for t, _ in events)
-        cells = int((self.end - self.begin) / STEP)
-        self.cells = [self.begin + STEP * i for i in range(cells)]
+        assert all(t % step == 0 for events in signals.values() for t, _ in events)
+        cells = int((self.end - self.begin) / step)
+        self.cells = [self.begin + step * i for i in range(cells)]
         self.inputs = {
             time: {name: _last(events, time) for name, events in signals.items()}
             for time in (*self.cells, self.end)
@@ -53,12 +56,12 @@ class Definition:
 
     def _value(self, f: Node, here: float) -> float:  # noqa: C901 - a table
         """The value at the end, or on the cell that begins here."""
-        s = here if here == self.end else here + STEP / 2
+        s = here if here == self.end else here + self.step / 2
         assert f.op is not None
         if f.op.operands == "term":
             return self.read(f, self.inputs[here])
         p, q = f.args[0], f.args[-1]
-        a, b = _bounds(f)
+        a, b = _bounds(f, self.step)
         match f.op.name:
             case "not":
                 return -self.value(p, here)
@@ -109,17 +112,17 @@ class Definition:
 
     def _witnesses(self, x: float, y: float) -> list[tuple[float, float]]:
         """Times in [x, y], a begin and a middle of every cell and the end; each with its place."""
-        times = [(t, g) for g in self.cells for t in (g, g + STEP / 2)]
+        times = [(t, g) for g in self.cells for t in (g, g + self.step / 2)]
         return [(t, g) for t, g in (*times, (self.end, self.end)) if x <= t <= y]
 
     def _closed(self, x: float, y: float) -> list[float]:
         """The cells that [x, y] meets, and the end if it is inside."""
-        met = [g for g in self.cells if g <= y and x < g + STEP]
+        met = [g for g in self.cells if g <= y and x < g + self.step]
         return met + [self.end] * (x <= self.end <= y)
 
     def _right_open(self, x: float, y: float) -> list[float]:
         """Those of [x, y)."""
-        return [g for g in self.cells if x < y and g < y and x < g + STEP]
+        return [g for g in self.cells if x < y and g < y and x < g + self.step]
 
     def _left_open(self, x: float, y: float) -> list[float]:
         """Those of (x, y]."""
@@ -131,10 +134,10 @@ def boolean(signals: Signals) -> Definition:
     return Definition(signals, _holds)
 
 
-def _bounds(f: Node) -> tuple[float, float]:
+def _bounds(f: Node, step: float) -> tuple[float, float]:
     if f.interval is None:
         return 0.0, INF
-    assert f.interval.begin % STEP == 0 == (f.interval.end or 0) % STEP
+    assert f.interval.begin % step == 0 == (f.interval.end or 0) % step
     return float(f.interval.begin), INF if f.interval.end is None else float(f.interval.end)
 
 

@@ -78,6 +78,14 @@ def test_the_golden_file_is_whole() -> None:
     assert len(GOLDEN) == 250
 
 
+def test_the_oracle_agrees_with_golden() -> None:
+    for case in GOLDEN:
+        golden = [tuple(map(float, step)) for step in case["robustness"]]
+        formula = parse(case["formula"]).formula
+        definition = Definition(relevant(case["signals"], formula.variables), step=0.25)
+        assert definition.breakpoints(formula) == golden, case
+
+
 def test_evaluate_dense_agrees_with_golden(backend: Backend) -> None:
     for case in GOLDEN:
         golden = [tuple(map(float, step)) for step in case["robustness"]]
