@@ -23,12 +23,12 @@ from rtamt.errors import (
 from rtamt.evaluation import evaluate
 from rtamt.events import Events
 from rtamt.explanation import Explanation, explain
-from rtamt.formula import Formula, Term, conjunction, disjunction, number, variable
-from rtamt.interval import Interval
+from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
+from rtamt.language.interval import Interval
+from rtamt.language.parser import load, parse
+from rtamt.language.specification import Specification
 from rtamt.many import evaluate_many
 from rtamt.monitor import EpisodeMonitor, Monitor, Verdict
-from rtamt.parser import load, parse
-from rtamt.specification import Specification
 from rtamt.vector import VectorEpisodeMonitor, VectorMonitor
 
 if TYPE_CHECKING:

@@ -13,12 +13,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rtamt.formula import Node
 from rtamt.interface import STANDARD, Interface
+from rtamt.language.formula import Node
+from rtamt.language.operators import Bounds
+from rtamt.language.specification import Specification
 from rtamt.lowering import ProgramBuilder
-from rtamt.operators import Bounds
 from rtamt.program import Const, Load, Map, Program, Window
-from rtamt.specification import Specification
 
 __all__ = ["DenseProgram", "compile_dense", "encoded_dense"]
 

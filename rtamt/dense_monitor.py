@@ -11,9 +11,9 @@ from rtamt.dense_lowering import compile_dense
 from rtamt.errors import InputError
 from rtamt.events import EventReader, Events, EventsLike
 from rtamt.interface import Names, Semantics, as_interface
+from rtamt.language.parser import as_specification
 from rtamt.messages import write_fields
 from rtamt.online import DirectUpdate, Resumable, Spec
-from rtamt.parser import as_specification
 
 __all__ = ["DenseMonitor", "evaluate_dense"]
 

@@ -11,10 +11,10 @@ from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError
 from rtamt.inputs import Columns, NanPolicy, SampleReader
 from rtamt.interface import Names, Semantics, as_interface
+from rtamt.language.parser import as_specification
 from rtamt.lowering import compile_program
 from rtamt.offline import run_offline
 from rtamt.online import Spec
-from rtamt.parser import as_specification
 from rtamt.timing import Period, as_period
 
 __all__ = ["evaluate", "whole_trace"]

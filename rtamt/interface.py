@@ -27,8 +27,8 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from rtamt.errors import InputError, InputTypeError, nearest
-from rtamt.formula import Node
-from rtamt.specification import Specification
+from rtamt.language.formula import Node
+from rtamt.language.specification import Specification
 
 __all__ = ["STANDARD", "Interface", "Names", "Reading", "Semantics", "as_interface"]
 
@@ -112,7 +112,7 @@ def as_interface(
         InputTypeError: On names that are no texts.
 
     Example:
-        >>> from rtamt.parser import parse
+        >>> from rtamt.language.parser import parse
         >>> spec = parse("input float req; output float gnt; req > 3 implies gnt > 3")
         >>> as_interface(spec, "output-robustness").outputs
         ('gnt',)

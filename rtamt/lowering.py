@@ -8,9 +8,10 @@ from fractions import Fraction
 from typing import assert_never, cast
 
 from rtamt.algebra import FUNCTIONS
-from rtamt.formula import Formula, Node, Term
 from rtamt.interface import STANDARD, Interface
-from rtamt.operators import Bounds, Meaning
+from rtamt.language.formula import Formula, Node, Term
+from rtamt.language.operators import Bounds, Meaning
+from rtamt.language.specification import Specification
 from rtamt.program import (
     Const,
     Instruction,
@@ -21,7 +22,6 @@ from rtamt.program import (
     latency_of,
     listed,
 )
-from rtamt.specification import Specification
 from rtamt.timing import samples
 
 __all__ = ["ProgramBuilder", "compile_program"]

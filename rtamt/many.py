@@ -13,10 +13,10 @@ from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
 from rtamt.inputs import Columns, NanPolicy, SampleReader, array_of_numbers
 from rtamt.interface import Names, Semantics, as_interface
+from rtamt.language.parser import as_specification
 from rtamt.lowering import compile_program
 from rtamt.offline import Passes
 from rtamt.online import Spec
-from rtamt.parser import as_specification
 from rtamt.timing import Period, as_period
 
 __all__ = ["evaluate_many"]

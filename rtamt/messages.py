@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from rtamt.errors import InputError, InputTypeError, nearest
-from rtamt.specification import Specification
+from rtamt.language.specification import Specification
 
 __all__ = ["Field", "Messages", "write_fields"]
 

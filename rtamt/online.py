@@ -8,12 +8,12 @@ from fractions import Fraction
 from typing import Any, Generic, Self, TypeVar
 
 from rtamt.backend import Backend, Stateful, choose
-from rtamt.formula import Formula
 from rtamt.inputs import NanPolicy
 from rtamt.interface import Names, Semantics, as_interface
-from rtamt.parser import as_specification
+from rtamt.language.formula import Formula
+from rtamt.language.parser import as_specification
+from rtamt.language.specification import Specification
 from rtamt.program import Program
-from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
 
 __all__ = ["DirectUpdate", "Online", "Resumable", "Spec"]

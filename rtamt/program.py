@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
 from rtamt.algebra import FUNCTIONS, MONOIDS
-from rtamt.formula import Node
-from rtamt.printing import number_text
+from rtamt.language.formula import Node
+from rtamt.language.printing import number_text
 
 if TYPE_CHECKING:
-    from rtamt.specification import Specification
+    from rtamt.language.specification import Specification
 
 __all__ = [
     "Const",

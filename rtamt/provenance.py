@@ -1,8 +1,8 @@
 """The definition of one formula at one sample, on values that remember where they come from.
 
-A meaning of `rtamt.operators` only ever chooses among the values of its operands, by min and max,
-and changes their sign. Run on values that carry the operand and the sample from which they were
-taken, it says by itself which of them it chose: no operator is explained anywhere else.
+A meaning of `rtamt.language.operators` only chooses among the values of its operands, by min and
+max, and changes their sign. Run on values that carry the operand and the sample from which they
+were taken, it says which of them it chose: no operator is explained anywhere else.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.algebra import FUNCTIONS, MONOIDS
-from rtamt.operators import Bounds, Operator
+from rtamt.language.operators import Bounds, Operator
 
 __all__ = ["Origin", "origin_of"]
 

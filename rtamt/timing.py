@@ -10,8 +10,8 @@ from fractions import Fraction
 import numpy as np
 
 from rtamt.errors import InputTypeError, RtamtError, SpecificationError
-from rtamt.interval import UNITS, Interval, decimal_text
-from rtamt.operators import Bounds
+from rtamt.language.interval import UNITS, Interval, decimal_text
+from rtamt.language.operators import Bounds
 
 __all__ = ["MAX_WINDOW", "Period", "as_period", "samples", "seconds_text"]
 

@@ -7,8 +7,8 @@ import operator
 
 from oracle import INF, Read, Trace, Value, predicate, term
 
-from rtamt.formula import Node
 from rtamt.interface import Semantics
+from rtamt.language.formula import Node
 
 SEMANTICS: tuple[Semantics, ...] = (
     "standard",

@@ -14,8 +14,8 @@ from typing import cast
 from hypothesis import strategies as st
 
 from rtamt import Formula, Interval, Term, number, variable
-from rtamt.formula import Node, make
-from rtamt.operators import OPERATORS, Operator
+from rtamt.language.formula import Node, make
+from rtamt.language.operators import OPERATORS, Operator
 
 Trace = dict[str, list[float]]
 Draw = st.DrawFn

@@ -6,7 +6,7 @@ import pytest
 
 import rtamt
 from rtamt import ParseError
-from rtamt.parser import parse_as
+from rtamt.language.parser import parse_as
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,8 @@ from strategies import (
 )
 
 from rtamt import EpisodeMonitor, Formula, Interval, Verdict, evaluate
-from rtamt.formula import make
-from rtamt.operators import OPERATORS
+from rtamt.language.formula import make
+from rtamt.language.operators import OPERATORS
 
 Backend = Literal["native", "python"]
 INF = math.inf

@@ -22,7 +22,7 @@ from rtamt import (
     explain,
     variable,
 )
-from rtamt.formula import Node, make
+from rtamt.language.formula import Node, make
 
 Backend = Literal["native", "python"]
 

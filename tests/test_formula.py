@@ -16,7 +16,7 @@ from strategies import formulas
 
 import rtamt
 from rtamt.errors import InputTypeError, ParseError, SpecificationError
-from rtamt.formula import (
+from rtamt.language.formula import (
     MAX_DEPTH,
     MAX_SIZE,
     Formula,
@@ -27,8 +27,8 @@ from rtamt.formula import (
     number,
     variable,
 )
-from rtamt.interval import UNITS, Interval, exact
-from rtamt.specification import Specification
+from rtamt.language.interval import UNITS, Interval, exact
+from rtamt.language.specification import Specification
 
 x, y, z = (variable(name) for name in "xyz")
 p, q, r = x > 0, y > 0, z > 0

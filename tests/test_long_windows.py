@@ -13,9 +13,9 @@ from oracle import episode, robustness
 from strategies import chunkings
 
 from rtamt import EpisodeMonitor, Formula, Monitor, evaluate, variable
-from rtamt.formula import make
-from rtamt.interval import Interval
-from rtamt.operators import OPERATORS
+from rtamt.language.formula import make
+from rtamt.language.interval import Interval
+from rtamt.language.operators import OPERATORS
 
 Backend = Literal["native", "python"]
 TIMED = [name for name, row in OPERATORS.items() if row.timed]

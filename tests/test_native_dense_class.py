@@ -15,7 +15,7 @@ import pytest
 
 from rtamt import DenseMonitor, Events, StateError
 from rtamt.dense_lowering import compile_dense, encoded_dense
-from rtamt.parser import as_specification
+from rtamt.language.parser import as_specification
 
 if TYPE_CHECKING:
     from rtamt._native import DenseMachine

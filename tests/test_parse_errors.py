@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt.errors import InputTypeError, ParseError, SpecificationError
-from rtamt.formula import MAX_DEPTH
-from rtamt.operators import OPERATORS, RESERVED
+from rtamt.language.formula import MAX_DEPTH
+from rtamt.language.operators import OPERATORS, RESERVED
 
 TABLE = Path(__file__).with_name("parse_errors.txt")
 

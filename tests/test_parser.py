@@ -13,14 +13,14 @@ import pytest
 
 import rtamt
 from rtamt.errors import InputTypeError
-from rtamt.formula import MAX_DEPTH, Formula, make, variable
-from rtamt.interval import Interval
-from rtamt.operators import OPERATORS, RESERVED, SPELLINGS, Operator
-from rtamt.parser import as_specification
-from rtamt.specification import Specification
+from rtamt.language.formula import MAX_DEPTH, Formula, make, variable
+from rtamt.language.interval import Interval
+from rtamt.language.operators import OPERATORS, RESERVED, SPELLINGS, Operator
+from rtamt.language.parser import as_specification
+from rtamt.language.specification import Specification
 
 ROOT = Path(__file__).parents[1]
-GRAMMAR = ROOT / "rtamt" / "grammar"
+GRAMMAR = ROOT / "rtamt" / "language" / "grammar"
 
 
 def formula(text: str) -> Formula:

@@ -26,7 +26,7 @@ from strategies import (
 
 import rtamt
 from rtamt import Formula, Monitor, evaluate
-from rtamt.operators import OPERATORS
+from rtamt.language.operators import OPERATORS
 
 Backend = Literal["native", "python"]
 ROOTS = tuple(OPERATORS)

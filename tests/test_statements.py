@@ -9,8 +9,8 @@ import pytest
 
 import rtamt
 from rtamt.errors import ParseError
-from rtamt.formula import Formula
-from rtamt.specification import Declaration
+from rtamt.language.formula import Formula
+from rtamt.language.specification import Declaration
 
 
 def formula(text: str) -> Formula:

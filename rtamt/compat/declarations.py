@@ -13,9 +13,9 @@ from rtamt.backend import Backend
 from rtamt.compat.options import Language, Semantics, StlIOType
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.interface import Semantics as SemanticsName
-from rtamt.interval import Exact
-from rtamt.parser import parse_as
-from rtamt.specification import Specification
+from rtamt.language.interval import Exact
+from rtamt.language.parser import parse_as
+from rtamt.language.specification import Specification
 
 __all__ = ["AbstractSpecification", "Options"]
 
@@ -252,7 +252,7 @@ class AbstractSpecification:
         return 0.0
 
     def _new(self, var_type: str) -> object:
-        from rtamt.grammar.diagnosis import PRIMITIVES  # loads the parser
+        from rtamt.language.grammar.diagnosis import PRIMITIVES  # loads the parser
 
         if var_type in self.modules:
             module = self.modules[var_type]

@@ -18,10 +18,10 @@ from rtamt.compat.options import Language, Semantics
 from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
 from rtamt.evaluation import evaluate
 from rtamt.explanation import Explanation, explain
-from rtamt.interval import UNITS
+from rtamt.language.interval import UNITS
+from rtamt.language.specification import Specification
 from rtamt.messages import Messages, write_fields
 from rtamt.monitor import EpisodeMonitor, Monitor
-from rtamt.specification import Specification
 from rtamt.timing import Period, as_period
 
 __all__ = [

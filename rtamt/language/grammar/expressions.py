@@ -7,11 +7,11 @@ from fractions import Fraction
 from typing import cast
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.formula import MAX_DEPTH, Formula, Node, make, number
-from rtamt.grammar.diagnosis import Token, fail, nearest, nearest_name, shown
-from rtamt.grammar.generated.StlLexer import StlLexer
-from rtamt.interval import UNITS, Interval, decimal_text, exact
-from rtamt.operators import SPELLINGS, Operator
+from rtamt.language.formula import MAX_DEPTH, Formula, Node, make, number
+from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, shown
+from rtamt.language.grammar.generated.StlLexer import StlLexer
+from rtamt.language.interval import UNITS, Interval, decimal_text, exact
+from rtamt.language.operators import SPELLINGS, Operator
 
 __all__ = ["TreeBuilder"]
 

@@ -14,9 +14,9 @@ from collections.abc import Iterable, Iterator
 from typing import Self, cast
 
 from rtamt.errors import InputTypeError, SpecificationError
-from rtamt.interval import Exact, Interval
-from rtamt.operators import OPERATORS, RESERVED, Operator
-from rtamt.printing import node_text
+from rtamt.language.interval import Exact, Interval
+from rtamt.language.operators import OPERATORS, RESERVED, Operator
+from rtamt.language.printing import node_text
 
 __all__ = [
     "MAX_DEPTH",

@@ -13,9 +13,9 @@ from types import SimpleNamespace
 from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError
-from rtamt.formula import Formula, Term, variable
-from rtamt.interval import UNITS, Exact, exact
-from rtamt.specification import Specification
+from rtamt.language.formula import Formula, Term, variable
+from rtamt.language.interval import UNITS, Exact, exact
+from rtamt.language.specification import Specification
 
 __all__ = ["as_specification", "load", "parse", "parse_as"]
 
@@ -196,7 +196,7 @@ def _read(
     *,
     chains: bool,
 ) -> Specification:
-    from rtamt.grammar.statements import read_specification
+    from rtamt.language.grammar.statements import read_specification
 
     return read_specification(text, unit, dict(given), modules, chains=chains)
 

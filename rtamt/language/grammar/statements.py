@@ -7,13 +7,13 @@ from fractions import Fraction
 from typing import Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.formula import Formula, Node, Term, number, variable
-from rtamt.grammar.diagnosis import PRIMITIVES, Token, fail, nearest, nearest_name, shown
-from rtamt.grammar.expressions import TreeBuilder
-from rtamt.grammar.tokens import Part, Statement, Statements, read
-from rtamt.interval import exact
-from rtamt.operators import OPERATORS
-from rtamt.specification import Declaration, Specification
+from rtamt.language.formula import Formula, Node, Term, number, variable
+from rtamt.language.grammar.diagnosis import PRIMITIVES, Token, fail, nearest, nearest_name, shown
+from rtamt.language.grammar.expressions import TreeBuilder
+from rtamt.language.grammar.tokens import Part, Statement, Statements, read
+from rtamt.language.interval import exact
+from rtamt.language.operators import OPERATORS
+from rtamt.language.specification import Declaration, Specification
 
 __all__ = ["read_specification"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, cast
 
-from rtamt.operators import OPERATORS, Operator
+from rtamt.language.operators import OPERATORS, Operator
 
 if TYPE_CHECKING:
-    from rtamt.formula import Node
+    from rtamt.language.formula import Node
 
 __all__ = ["node_text", "number_text"]
 

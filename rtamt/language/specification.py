@@ -15,10 +15,10 @@ from types import MappingProxyType
 from typing import Literal
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.formula import Formula, Node
-from rtamt.interval import UNITS, Interval
-from rtamt.operators import Bounds
-from rtamt.printing import node_text, number_text
+from rtamt.language.formula import Formula, Node
+from rtamt.language.interval import UNITS, Interval
+from rtamt.language.operators import Bounds
+from rtamt.language.printing import node_text, number_text
 
 __all__ = ["Declaration", "Specification"]
 

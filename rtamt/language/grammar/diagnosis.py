@@ -10,10 +10,10 @@ from typing import Protocol
 from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
-from rtamt.grammar.generated.StlLexer import StlLexer
-from rtamt.grammar.generated.StlParser import StlParser
-from rtamt.interval import UNITS
-from rtamt.operators import OPERATORS, RESERVED
+from rtamt.language.grammar.generated.StlLexer import StlLexer
+from rtamt.language.grammar.generated.StlParser import StlParser
+from rtamt.language.interval import UNITS
+from rtamt.language.operators import OPERATORS, RESERVED
 
 __all__ = [
     "PRIMITIVES",

@@ -1,0 +1,1 @@
+"""The language: operators, formulas, specifications and their text."""
