@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import bank, dense, discrete, episode
-from rtamt.dense_lowering import DenseProgram, encoded_dense
 from rtamt.errors import InputError
 from rtamt.events import Column, EventReader
 from rtamt.inputs import SampleReader
 from rtamt.lanes import LaneReader
-from rtamt.placement import place
-from rtamt.program import Program
-from rtamt.schedule import encoded
+from rtamt.program.dense_lowering import DenseProgram, encoded_dense
+from rtamt.program.placement import place
+from rtamt.program.program import Program
+from rtamt.program.schedule import encoded
 
 try:
     import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent

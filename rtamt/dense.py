@@ -9,8 +9,6 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.algebra import MONOIDS
-from rtamt.dense_lowering import DenseProgram
 from rtamt.dense_streams import (
     Joint,
     MapNode,
@@ -22,7 +20,9 @@ from rtamt.dense_streams import (
 )
 from rtamt.dense_windows import SuffixNode, WindowNode
 from rtamt.events import Column, EventReader, EventsLike
-from rtamt.program import Const, Load, Map, Window
+from rtamt.program.algebra import MONOIDS
+from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.program import Const, Load, Map, Window
 from rtamt.terms import Registers, Terms
 from rtamt.windows import State
 

@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal, Self
 
 from rtamt.backend import Backend, DenseMachine, choose, dense_machine
-from rtamt.dense_lowering import compile_dense
 from rtamt.errors import InputError
 from rtamt.events import EventReader, Events, EventsLike
-from rtamt.interface import Names, Semantics, as_interface
 from rtamt.language.parser import as_specification
 from rtamt.messages import write_fields
 from rtamt.online import DirectUpdate, Resumable, Spec
+from rtamt.program.dense_lowering import compile_dense
+from rtamt.program.interface import Names, Semantics, as_interface
 
 __all__ = ["DenseMonitor", "evaluate_dense"]
 

@@ -6,8 +6,8 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from rtamt.algebra import Element, Monoid
 from rtamt.dense_streams import Joint, Stream, just_after
+from rtamt.program.algebra import Element, Monoid
 from rtamt.windows import State
 
 __all__ = ["SuffixNode", "WindowNode"]

@@ -9,10 +9,10 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.algebra import MONOIDS, Element
 from rtamt.inputs import SampleReader
-from rtamt.program import Const, Load, Map, Program, Window
-from rtamt.schedule import Delay, Scheduled, schedule
+from rtamt.program.algebra import MONOIDS, Element
+from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.schedule import Delay, Scheduled, schedule
 from rtamt.terms import Registers, Step, Terms, map_step
 from rtamt.windows import DelayLine, Fold, State, make_fold
 

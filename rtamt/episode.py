@@ -2,8 +2,8 @@
 
 The value at time 0 is wanted in three worlds: ``NOW``, in which the episode ended with the last
 sample, and ``LOWER`` and ``UPPER``, in which it goes on for ever and every predicate is -inf or
-+inf at every unseen sample. In a program without negations (`rtamt.polarity`) every register is
-monotone in the predicates, so the last two are the bounds over all continuations.
++inf at every unseen sample. Where a program has no negations (`rtamt.program.polarity`), every
+register is monotone in the predicates, so the last two are the bounds over all continuations.
 
 After sample t a register of reach H (into the future) and past E (what it remembers) has
 
@@ -27,11 +27,11 @@ from typing import NoReturn, assert_never
 
 import numpy as np
 
-from rtamt.algebra import MONOIDS
 from rtamt.errors import StateError
 from rtamt.inputs import SampleReader
-from rtamt.placement import place
-from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.program.algebra import MONOIDS
+from rtamt.program.placement import place
+from rtamt.program.program import Const, Load, Map, Program, Window
 from rtamt.streams import (
     WORLDS,
     Constant,

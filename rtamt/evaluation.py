@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError
 from rtamt.inputs import Columns, NanPolicy, SampleReader
-from rtamt.interface import Names, Semantics, as_interface
 from rtamt.language.parser import as_specification
-from rtamt.lowering import compile_program
 from rtamt.offline import run_offline
 from rtamt.online import Spec
-from rtamt.timing import Period, as_period
+from rtamt.program.interface import Names, Semantics, as_interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.timing import Period, as_period
 
 __all__ = ["evaluate", "whole_trace"]
 

@@ -24,17 +24,17 @@ from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError
 from rtamt.evaluation import whole_trace
 from rtamt.inputs import Columns, NanPolicy, SampleReader, kind_of
-from rtamt.interface import Interface, Names, Reading, Semantics, as_interface
 from rtamt.language.formula import Formula, Node
 from rtamt.language.operators import Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
-from rtamt.lowering import compile_program
 from rtamt.offline import run_outputs
 from rtamt.online import Spec
+from rtamt.program.interface import Interface, Names, Reading, Semantics, as_interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.timing import Period, as_period, samples
 from rtamt.provenance import Origin, origin_of
-from rtamt.timing import Period, as_period, samples
 
 __all__ = ["Cause", "Explanation", "Step", "explain"]
 

@@ -14,10 +14,10 @@ from typing import Literal, NoReturn, SupportsFloat, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.algebra import FUNCTIONS
 from rtamt.errors import InputError, InputTypeError, nearest
 from rtamt.messages import Field, Messages
-from rtamt.program import Const, Load, Map, Program
+from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.program import Const, Load, Map, Program
 
 __all__ = [
     "Columns",

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
 from rtamt.inputs import NanPolicy, SampleReader, array_of_numbers
-from rtamt.program import Program
+from rtamt.program.program import Program
 
 __all__ = ["Floats", "LaneReader", "Lanes"]
 

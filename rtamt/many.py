@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
 from rtamt.inputs import Columns, NanPolicy, SampleReader, array_of_numbers
-from rtamt.interface import Names, Semantics, as_interface
 from rtamt.language.parser import as_specification
-from rtamt.lowering import compile_program
 from rtamt.offline import Passes
 from rtamt.online import Spec
-from rtamt.timing import Period, as_period
+from rtamt.program.interface import Names, Semantics, as_interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.timing import Period, as_period
 
 __all__ = ["evaluate_many"]
 

@@ -24,12 +24,12 @@ from rtamt.errors import StateError
 from rtamt.explanation import Explanation, explain
 from rtamt.history import Recorder
 from rtamt.inputs import Columns, NanPolicy, SampleReader
-from rtamt.interface import Names, Semantics
-from rtamt.lowering import compile_program
 from rtamt.messages import write_fields
 from rtamt.online import DirectUpdate, Online, Spec
-from rtamt.program import Program
-from rtamt.timing import Period
+from rtamt.program.interface import Names, Semantics
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Period
 
 __all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict"]
 

@@ -14,9 +14,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.algebra import MONOIDS
 from rtamt.inputs import SampleReader
-from rtamt.program import Instruction, Load, Program, Window, latencies_of
+from rtamt.program.algebra import MONOIDS
+from rtamt.program.program import Instruction, Load, Program, Window, latencies_of
 
 __all__ = ["Passes", "RunMachine", "run_offline", "run_outputs"]
 

@@ -9,12 +9,12 @@ from typing import Any, Generic, Self, TypeVar
 
 from rtamt.backend import Backend, Stateful, choose
 from rtamt.inputs import NanPolicy
-from rtamt.interface import Names, Semantics, as_interface
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
-from rtamt.program import Program
-from rtamt.timing import Period, as_period
+from rtamt.program.interface import Names, Semantics, as_interface
+from rtamt.program.program import Program
+from rtamt.program.timing import Period, as_period
 
 __all__ = ["DirectUpdate", "Online", "Resumable", "Spec"]
 

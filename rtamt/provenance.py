@@ -15,8 +15,8 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.algebra import FUNCTIONS, MONOIDS
 from rtamt.language.operators import Bounds, Operator
+from rtamt.program.algebra import FUNCTIONS, MONOIDS
 
 __all__ = ["Origin", "origin_of"]
 

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.algebra import Arrays, Monoid
+from rtamt.program.algebra import Arrays, Monoid
 from rtamt.terms import Registers
 from rtamt.windows import fold_all, padded, slide
 

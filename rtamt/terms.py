@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, NoReturn, TypeVar, assert_never
 
-from rtamt.algebra import FUNCTIONS
-from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.program import Const, Load, Map, Program, Window
 
 __all__ = ["Registers", "Step", "Terms", "map_step"]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rtamt.algebra import Monoid
+from rtamt.program.algebra import Monoid
 from rtamt.streams import NOW, Array, Operands, Polynomials, Stream, in_world
 from rtamt.windows import fold_all
 

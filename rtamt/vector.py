@@ -18,12 +18,12 @@ from rtamt.backend import (
 )
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs import NanPolicy
-from rtamt.interface import Names, Semantics
 from rtamt.lanes import LaneReader
-from rtamt.lowering import compile_program
 from rtamt.online import Online, Spec
-from rtamt.program import Program
-from rtamt.timing import Period
+from rtamt.program.interface import Names, Semantics
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Period
 
 __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rtamt.algebra import Arrays, Element, Monoid
+from rtamt.program.algebra import Arrays, Element, Monoid
 
 __all__ = [
     "DelayLine",

@@ -7,8 +7,8 @@ import operator
 
 from oracle import INF, Read, Trace, Value, predicate, term
 
-from rtamt.interface import Semantics
 from rtamt.language.formula import Node
+from rtamt.program.interface import Semantics
 
 SEMANTICS: tuple[Semantics, ...] = (
     "standard",

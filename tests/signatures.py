@@ -9,7 +9,7 @@ from strategies import VARIABLES, formulas
 
 import rtamt
 from rtamt import Specification
-from rtamt.interface import Semantics
+from rtamt.program.interface import Semantics
 
 Case = tuple[Specification, Semantics]
 AWARE: st.SearchStrategy[Semantics] = st.sampled_from(SEMANTICS[1:])

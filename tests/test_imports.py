@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = (
     ("errors",),
     ("language",),
-    ("algebra", "interface", "timing", "program", "lowering", "dense_lowering", "polarity"),
+    ("program",),
     (
         "inputs",
         "events",
@@ -26,10 +26,8 @@ FLOORS = (
         "terms",
         "windows",
         "provenance",
-        "schedule",
         "streams",
         "top",
-        "placement",
         "discrete",
         "dense_streams",
         "dense_windows",

@@ -33,7 +33,7 @@ from rtamt import (
     VectorMonitor,
     evaluate,
 )
-from rtamt.interface import Semantics
+from rtamt.program.interface import Semantics
 
 Backend = Literal["native", "python"]
 INF = math.inf

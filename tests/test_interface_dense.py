@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from signatures import Case, cases, read
 
 from rtamt import DenseMonitor, evaluate_dense
-from rtamt.interface import Semantics
+from rtamt.program.interface import Semantics
 
 Backend = Literal["native", "python"]
 Breakpoints = list[tuple[float, float]]

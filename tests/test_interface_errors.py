@@ -20,7 +20,7 @@ from rtamt import (
     VectorMonitor,
     evaluate,
 )
-from rtamt.interface import STANDARD, Interface, as_interface
+from rtamt.program.interface import STANDARD, Interface, as_interface
 
 PLAIN = "always(req >= 3 implies gnt >= 3)"
 DECLARED = f"input float req; output float gnt; {PLAIN}"

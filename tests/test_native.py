@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rtamt import Monitor
-from rtamt.schedule import encoded
+from rtamt.program.schedule import encoded
 
 if TYPE_CHECKING:
     from rtamt._native import Machine

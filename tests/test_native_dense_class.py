@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from rtamt import DenseMonitor, Events, StateError
-from rtamt.dense_lowering import compile_dense, encoded_dense
 from rtamt.language.parser import as_specification
+from rtamt.program.dense_lowering import compile_dense, encoded_dense
 
 if TYPE_CHECKING:
     from rtamt._native import DenseMachine

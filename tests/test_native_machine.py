@@ -12,9 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from rtamt import Monitor, evaluate
-from rtamt.algebra import FUNCTIONS, MONOIDS
 from rtamt.inputs import SampleReader
-from rtamt.schedule import Scheduled
+from rtamt.program.algebra import FUNCTIONS, MONOIDS
+from rtamt.program.schedule import Scheduled
 from rtamt.windows import DelayLine, make_fold
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt import InputTypeError, Monitor, SpecificationError, evaluate
-from rtamt.timing import Period, as_period
+from rtamt.program.timing import Period, as_period
 
 HORIZONS: list[tuple[str, Period | None, str, int]] = [
     ("always[0:5](x > 0)", None, "s", 5),

@@ -22,7 +22,7 @@ from rtamt.language.interval import UNITS
 from rtamt.language.specification import Specification
 from rtamt.messages import Messages, write_fields
 from rtamt.monitor import EpisodeMonitor, Monitor
-from rtamt.timing import Period, as_period
+from rtamt.program.timing import Period, as_period
 
 __all__ = [
     "StlDiscreteTimeOfflineSpecification",

@@ -89,7 +89,7 @@ NB_MODULE(_native, m) {
     nb::class_<BoundMachine>(m, "Machine", nb::type_slots(slots<Machine>),
                       "Runs a program on samples, as rtamt.discrete.Machine does.\n\n"
                       "Args:\n"
-                      "    rows: The program, as rtamt.schedule.encoded writes it.\n"
+                      "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                       "    terms: How many of its instructions are arithmetic over the sample.\n"
                       "    variables: Names of the inputs.\n"
                       "    result: Register of what update gives.\n"

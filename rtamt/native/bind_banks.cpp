@@ -248,7 +248,7 @@ void bind_banks(nb::module_& m) {
     bind<Bank>(m, "Bank",
                "Runs a program on samples of many lanes, as rtamt.bank.Bank does.\n\n"
                "Args:\n"
-               "    rows: The program, as rtamt.schedule.encoded writes it.\n"
+               "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                "    terms: How many of its instructions are arithmetic over the sample.\n"
                "    variables: Names of the inputs.\n"
                "    result: Register of what update gives.\n"

@@ -318,7 +318,7 @@ void bind_dense(nb::module_& m) {
         m, "DenseMachine", nb::type_slots(dense_slots),
         "Runs a program on events over dense time, as rtamt.dense.Machine does.\n\n"
         "Args:\n"
-        "    rows: The program, as rtamt.dense_lowering.encoded_dense writes it.\n"
+        "    rows: The program, as rtamt.program.dense_lowering.encoded_dense writes it.\n"
         "    terms: How many of its instructions are arithmetic over the present values.\n"
         "    variables: Names of the inputs.\n"
         "    result: Register of what update gives.\n"

@@ -89,8 +89,8 @@ void bind_episode(nb::module_& m) {
         m, "EpisodeMachine", nb::type_slots(episode_slots),
         "Bounds the robustness of an episode, as rtamt.episode.EpisodeMachine does.\n\n"
         "Args:\n"
-        "    terms: The first instructions, as rtamt.schedule.encoded writes them.\n"
-        "    formulas: The others, as rtamt.placement writes them.\n"
+        "    terms: The first instructions, as rtamt.program.schedule.encoded writes them.\n"
+        "    formulas: The others, as rtamt.program.placement writes them.\n"
         "    tops: Registers that are read at time 0 alone, the result last.\n"
         "    streams: Registers that are read at all times.\n"
         "    variables: Names of the inputs.\n"

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rtamt.errors import SpecificationError
-from rtamt.polarity import positive
-from rtamt.program import Const, Load, Map, Program, Window
-from rtamt.schedule import encoded
+from rtamt.program.polarity import positive
+from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.schedule import encoded
 
 __all__ = ["MAX_UNKNOWNS", "Placement", "place"]
 
@@ -39,7 +39,7 @@ class Placement:
 
     @functools.cached_property
     def encoded_terms(self) -> tuple[tuple[object, ...], ...]:
-        """The terms, as `rtamt.schedule.encoded` writes them."""
+        """The terms, as `rtamt.program.schedule.encoded` writes them."""
         known = self.program.terms
         terms = replace(
             self.program,

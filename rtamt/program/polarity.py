@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import assert_never
 
-from rtamt.algebra import MONOIDS
-from rtamt.program import Const, Instruction, Load, Map, Program, Window, latencies_of
+from rtamt.program.algebra import MONOIDS
+from rtamt.program.program import Const, Instruction, Load, Map, Program, Window, latencies_of
 
 __all__ = ["positive"]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from rtamt.program import Const, Instruction, Load, Map, Program, Window
+from rtamt.program.program import Const, Instruction, Load, Map, Program, Window
 
 __all__ = ["Delay", "Scheduled", "encoded", "schedule"]
 

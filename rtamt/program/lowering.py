@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never, cast
 
-from rtamt.algebra import FUNCTIONS
-from rtamt.interface import STANDARD, Interface
 from rtamt.language.formula import Formula, Node, Term
 from rtamt.language.operators import Bounds, Meaning
 from rtamt.language.specification import Specification
-from rtamt.program import (
+from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.interface import STANDARD, Interface
+from rtamt.program.program import (
     Const,
     Instruction,
     Load,
@@ -22,7 +22,7 @@ from rtamt.program import (
     latency_of,
     listed,
 )
-from rtamt.timing import samples
+from rtamt.program.timing import samples
 
 __all__ = ["ProgramBuilder", "compile_program"]
 
@@ -171,7 +171,7 @@ def compile_program(
     Args:
         specification: What to compile.
         period: Seconds between samples; None: bounds are in samples.
-        interface: Which robustness is meant; see `rtamt.interface`.
+        interface: Which robustness is meant; see `rtamt.program.interface`.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:

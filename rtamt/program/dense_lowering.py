@@ -13,12 +13,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rtamt.interface import STANDARD, Interface
 from rtamt.language.formula import Node
 from rtamt.language.operators import Bounds
 from rtamt.language.specification import Specification
-from rtamt.lowering import ProgramBuilder
-from rtamt.program import Const, Load, Map, Program, Window
+from rtamt.program.interface import STANDARD, Interface
+from rtamt.program.lowering import ProgramBuilder
+from rtamt.program.program import Const, Load, Map, Program, Window
 
 __all__ = ["DenseProgram", "compile_dense", "encoded_dense"]
 
@@ -106,7 +106,7 @@ def compile_dense(
 
     Args:
         specification: What to compile.
-        interface: Which robustness is meant; see `rtamt.interface`.
+        interface: Which robustness is meant; see `rtamt.program.interface`.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:

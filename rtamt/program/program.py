@@ -19,9 +19,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
-from rtamt.algebra import FUNCTIONS, MONOIDS
 from rtamt.language.formula import Node
 from rtamt.language.printing import number_text
+from rtamt.program.algebra import FUNCTIONS, MONOIDS
 
 if TYPE_CHECKING:
     from rtamt.language.specification import Specification
