@@ -21,8 +21,8 @@ from rtamt.errors import (
     StateError,
 )
 from rtamt.evaluation import evaluate
-from rtamt.events import Events
 from rtamt.explanation import Explanation, explain
+from rtamt.inputs.events import Events
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse

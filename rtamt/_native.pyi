@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.events import Column, EventReader, EventsLike
-from rtamt.inputs import SampleReader
-from rtamt.lanes import LaneReader
+from rtamt.inputs.events import Column, EventReader, EventsLike
+from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import SampleReader
 
 FUNCTIONS: dict[str, int]  # names and arities of the functions of MAP
 MONOIDS: dict[str, int]  # names of the monoids of WINDOW, and the numbers in an element

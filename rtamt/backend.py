@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt import bank, dense, discrete, episode
 from rtamt.errors import InputError
-from rtamt.events import Column, EventReader
-from rtamt.inputs import SampleReader
-from rtamt.lanes import LaneReader
+from rtamt.inputs.events import Column, EventReader
+from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import SampleReader
 from rtamt.program.dense_lowering import DenseProgram, encoded_dense
 from rtamt.program.placement import place
 from rtamt.program.program import Program

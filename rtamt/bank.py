@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.episode import EpisodeMachine
-from rtamt.lanes import Floats, LaneReader, Lanes
+from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.terms import Registers
 from rtamt.windows import State
 

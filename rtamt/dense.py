@@ -19,7 +19,7 @@ from rtamt.dense_streams import (
     just_after,
 )
 from rtamt.dense_windows import SuffixNode, WindowNode
-from rtamt.events import Column, EventReader, EventsLike
+from rtamt.inputs.events import Column, EventReader, EventsLike
 from rtamt.program.algebra import MONOIDS
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.program import Const, Load, Map, Window

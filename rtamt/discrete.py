@@ -9,7 +9,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.inputs import SampleReader
+from rtamt.inputs.samples import SampleReader
 from rtamt.program.algebra import MONOIDS, Element
 from rtamt.program.program import Const, Load, Map, Program, Window
 from rtamt.program.schedule import Delay, Scheduled, schedule

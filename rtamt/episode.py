@@ -28,7 +28,7 @@ from typing import NoReturn, assert_never
 import numpy as np
 
 from rtamt.errors import StateError
-from rtamt.inputs import SampleReader
+from rtamt.inputs.samples import SampleReader
 from rtamt.program.algebra import MONOIDS
 from rtamt.program.placement import place
 from rtamt.program.program import Const, Load, Map, Program, Window

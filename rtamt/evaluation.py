@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError
-from rtamt.inputs import Columns, NanPolicy, SampleReader
+from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
 from rtamt.language.parser import as_specification
 from rtamt.offline import run_offline
 from rtamt.online import Spec

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError
 from rtamt.evaluation import whole_trace
-from rtamt.inputs import Columns, NanPolicy, SampleReader, kind_of
+from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, kind_of
 from rtamt.language.formula import Formula, Node
 from rtamt.language.operators import Operator
 from rtamt.language.parser import as_specification

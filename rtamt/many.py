@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
-from rtamt.inputs import Columns, NanPolicy, SampleReader, array_of_numbers
+from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, array_of_numbers
 from rtamt.language.parser import as_specification
 from rtamt.offline import Passes
 from rtamt.online import Spec

@@ -23,8 +23,8 @@ from rtamt.backend import (
 from rtamt.errors import StateError
 from rtamt.explanation import Explanation, explain
 from rtamt.history import Recorder
-from rtamt.inputs import Columns, NanPolicy, SampleReader
-from rtamt.messages import write_fields
+from rtamt.inputs.messages import write_fields
+from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
 from rtamt.online import DirectUpdate, Online, Spec
 from rtamt.program.interface import Names, Semantics
 from rtamt.program.lowering import compile_program

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.inputs import SampleReader
+from rtamt.inputs.samples import SampleReader
 from rtamt.program.algebra import MONOIDS
 from rtamt.program.program import Instruction, Load, Program, Window, latencies_of
 

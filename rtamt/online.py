@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any, Generic, Self, TypeVar
 
 from rtamt.backend import Backend, Stateful, choose
-from rtamt.inputs import NanPolicy
+from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification

@@ -17,8 +17,8 @@ from rtamt.backend import (
     episode_bank,
 )
 from rtamt.errors import InputError, InputTypeError
-from rtamt.inputs import NanPolicy
-from rtamt.lanes import LaneReader
+from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import NanPolicy
 from rtamt.online import Online, Spec
 from rtamt.program.interface import Names, Semantics
 from rtamt.program.lowering import compile_program

@@ -24,7 +24,7 @@ from rtamt import (
     StateError,
     evaluate_dense,
 )
-from rtamt.events import EventsLike
+from rtamt.inputs.events import EventsLike
 
 Backend = Literal["native", "python"]
 Error = type[RtamtError]

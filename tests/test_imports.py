@@ -18,11 +18,8 @@ FLOORS = (
     ("errors",),
     ("language",),
     ("program",),
+    ("inputs",),
     (
-        "inputs",
-        "events",
-        "messages",
-        "lanes",
         "terms",
         "windows",
         "provenance",

@@ -19,7 +19,7 @@ from rtamt.program.dense_lowering import compile_dense, encoded_dense
 
 if TYPE_CHECKING:
     from rtamt._native import DenseMachine
-    from rtamt.events import EventsLike
+    from rtamt.inputs.events import EventsLike
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rtamt import Monitor, evaluate
-from rtamt.inputs import SampleReader
+from rtamt.inputs.samples import SampleReader
 from rtamt.program.algebra import FUNCTIONS, MONOIDS
 from rtamt.program.schedule import Scheduled
 from rtamt.windows import DelayLine, make_fold

@@ -1,5 +1,5 @@
 // The arguments of update(*args, **named) that are read at once: exact types, where no code of a
-// caller can run. False leaves an argument, and every message, to rtamt.inputs.SampleReader.
+// caller can run. False leaves an argument, and every message, to rtamt.inputs.samples.SampleReader.
 #pragma once
 
 #include <nanobind/nanobind.h>

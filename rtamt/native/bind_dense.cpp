@@ -84,7 +84,7 @@ public:
 private:
     Forms()
         : events_(reinterpret_cast<PyTypeObject*>(
-              nb::object(nb::module_::import_("rtamt.events").attr("Events")).release().ptr())),
+              nb::object(nb::module_::import_("rtamt.inputs.events").attr("Events")).release().ptr())),
           times_(PyUnicode_InternFromString("times")),
           values_(PyUnicode_InternFromString("values")) {}
 

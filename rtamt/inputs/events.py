@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
-from rtamt.inputs import array_of_numbers, kind_of, listed, refuse_term, unknown_variable
-from rtamt.messages import Messages
+from rtamt.inputs.messages import Messages
+from rtamt.inputs.samples import array_of_numbers, kind_of, listed, refuse_term, unknown_variable
 from rtamt.program.program import Program
 
 __all__ = ["Column", "EventReader", "Events", "EventsLike"]

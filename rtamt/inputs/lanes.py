@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
-from rtamt.inputs import NanPolicy, SampleReader, array_of_numbers
+from rtamt.inputs.samples import NanPolicy, SampleReader, array_of_numbers
 from rtamt.program.program import Program
 
 __all__ = ["Floats", "LaneReader", "Lanes"]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, nearest
-from rtamt.messages import Field, Messages
+from rtamt.inputs.messages import Field, Messages
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.program import Const, Load, Map, Program
 

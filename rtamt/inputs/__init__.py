@@ -1,0 +1,1 @@
+"""From what a caller hands over to arrays of numbers."""
