@@ -10,7 +10,6 @@ recorded traces (`evaluate`), on events over dense time (`DenseMonitor`, `evalua
 import importlib
 from typing import TYPE_CHECKING
 
-from rtamt.backend import BACKEND
 from rtamt.dense_monitor import DenseMonitor, evaluate_dense
 from rtamt.errors import (
     InputError,
@@ -27,6 +26,7 @@ from rtamt.language.formula import Formula, Term, conjunction, disjunction, numb
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
 from rtamt.language.specification import Specification
+from rtamt.machines.backend import BACKEND
 from rtamt.many import evaluate_many
 from rtamt.monitor import EpisodeMonitor, Monitor, Verdict
 from rtamt.vector import VectorEpisodeMonitor, VectorMonitor

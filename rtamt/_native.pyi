@@ -1,4 +1,4 @@
-# The machines in C++; the definition that they are tested against is rtamt.discrete.
+# The machines in C++; the definition that they are tested against is rtamt.machines.discrete.
 
 from collections.abc import Mapping, Sequence
 

@@ -6,11 +6,11 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any, Literal, Self
 
-from rtamt.backend import Backend, DenseMachine, choose, dense_machine
 from rtamt.errors import InputError
 from rtamt.inputs.events import EventReader, Events, EventsLike
 from rtamt.inputs.messages import write_fields
 from rtamt.language.parser import as_specification
+from rtamt.machines.backend import Backend, DenseMachine, choose, dense_machine
 from rtamt.online import DirectUpdate, Resumable, Spec
 from rtamt.program.dense_lowering import compile_dense
 from rtamt.program.interface import Names, Semantics, as_interface

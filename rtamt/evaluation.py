@@ -7,11 +7,11 @@ import functools
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError
 from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
 from rtamt.language.parser import as_specification
-from rtamt.offline import run_offline
+from rtamt.machines.backend import Backend, discrete_machine
+from rtamt.machines.offline import run_offline
 from rtamt.online import Spec
 from rtamt.program.interface import Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program

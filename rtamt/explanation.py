@@ -20,7 +20,6 @@ from typing import NamedTuple, SupportsIndex, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError
 from rtamt.evaluation import whole_trace
 from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, kind_of
@@ -29,7 +28,8 @@ from rtamt.language.operators import Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
-from rtamt.offline import run_outputs
+from rtamt.machines.backend import Backend, discrete_machine
+from rtamt.machines.offline import run_outputs
 from rtamt.online import Spec
 from rtamt.program.interface import Interface, Names, Reading, Semantics, as_interface
 from rtamt.program.lowering import compile_program

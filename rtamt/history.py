@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.backend import EpisodeMachine, Snapshot
 from rtamt.errors import StateError
+from rtamt.machines.backend import EpisodeMachine, Snapshot
 
 __all__ = ["Recorder"]
 

@@ -9,11 +9,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.backend import Backend, discrete_machine
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
 from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, array_of_numbers
 from rtamt.language.parser import as_specification
-from rtamt.offline import Passes
+from rtamt.machines.backend import Backend, discrete_machine
+from rtamt.machines.offline import Passes
 from rtamt.online import Spec
 from rtamt.program.interface import Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program

@@ -12,7 +12,12 @@ from typing import Any, Protocol, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.backend import (
+from rtamt.errors import StateError
+from rtamt.explanation import Explanation, explain
+from rtamt.history import Recorder
+from rtamt.inputs.messages import write_fields
+from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
+from rtamt.machines.backend import (
     Backend,
     DiscreteMachine,
     EpisodeMachine,
@@ -20,11 +25,6 @@ from rtamt.backend import (
     discrete_machine,
     episode_machine,
 )
-from rtamt.errors import StateError
-from rtamt.explanation import Explanation, explain
-from rtamt.history import Recorder
-from rtamt.inputs.messages import write_fields
-from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
 from rtamt.online import DirectUpdate, Online, Spec
 from rtamt.program.interface import Names, Semantics
 from rtamt.program.lowering import compile_program

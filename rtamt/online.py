@@ -7,11 +7,11 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, Generic, Self, TypeVar
 
-from rtamt.backend import Backend, Stateful, choose
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
+from rtamt.machines.backend import Backend, Stateful, choose
 from rtamt.program.interface import Names, Semantics, as_interface
 from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period

@@ -8,7 +8,10 @@ from typing import Any, SupportsIndex, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.backend import (
+from rtamt.errors import InputError, InputTypeError
+from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import NanPolicy
+from rtamt.machines.backend import (
     Backend,
     DiscreteBank,
     EpisodeBank,
@@ -16,9 +19,6 @@ from rtamt.backend import (
     discrete_bank,
     episode_bank,
 )
-from rtamt.errors import InputError, InputTypeError
-from rtamt.inputs.lanes import LaneReader
-from rtamt.inputs.samples import NanPolicy
 from rtamt.online import Online, Spec
 from rtamt.program.interface import Names, Semantics
 from rtamt.program.lowering import compile_program

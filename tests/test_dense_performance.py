@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from test_performance import backends
 
 import rtamt
-from rtamt.backend import Backend
+from rtamt.machines.backend import Backend
 
 
 def table(n: int) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from strategies import INFINITIES, QUARTERS, VARIABLES, formulas
 
 from rtamt import Formula, InputError, InputTypeError, RtamtError, evaluate, evaluate_many
-from rtamt.backend import Backend
+from rtamt.machines.backend import Backend
 
 NAN = math.nan
 

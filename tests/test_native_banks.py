@@ -72,9 +72,11 @@ def test_a_bank_and_its_reader_are_collected_in_a_circle(kind: type[Vector]) -> 
     reader = Reader()
     program = kind(TEXT, 2).program
     if kind is VectorMonitor:
-        reader.bank = rtamt.backend.discrete_bank("native", program, 2, cast("Any", reader))
+        reader.bank = rtamt.machines.backend.discrete_bank(
+            "native", program, 2, cast("Any", reader)
+        )
     else:
-        reader.bank = rtamt.backend.episode_bank("native", program, 2, cast("Any", reader))
+        reader.bank = rtamt.machines.backend.episode_bank("native", program, 2, cast("Any", reader))
     gone = weakref.ref(reader)
     del reader
     gc.collect()
@@ -90,9 +92,9 @@ def test_a_reader_that_refuses_nothing_is_noticed() -> None:
         def refuse_finish(self, _: int) -> None: ...
 
     program = VectorMonitor("sqrt(x) > 0", 1).program
-    made = rtamt.backend.discrete_bank("native", program, 1, cast("Any", Reader()))
+    made = rtamt.machines.backend.discrete_bank("native", program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^the reader did not refuse a term that is nan$"):
         made.update(np.array([[-1.0]]))
-    episodes = rtamt.backend.episode_bank("native", program, 1, cast("Any", Reader()))
+    episodes = rtamt.machines.backend.episode_bank("native", program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^the reader did not refuse the call$"):
         episodes.finish()

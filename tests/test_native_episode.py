@@ -14,7 +14,7 @@ from typing import cast
 import pytest
 
 from rtamt import EpisodeMonitor
-from rtamt.backend import Snapshot
+from rtamt.machines.backend import Snapshot
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from rtamt import Monitor, evaluate
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.windows import DelayLine, make_fold
 from rtamt.program.algebra import FUNCTIONS, MONOIDS
 from rtamt.program.schedule import Scheduled
-from rtamt.windows import DelayLine, make_fold
 
 if TYPE_CHECKING:
     from rtamt._native import Machine

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt.backend import Backend
+from rtamt.machines.backend import Backend
 
 BACKENDS: list[Backend] = ["python", "native"] if rtamt.BACKEND == "native" else ["python"]
 ATTEMPTS = 4

@@ -126,7 +126,7 @@ def test_a_run_is_drawn(tmp_path: Path) -> None:
         run(1.0).plot(tmp_path / "run.doc")
 
 
-def test_a_run_evaluates_alike_on_both_machines(backend: rtamt.backend.Backend) -> None:
+def test_a_run_evaluates_alike_on_both_machines(backend: rtamt.machines.backend.Backend) -> None:
     made = run(1.0, 2.0, 5.0)
     for name, course in made.courses.items():
         offline = rtamt.evaluate(course.formula, made.signals, made.period, backend=backend)

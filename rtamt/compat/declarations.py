@@ -9,12 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
 
-from rtamt.backend import Backend
 from rtamt.compat.options import Language, Semantics, StlIOType
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
 from rtamt.language.parser import parse_as
 from rtamt.language.specification import Specification
+from rtamt.machines.backend import Backend
 from rtamt.program.interface import Semantics as SemanticsName
 
 __all__ = ["AbstractSpecification", "Options"]

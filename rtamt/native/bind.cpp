@@ -87,7 +87,7 @@ NB_MODULE(_native, m) {
     m.doc() = "The machines of rtamt in C++.";
 
     nb::class_<BoundMachine>(m, "Machine", nb::type_slots(slots<Machine>),
-                      "Runs a program on samples, as rtamt.discrete.Machine does.\n\n"
+                      "Runs a program on samples, as rtamt.machines.discrete.Machine does.\n\n"
                       "Args:\n"
                       "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                       "    terms: How many of its instructions are arithmetic over the sample.\n"

@@ -24,7 +24,7 @@ struct Bound {
 
 // Raises the error of a call that the state of a machine does not allow; its text is in Python.
 [[noreturn]] inline void refuse_state(const char* call) {
-    nb::module_::import_("rtamt.episode").attr(call)();
+    nb::module_::import_("rtamt.machines.episode.machine").attr(call)();
     throw std::runtime_error("Python did not refuse the call");
 }
 

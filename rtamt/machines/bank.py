@@ -8,10 +8,10 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.episode import EpisodeMachine
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
-from rtamt.terms import Registers
-from rtamt.windows import State
+from rtamt.machines.episode.machine import EpisodeMachine
+from rtamt.machines.terms import Registers
+from rtamt.machines.windows import State
 
 __all__ = ["Bank", "EpisodeBank"]
 

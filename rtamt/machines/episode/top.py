@@ -1,6 +1,7 @@
 """Folds of the episode machine that are read at time 0 alone.
 
-See `rtamt.episode` for the words, and `rtamt.streams` for what is folded.
+See `rtamt.machines.episode.machine` for the words, and `rtamt.machines.episode.streams` for what is
+folded.
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from rtamt.machines.episode.streams import NOW, Array, Operands, Polynomials, Stream, in_world
+from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import Monoid
-from rtamt.streams import NOW, Array, Operands, Polynomials, Stream, in_world
-from rtamt.windows import fold_all
 
 __all__ = ["TopFold"]
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.terms import Registers, Step, Terms, map_step
+from rtamt.machines.windows import DelayLine, Fold, State, make_fold
 from rtamt.program.algebra import MONOIDS, Element
 from rtamt.program.program import Const, Load, Map, Program, Window
 from rtamt.program.schedule import Delay, Scheduled, schedule
-from rtamt.terms import Registers, Step, Terms, map_step
-from rtamt.windows import DelayLine, Fold, State, make_fold
 
 __all__ = ["Machine"]
 

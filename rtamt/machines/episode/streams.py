@@ -1,7 +1,7 @@
 """Registers of the episode machine as signals over all times: settled, open and tail.
 
-See `rtamt.episode` for the words. Times are sample numbers; arrays run over time in their last
-axis, and settled ones have an axis of length 2 for every unknown in front.
+See `rtamt.machines.episode.machine` for the words. Times are sample numbers; arrays run over time
+in their last axis, and settled ones have an axis of length 2 for every unknown in front.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.machines.terms import Registers
+from rtamt.machines.windows import fold_all, padded, slide
 from rtamt.program.algebra import Arrays, Monoid
-from rtamt.terms import Registers
-from rtamt.windows import fold_all, padded, slide
 
 __all__ = [
     "LOWER",

@@ -16,8 +16,8 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
+from rtamt.machines.windows import State
 from rtamt.program.algebra import FUNCTIONS
-from rtamt.windows import State
 
 __all__ = ["Joint", "MapNode", "Node", "Part", "Step", "Stream", "just_after"]
 

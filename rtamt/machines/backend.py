@@ -8,11 +8,13 @@ from typing import Any, Final, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt import bank, dense, discrete, episode
 from rtamt.errors import InputError
 from rtamt.inputs.events import Column, EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines import bank, discrete
+from rtamt.machines.dense import machine as dense
+from rtamt.machines.episode import machine as episode
 from rtamt.program.dense_lowering import DenseProgram, encoded_dense
 from rtamt.program.placement import place
 from rtamt.program.program import Program
@@ -86,7 +88,7 @@ class Machine(Stateful, Protocol):
 
 
 class DiscreteMachine(Machine, Protocol):
-    """Runs a program on samples; `rtamt.discrete.Machine` says what it means."""
+    """Runs a program on samples; `rtamt.machines.discrete.Machine` says what it means."""
 
     @property
     def registers(self) -> Sequence[float]:
@@ -99,7 +101,7 @@ class DiscreteMachine(Machine, Protocol):
 
 
 class EpisodeMachine(Machine, Protocol):
-    """Bounds the robustness of an episode; `rtamt.episode.EpisodeMachine` says what it means."""
+    """Bounds the robustness of an episode, as `rtamt.machines.episode.machine` defines it."""
 
     @property
     def robustness(self) -> float:
@@ -125,7 +127,7 @@ class EpisodeMachine(Machine, Protocol):
 
 
 class DenseMachine(Stateful, Protocol):
-    """Runs a program on events; `rtamt.dense.Machine` says what it means."""
+    """Runs a program on events; `rtamt.machines.dense.machine.Machine` says what it means."""
 
     @property
     def settled(self) -> float:
@@ -154,7 +156,7 @@ class DenseMachine(Stateful, Protocol):
 
 
 class LaneMachine(Stateful, Protocol):
-    """Machines of many signals in lockstep; `rtamt.bank.Bank` says what each call means."""
+    """Runs many signals in lockstep; `rtamt.machines.bank.Bank` says what each call means."""
 
     @property
     def samples(self) -> NDArray[np.int64]:

@@ -29,10 +29,7 @@ import numpy as np
 
 from rtamt.errors import StateError
 from rtamt.inputs.samples import SampleReader
-from rtamt.program.algebra import MONOIDS
-from rtamt.program.placement import place
-from rtamt.program.program import Const, Load, Map, Program, Window
-from rtamt.streams import (
+from rtamt.machines.episode.streams import (
     WORLDS,
     Constant,
     Endless,
@@ -43,9 +40,12 @@ from rtamt.streams import (
     Sliding,
     Stream,
 )
-from rtamt.terms import Registers, Terms
-from rtamt.top import TopFold
-from rtamt.windows import State
+from rtamt.machines.episode.top import TopFold
+from rtamt.machines.terms import Registers, Terms
+from rtamt.machines.windows import State
+from rtamt.program.algebra import MONOIDS
+from rtamt.program.placement import place
+from rtamt.program.program import Const, Load, Map, Program, Window
 
 __all__ = ["EpisodeMachine", "refuse_finish", "refuse_update"]
 

@@ -9,7 +9,8 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.dense_streams import (
+from rtamt.inputs.events import Column, EventReader, EventsLike
+from rtamt.machines.dense.streams import (
     Joint,
     MapNode,
     Node,
@@ -18,13 +19,12 @@ from rtamt.dense_streams import (
     Stream,
     just_after,
 )
-from rtamt.dense_windows import SuffixNode, WindowNode
-from rtamt.inputs.events import Column, EventReader, EventsLike
+from rtamt.machines.dense.windows import SuffixNode, WindowNode
+from rtamt.machines.terms import Registers, Terms
+from rtamt.machines.windows import State
 from rtamt.program.algebra import MONOIDS
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.program import Const, Load, Map, Window
-from rtamt.terms import Registers, Terms
-from rtamt.windows import State
 
 __all__ = ["Machine"]
 

@@ -6,9 +6,9 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from rtamt.dense_streams import Joint, Stream, just_after
+from rtamt.machines.dense.streams import Joint, Stream, just_after
+from rtamt.machines.windows import State
 from rtamt.program.algebra import Element, Monoid
-from rtamt.windows import State
 
 __all__ = ["SuffixNode", "WindowNode"]
 

@@ -1,0 +1,1 @@
+"""The machine that bounds the robustness of an episode."""
