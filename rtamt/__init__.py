@@ -10,7 +10,6 @@ recorded traces (`evaluate`), on events over dense time (`DenseMonitor`, `evalua
 import importlib
 from typing import TYPE_CHECKING
 
-from rtamt.dense_monitor import DenseMonitor, evaluate_dense
 from rtamt.errors import (
     InputError,
     InputTypeError,
@@ -19,17 +18,18 @@ from rtamt.errors import (
     SpecificationError,
     StateError,
 )
-from rtamt.evaluation import evaluate
-from rtamt.explanation import Explanation, explain
 from rtamt.inputs.events import Events
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKEND
-from rtamt.many import evaluate_many
-from rtamt.monitor import EpisodeMonitor, Monitor, Verdict
-from rtamt.vector import VectorEpisodeMonitor, VectorMonitor
+from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.monitors.evaluation import evaluate
+from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.many import evaluate_many
+from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
+from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
 
 if TYPE_CHECKING:
     from rtamt.compat import *  # noqa: F403 - its __all__ lists them, and the type checker reads it

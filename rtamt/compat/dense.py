@@ -12,8 +12,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rtamt.compat.declarations import AbstractSpecification
-from rtamt.dense_monitor import DenseMonitor, evaluate_dense
 from rtamt.errors import InputError, InputTypeError
+from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 
 __all__ = [
     "Pairs",

@@ -16,12 +16,12 @@ import numpy as np
 from rtamt.compat.declarations import AbstractSpecification
 from rtamt.compat.options import Language, Semantics
 from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
-from rtamt.evaluation import evaluate
-from rtamt.explanation import Explanation, explain
 from rtamt.inputs.messages import Messages, write_fields
 from rtamt.language.interval import UNITS
 from rtamt.language.specification import Specification
-from rtamt.monitor import EpisodeMonitor, Monitor
+from rtamt.monitors.evaluation import evaluate
+from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.monitor import EpisodeMonitor, Monitor
 from rtamt.program.timing import Period, as_period
 
 __all__ = [

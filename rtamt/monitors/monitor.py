@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import StateError
-from rtamt.explanation import Explanation, explain
-from rtamt.history import Recorder
 from rtamt.inputs.messages import write_fields
 from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
 from rtamt.machines.backend import (
@@ -25,7 +23,9 @@ from rtamt.machines.backend import (
     discrete_machine,
     episode_machine,
 )
-from rtamt.online import DirectUpdate, Online, Spec
+from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.history import Recorder
+from rtamt.monitors.online import DirectUpdate, Online, Spec
 from rtamt.program.interface import Names, Semantics
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program

@@ -11,7 +11,7 @@ from rtamt.inputs.events import EventReader, Events, EventsLike
 from rtamt.inputs.messages import write_fields
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import Backend, DenseMachine, choose, dense_machine
-from rtamt.online import DirectUpdate, Resumable, Spec
+from rtamt.monitors.online import DirectUpdate, Resumable, Spec
 from rtamt.program.dense_lowering import compile_dense
 from rtamt.program.interface import Names, Semantics, as_interface
 

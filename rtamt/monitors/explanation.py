@@ -1,8 +1,8 @@
 """Which samples decided a robustness, and through which sub-formulas.
 
 Robustness is made of the values of predicates by min, max and a change of sign: it *is* one of
-them, or its opposite. `explain` follows it from the root down; `rtamt.provenance` says for one
-formula at one sample which operand at which sample its value is.
+them, or its opposite. `explain` follows it from the root down; `rtamt.monitors.provenance` says for
+one formula at one sample which operand at which sample its value is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError, InputTypeError
-from rtamt.evaluation import whole_trace
 from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, kind_of
 from rtamt.language.formula import Formula, Node
 from rtamt.language.operators import Operator
@@ -30,11 +29,12 @@ from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import Backend, discrete_machine
 from rtamt.machines.offline import run_outputs
-from rtamt.online import Spec
+from rtamt.monitors.evaluation import whole_trace
+from rtamt.monitors.online import Spec
+from rtamt.monitors.provenance import Origin, origin_of
 from rtamt.program.interface import Interface, Names, Reading, Semantics, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.timing import Period, as_period, samples
-from rtamt.provenance import Origin, origin_of
 
 __all__ = ["Cause", "Explanation", "Step", "explain"]
 

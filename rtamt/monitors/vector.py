@@ -19,7 +19,7 @@ from rtamt.machines.backend import (
     discrete_bank,
     episode_bank,
 )
-from rtamt.online import Online, Spec
+from rtamt.monitors.online import Online, Spec
 from rtamt.program.interface import Names, Semantics
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program

@@ -14,7 +14,7 @@ from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, array_of_numb
 from rtamt.language.parser import as_specification
 from rtamt.machines.backend import Backend, discrete_machine
 from rtamt.machines.offline import Passes
-from rtamt.online import Spec
+from rtamt.monitors.online import Spec
 from rtamt.program.interface import Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.timing import Period, as_period

@@ -1,0 +1,1 @@
+"""What users call: monitors, evaluation of traces, explanations."""
