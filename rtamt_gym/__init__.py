@@ -7,17 +7,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rtamt_gym.mujoco import StepMonitor
-    from rtamt_gym.rewards import StlReward
-    from rtamt_gym.rollouts import evaluate_rollouts
-    from rtamt_gym.signals import Step
+    from rtamt_gym.mujoco.rollouts import evaluate_rollouts
+    from rtamt_gym.mujoco.snapshots import Snapshot
+    from rtamt_gym.mujoco.step_monitor import StepMonitor
+    from rtamt_gym.signals.signals import Step
     from rtamt_gym.simulation.fmi import Fmus
     from rtamt_gym.simulation.run import Run
     from rtamt_gym.simulation.simulate import simulate
-    from rtamt_gym.snapshots import Snapshot
-    from rtamt_gym.vector import VectorStlMonitor
-    from rtamt_gym.vector_rewards import VectorStlReward
-    from rtamt_gym.wrappers import StlMonitor
+    from rtamt_gym.wrappers.monitor import StlMonitor
+    from rtamt_gym.wrappers.reward import StlReward
+    from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
+    from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
 __all__ = [
     "Fmus",
@@ -36,14 +36,14 @@ __all__ = [
 _MODULES = {
     "Fmus": "rtamt_gym.simulation.fmi",
     "Run": "rtamt_gym.simulation.run",
-    "Snapshot": "rtamt_gym.snapshots",
-    "Step": "rtamt_gym.signals",
-    "StepMonitor": "rtamt_gym.mujoco",
-    "StlMonitor": "rtamt_gym.wrappers",
-    "StlReward": "rtamt_gym.rewards",
-    "VectorStlMonitor": "rtamt_gym.vector",
-    "VectorStlReward": "rtamt_gym.vector_rewards",
-    "evaluate_rollouts": "rtamt_gym.rollouts",
+    "Snapshot": "rtamt_gym.mujoco.snapshots",
+    "Step": "rtamt_gym.signals.signals",
+    "StepMonitor": "rtamt_gym.mujoco.step_monitor",
+    "StlMonitor": "rtamt_gym.wrappers.monitor",
+    "StlReward": "rtamt_gym.wrappers.reward",
+    "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
+    "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
+    "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "simulate": "rtamt_gym.simulation.simulate",
 }
 

@@ -11,7 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from rtamt_gym.signals import SignalLike, Step
+from rtamt_gym.signals.signals import SignalLike, Step
 from rtamt_gym.simulation import plot
 from rtamt_gym.simulation.outcomes import report, saved_note
 from rtamt_gym.simulation.policies import import_highway, make

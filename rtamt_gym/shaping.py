@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.arguments import check_choice, check_known, check_number
+from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 
 __all__ = [
     "Mode",

@@ -15,9 +15,9 @@ from mechanisms import arm, swing
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor
-from rtamt_gym.mujoco_signals import bind_signal, derive
-from rtamt_gym.selectors import MUJOCO, Selector, parse_selector
-from rtamt_gym.signals import Signal
+from rtamt_gym.signals.mujoco import bind_signal, derive
+from rtamt_gym.signals.selectors import MUJOCO, Selector, parse_selector
+from rtamt_gym.signals.signals import Signal
 
 
 def reader(selector: str, model: Any, data: Any) -> Callable[[], float]:  # noqa: ANN401

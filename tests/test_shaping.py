@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from rtamt.errors import InputError
 from rtamt_gym import shaping
-from rtamt_gym.features import features, time_left
 from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.wrappers.features import features, time_left
 
 MODES: tuple[Mode, ...] = ("add", "replace", "potential", "terminal", "hierarchical")
 

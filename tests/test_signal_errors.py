@@ -11,7 +11,7 @@ import pytest
 from gymnasium import spaces
 
 from rtamt.errors import InputError, InputTypeError
-from rtamt_gym.signals import Signal, SignalLike, parse_signals
+from rtamt_gym.signals.signals import Signal, SignalLike, parse_signals
 
 
 class Simulation(gym.Env[Any, Any]):

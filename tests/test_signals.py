@@ -13,8 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rtamt.errors import InputError
-from rtamt_gym.signals import Signal, SignalLike, Step, parse_signals
-from rtamt_gym.specs import read_period
+from rtamt_gym.judges.specs import read_period
+from rtamt_gym.signals.signals import Signal, SignalLike, Step, parse_signals
 
 
 class Simulation(gym.Env[Any, Any]):

@@ -18,9 +18,9 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
 from rtamt_gym import StepMonitor, StlMonitor, simulate
+from rtamt_gym.judges.specs import View
 from rtamt_gym.simulation.run import Run, Stop
 from rtamt_gym.simulation.systems import HowEnded
-from rtamt_gym.specs import View
 
 INF = math.inf
 PENDULUM = """

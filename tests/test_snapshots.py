@@ -9,7 +9,7 @@ import pytest
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Snapshot, StepMonitor
-from rtamt_gym.specs import View
+from rtamt_gym.judges.specs import View
 
 # A stack of boxes, pushed: contacts, so that the warm start of the solver matters.
 XML = """

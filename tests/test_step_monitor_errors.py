@@ -12,7 +12,7 @@ from mechanisms import INTEGRATORS, arm
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import StepMonitor
-from rtamt_gym.mujoco_clock import Clock
+from rtamt_gym.mujoco.clock import Clock
 
 X = {"x": "qpos[0]"}
 

@@ -12,8 +12,8 @@ from replay import INF, Replay, X, run
 
 import rtamt
 from rtamt_gym import StlMonitor
-from rtamt_gym.specs import SpecLike, View
-from rtamt_gym.wrappers import Cost, OnViolation
+from rtamt_gym.judges.specs import SpecLike, View
+from rtamt_gym.wrappers.monitor import Cost, OnViolation
 
 
 def verdict(info: dict[str, Any], name: str = "spec") -> str:

@@ -14,9 +14,9 @@ from replay import INF, Replay, X
 
 from rtamt.errors import InputError, ParseError
 from rtamt_gym import StlMonitor, StlReward
-from rtamt_gym.rewards import StlMonitorOptions
 from rtamt_gym.shaping import Mode
-from rtamt_gym.wrappers import OnViolation
+from rtamt_gym.wrappers.monitor import OnViolation
+from rtamt_gym.wrappers.reward import StlMonitorOptions
 
 MODES: tuple[Mode, ...] = ("add", "replace", "potential", "terminal", "hierarchical")
 

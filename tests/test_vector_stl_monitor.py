@@ -17,8 +17,8 @@ from replay import Replay, X
 from vectors import MODES, Envs, Make, difference, native, sync, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
-from rtamt_gym.specs import View
-from rtamt_gym.wrappers import Cost, OnViolation
+from rtamt_gym.judges.specs import View
+from rtamt_gym.wrappers.monitor import Cost, OnViolation
 
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 

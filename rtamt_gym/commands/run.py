@@ -18,7 +18,7 @@ from rtamt_gym.commands.arguments import (
 )
 
 if TYPE_CHECKING:
-    from rtamt_gym.signals import SignalLike
+    from rtamt_gym.signals.signals import SignalLike
 
 __all__ = ["add"]
 

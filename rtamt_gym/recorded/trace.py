@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.names import nearest
+from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.recordings import Recording, Rows
 
 __all__ = ["TIME", "EventTrace", "Trace", "read_events", "read_trace"]

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import fmpy  # type: ignore[import-untyped]
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.arguments import check_number
-from rtamt_gym.names import listing, nearest
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.simulation.fmi_instance import Instance, Reader, Writer, kind_of
 from rtamt_gym.simulation.systems import HowEnded, named_signals
 

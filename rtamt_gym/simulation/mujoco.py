@@ -9,9 +9,9 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, InputTypeError, StateError
-from rtamt_gym.mujoco_signals import bind_signal, check_pair, derive
-from rtamt_gym.selectors import MUJOCO
-from rtamt_gym.signals import SignalLike, parse_signals
+from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
+from rtamt_gym.signals.selectors import MUJOCO
+from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.simulation.systems import HowEnded, Policy
 
 __all__ = ["Model"]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym.names import listing
-from rtamt_gym.specs import SpecsLike, View, load_specs
+from rtamt_gym.checks.names import listing
+from rtamt_gym.judges.specs import SpecsLike, View, load_specs
 from rtamt_gym.tables import moment
 
 __all__ = ["Course", "Ended", "Floats", "Run", "Stop"]

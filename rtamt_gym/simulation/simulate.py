@@ -17,12 +17,12 @@ from gymnasium.vector import VectorEnv
 
 import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
-from rtamt_gym.arguments import check_choice, check_number
-from rtamt_gym.panel import Panel, pick
-from rtamt_gym.signals import SignalLike
+from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.judges.panel import Panel, pick
+from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
+from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.run import Course, Ended, Floats, Run, Stop
 from rtamt_gym.simulation.systems import Environment, Policy, Samples, System
-from rtamt_gym.specs import Nan, SpecsLike, View, load_specs
 
 __all__ = ["simulate"]
 

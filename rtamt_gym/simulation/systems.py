@@ -11,9 +11,9 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import gymnasium as gym
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.names import listing, nearest
-from rtamt_gym.signals import SignalLike, parse_signals
-from rtamt_gym.specs import read_period
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.judges.specs import read_period
+from rtamt_gym.signals.signals import SignalLike, parse_signals
 
 __all__ = [
     "Environment",

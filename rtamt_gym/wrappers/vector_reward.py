@@ -12,22 +12,22 @@ from gymnasium.vector import VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from rtamt_gym.arguments import check_choice
-from rtamt_gym.columns import Batch, Floats, Lanes
-from rtamt_gym.features import append, appended_space, feature_box, features, time_left
-from rtamt_gym.infos import put
-from rtamt_gym.lockstep import Reading
-from rtamt_gym.rewards import (
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.judges.infos import put
+from rtamt_gym.judges.specs import SpecsLike
+from rtamt_gym.judges.vector_panel import Reading
+from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.signals.columns import Batch, Floats, Lanes
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.features import append, appended_space, feature_box, features, time_left
+from rtamt_gym.wrappers.reward import (
     MonitorOptions,
     Observe,
     expect_description,
     find_monitor,
     refuse_description,
 )
-from rtamt_gym.shaping import Mode, Priority, Shaping
-from rtamt_gym.signals import SignalLike
-from rtamt_gym.specs import SpecsLike
-from rtamt_gym.vector import VectorStlMonitor
+from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 __all__ = ["VectorStlReward"]
 

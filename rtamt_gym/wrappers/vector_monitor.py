@@ -13,12 +13,9 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import InputError, StateError
-from rtamt_gym.arguments import check_choice, check_length, check_mask
-from rtamt_gym.columns import Batch, Columns, Floats, Lanes
-from rtamt_gym.infos import final_infos, final_observations, put
-from rtamt_gym.lockstep import Ended, Lockstep, Reading
-from rtamt_gym.signals import SignalLike, parse_signals
-from rtamt_gym.specs import (
+from rtamt_gym.checks.arguments import check_choice, check_length, check_mask
+from rtamt_gym.judges.infos import final_infos, final_observations, put
+from rtamt_gym.judges.specs import (
     Nan,
     SpecsLike,
     View,
@@ -28,7 +25,10 @@ from rtamt_gym.specs import (
     recordable,
     resolve_period,
 )
-from rtamt_gym.wrappers import Cost, OnViolation
+from rtamt_gym.judges.vector_panel import Ended, Lockstep, Reading
+from rtamt_gym.signals.columns import Batch, Columns, Floats, Lanes
+from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.wrappers.monitor import Cost, OnViolation
 
 __all__ = ["VectorStlMonitor"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.mujoco import StepMonitor
-from rtamt_gym.mujoco_signals import derive
+from rtamt_gym.mujoco.step_monitor import StepMonitor
+from rtamt_gym.signals.mujoco import derive
 
 __all__ = ["Snapshot"]
 

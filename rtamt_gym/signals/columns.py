@@ -1,6 +1,6 @@
 """Signals of a vector environment: a column of numbers each, one for every environment.
 
-The selectors are those of `rtamt_gym.signals`. ``obs[2]`` reads column 2 of the batched
+The selectors are those of `rtamt_gym.signals.signals`. ``obs[2]`` reads column 2 of the batched
 observation, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
 hold for every environment that takes a sample. A callable is given the whole batch and gives an
 array with one number for every environment. Only what selectors read of the simulations, such as
@@ -18,8 +18,8 @@ from gymnasium.vector import SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.names import listing
-from rtamt_gym.signals import Signal, Step
+from rtamt_gym.checks.names import listing
+from rtamt_gym.signals.signals import Signal, Step
 
 __all__ = ["Batch", "Columns", "Floats", "Lanes"]
 

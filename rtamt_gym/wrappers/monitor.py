@@ -14,11 +14,10 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import EpisodeMonitor, InputError, Specification, SpecificationError, StateError
-from rtamt_gym.arguments import check_choice, check_length
-from rtamt_gym.episodes import record
-from rtamt_gym.panel import Panel, Sample
-from rtamt_gym.signals import SignalLike, parse_signals
-from rtamt_gym.specs import (
+from rtamt_gym.checks.arguments import check_choice, check_length
+from rtamt_gym.judges.episodes import record
+from rtamt_gym.judges.panel import Panel, Sample
+from rtamt_gym.judges.specs import (
     InstantMonitor,
     Nan,
     SpecsLike,
@@ -28,7 +27,8 @@ from rtamt_gym.specs import (
     recordable,
     resolve_period,
 )
-from rtamt_gym.substeps import SubSteps, read_substep_period
+from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.wrappers.substeps import SubSteps, read_substep_period
 
 __all__ = ["Cost", "OnViolation", "StlMonitor"]
 

@@ -14,9 +14,9 @@ from typing import Any
 import gymnasium as gym
 
 from rtamt import InputError, StateError
-from rtamt_gym.panel import Panel
-from rtamt_gym.selectors import STEP
-from rtamt_gym.signals import Number, Signal
+from rtamt_gym.judges.panel import Panel
+from rtamt_gym.signals.selectors import STEP
+from rtamt_gym.signals.signals import Number, Signal
 
 __all__ = ["SubSteps", "read_substep_period"]
 

@@ -10,14 +10,14 @@ from typing import Any, Literal, get_args
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import EpisodeMonitor, InputError, StateError, Verdict
-from rtamt_gym.arguments import check_choice, check_number
-from rtamt_gym.mujoco_callback import Attached
-from rtamt_gym.mujoco_clock import Clock
-from rtamt_gym.mujoco_signals import StepSignal, bind_signal, check_pair, derive
-from rtamt_gym.panel import Panel
-from rtamt_gym.selectors import MUJOCO
-from rtamt_gym.signals import parse_signals
-from rtamt_gym.specs import InstantMonitor, Nan, SpecsLike, View, load_specs
+from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.judges.panel import Panel
+from rtamt_gym.judges.specs import InstantMonitor, Nan, SpecsLike, View, load_specs
+from rtamt_gym.mujoco.callback import Attached
+from rtamt_gym.mujoco.clock import Clock
+from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
+from rtamt_gym.signals.selectors import MUJOCO
+from rtamt_gym.signals.signals import parse_signals
 
 __all__ = ["Controller", "OnStepViolation", "StepMonitor"]
 

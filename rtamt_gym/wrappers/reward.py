@@ -12,12 +12,12 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorWrapper
 
 from rtamt import InputError
-from rtamt_gym.arguments import check_choice
-from rtamt_gym.features import append, appended_space, feature_box, features, time_left
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.judges.specs import Nan, SpecsLike, View
 from rtamt_gym.shaping import Mode, Priority, Shaping
-from rtamt_gym.signals import SignalLike
-from rtamt_gym.specs import Nan, SpecsLike, View
-from rtamt_gym.wrappers import Cost, OnViolation, StlMonitor
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.features import append, appended_space, feature_box, features, time_left
+from rtamt_gym.wrappers.monitor import Cost, OnViolation, StlMonitor
 
 __all__ = [
     "MonitorOptions",

@@ -12,8 +12,8 @@ A signal is a text selector, a callable, or a pair of one of them and its value 
 | ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
 | a callable | what it returns for a `Step` | called, unless it has a default |
 
-Selectors are read by the grammar of `rtamt_gym.selectors`, checked against the spaces and the
-simulation of the environment, and bound to closures.
+Selectors are read by the grammar of `rtamt_gym.signals.selectors`, checked against the spaces and
+the simulation of the environment, and bound to closures.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.names import listing, nearest
-from rtamt_gym.selectors import MUJOCO, STEP, VEHICLE, Selector, hint, parse_selector
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.signals.selectors import MUJOCO, STEP, VEHICLE, Selector, hint, parse_selector
 
 __all__ = ["Number", "Read", "Signal", "SignalLike", "Step", "parse_signals"]
 
@@ -217,7 +217,7 @@ class Signal:
                 f"signal {self.name!r}: {self} needs a MuJoCo environment, and "
                 f"{type(simulation).__name__} has no MjData as its data; read obs[...] instead"
             )
-        from rtamt_gym.mujoco_signals import bind_simulation
+        from rtamt_gym.signals.mujoco import bind_simulation
 
         return bind_simulation(self.name, selector, simulation)
 

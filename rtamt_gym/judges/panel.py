@@ -10,9 +10,9 @@ from typing import Any
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError
-from rtamt_gym.episodes import outcome
-from rtamt_gym.signals import Number, Read
-from rtamt_gym.specs import InstantMonitor, Nan, View, machine_state, make_monitor
+from rtamt_gym.judges.episodes import outcome
+from rtamt_gym.judges.specs import InstantMonitor, Nan, View, machine_state, make_monitor
+from rtamt_gym.signals.signals import Number, Read
 
 __all__ = ["Panel", "Sample", "pick"]
 
@@ -23,7 +23,7 @@ Sample = Callable[[Any, Any, Any, dict[str, Any]], tuple[float, float, float, in
 class Panel:
     """A panel of judges: a monitor for every specification.
 
-    The lockstep of a vector environment, `rtamt_gym.lockstep.Lockstep`, is its vector version.
+    `rtamt_gym.judges.vector_panel.Lockstep` is its vector version.
 
     Attributes:
         variables: By specification, the names of what it reads.
@@ -37,7 +37,7 @@ class Panel:
         nan: Whether a signal that is nan is refused, or keeps its last value.
 
     Raises:
-        SpecificationError: As `rtamt_gym.specs.make_monitor` does.
+        SpecificationError: As `rtamt_gym.judges.specs.make_monitor` does.
     """
 
     def __init__(

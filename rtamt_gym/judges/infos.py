@@ -16,8 +16,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.columns import Lanes
-from rtamt_gym.names import listing
+from rtamt_gym.checks.names import listing
+from rtamt_gym.signals.columns import Lanes
 
 __all__ = [
     "final_infos",

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.mujoco_signals import bind_signal
-from rtamt_gym.selectors import MUJOCO, Selector
-from rtamt_gym.signals import Signal, SignalLike, parse_signals
-from rtamt_gym.specs import SpecsLike, load_specs
+from rtamt_gym.judges.specs import SpecsLike, load_specs
+from rtamt_gym.signals.mujoco import bind_signal
+from rtamt_gym.signals.selectors import MUJOCO, Selector
+from rtamt_gym.signals.signals import Signal, SignalLike, parse_signals
 
 __all__ = ["evaluate_rollouts"]
 

@@ -24,9 +24,9 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.names import nearest
-from rtamt_gym.selectors import NAMED, Selector
-from rtamt_gym.signals import Number, Signal
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.signals.selectors import NAMED, Selector
+from rtamt_gym.signals.signals import Number, Signal
 
 __all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation", "check_pair", "derive"]
 
@@ -90,7 +90,7 @@ def bind_numbers(name: str, selector: Selector, model: Any, data: Any) -> Number
 
     Args:
         name: Name of the signal, for messages.
-        selector: What to read; its source is one of `rtamt_gym.selectors.MUJOCO`.
+        selector: What to read; its source is one of `rtamt_gym.signals.selectors.MUJOCO`.
         model: An ``mujoco.MjModel``.
         data: An ``mujoco.MjData`` of the model.
 

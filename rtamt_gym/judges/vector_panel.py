@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt_gym.columns import Floats, Lanes
-from rtamt_gym.episodes import outcome, record
-from rtamt_gym.infos import mask_of, put, put_at, put_group, who_has
-from rtamt_gym.specs import Nan, View, check_looks_ahead
+from rtamt_gym.judges.episodes import outcome, record
+from rtamt_gym.judges.infos import mask_of, put, put_at, put_group, who_has
+from rtamt_gym.judges.specs import Nan, View, check_looks_ahead
+from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["Ended", "InstantMonitors", "Lockstep", "Reading"]
 
@@ -94,7 +94,7 @@ class Lockstep:
         columns: Names of the columns of what is fed.
 
     Raises:
-        SpecificationError: As `rtamt_gym.specs.make_monitor` does.
+        SpecificationError: As `rtamt_gym.judges.specs.make_monitor` does.
     """
 
     def __init__(

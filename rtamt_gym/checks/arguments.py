@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.names import listing, nearest
+from rtamt_gym.checks.names import listing, nearest
 
 __all__ = ["check_choice", "check_known", "check_length", "check_mask", "check_number"]
 

@@ -1,0 +1,1 @@
+"""Specifications and their monitors, for one environment or many."""

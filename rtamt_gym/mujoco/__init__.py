@@ -1,0 +1,1 @@
+"""Monitors inside loops of ``mj_step``."""

@@ -1,0 +1,1 @@
+"""Signals: from text such as ``obs[2]`` to numbers."""
