@@ -1,0 +1,206 @@
+#include "dense/machine.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "dense/window.hpp"
+
+namespace rtamt::dense {
+namespace {
+
+[[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
+
+const std::vector<Row>& checked(const std::vector<Row>& rows, std::size_t variables,
+                                std::size_t result, const std::vector<std::size_t>& observed) {
+    if (variables == 0) refuse("expected a variable");
+    if (result >= rows.size()) refuse("the result is out of range");
+    for (const std::size_t i : observed)
+        if (i >= rows.size()) refuse("an observed register is out of range");
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const Row& row = rows[i];
+        const bool load = row.kind == "LOAD";
+        const bool map = row.kind == "MAP";
+        const bool window = row.kind == "WINDOW";
+        if (!load && !map && !window && row.kind != "CONST")
+            refuse("unknown kind '" + row.kind + "'");
+        if (map && !function_named(row.name)) refuse("unknown function '" + row.name + "'");
+        if (row.a >= (load ? variables : map || window ? i : rows.size()) ||
+            ((map || window) && row.b >= i) || !(row.lo <= row.hi))
+            refuse("row " + std::to_string(i) + " is out of range");
+    }
+    return rows;
+}
+
+std::uint64_t fingerprint(const std::vector<Row>& rows, std::size_t variables, std::size_t result,
+                          const std::vector<std::size_t>& observed) {
+    Fingerprint print;
+    print.add(std::string("dense"));
+    print.add(variables);
+    print.add(result);
+    for (const std::size_t i : observed) print.add(i);
+    for (const Row& row : rows) {
+        print.add(row.kind);
+        print.add(row.name);
+        print.add(row.a);
+        print.add(row.b);
+        print.add(row.value);
+        print.add(row.lo);
+        print.add(row.hi);
+    }
+    return print.value();
+}
+
+}  // namespace
+
+Machine::Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+                 std::size_t result, const std::vector<std::size_t>& observed)
+    : sampler_(checked(rows, variables, result, observed), terms, variables),
+      pending_(variables),
+      events_(variables),
+      streams_(rows.size()),
+      fingerprint_(fingerprint(rows, variables, result, observed)) {
+    std::vector<bool> read(rows.size());
+    read[result] = true;
+    for (const std::size_t i : observed) read[i] = true;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        if (sampler_.samples(i)) continue;
+        read[rows[i].a] = read[rows[i].b] = true;
+        compile(i, rows[i]);
+    }
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        if (read[i] && sampler_.samples(i)) published_.push_back(i);
+    result_ = observe(result);
+    for (const std::size_t i : observed) observed_.push_back(observe(i));
+}
+
+void Machine::compile(std::size_t i, const Row& row) {
+    Joint in;
+    in.add(streams_[row.a]);
+    if (row.b != row.a) in.add(streams_[row.b]);
+    if (row.kind == "MAP") {
+        nodes_.push_back(
+            std::make_unique<Pointwise>(std::move(in), function_named(row.name), streams_[i]));
+        return;
+    }
+#define RTAMT_NAMED(name_, Type)                                                          \
+    if (row.name == #name_) {                                                             \
+        nodes_.push_back(                                                                 \
+            std::make_unique<Window<Type>>(std::move(in), row.lo, row.hi, streams_[i]));  \
+        return;                                                                           \
+    }
+    RTAMT_MONOIDS(RTAMT_NAMED)
+#undef RTAMT_NAMED
+    refuse("unknown monoid '" + row.name + "'");
+}
+
+bool Machine::take() {
+    for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
+    sampler_.extend(events_.data());
+    const bool brief = sampler_.brief();
+    if (!brief && !sampler_.rehearse()) {
+        sampler_.retract(events_.data());
+        return false;
+    }
+    while (sampler_.read()) {
+        if (!sampler_.evaluate()) {
+            sampler_.retract(events_.data());
+            return false;
+        }
+        proceed();
+        if (brief) break;
+    }
+    if (!sampler_.started()) settle(sampler_.known());
+    if (!brief) trim();
+    return true;
+}
+
+// A long chunk must not decide for ever how much memory there is.
+void Machine::trim() {
+    bool any = false;
+    for (Pending& pending : pending_) {
+        if (pending.times.size() <= Sampler::kBlock) continue;
+        pending = {};
+        any = true;
+    }
+    if (!any) return;
+    sampler_.trim();
+    for (Stream& stream : streams_) stream.trim();
+}
+
+void Machine::proceed() {
+    if (!sampler_.started())
+        for (const auto& node : nodes_) node->begin(sampler_.upto());
+    for (const std::size_t i : published_)
+        streams_[i].append(sampler_.times(), sampler_.column(i), sampler_.size());
+    sampler_.consume();
+    settle(sampler_.upto());
+}
+
+void Machine::settle(double known) {
+    for (const std::size_t i : published_) streams_[i].settle(known);
+    for (const auto& node : nodes_) node->advance(known);
+}
+
+double Machine::settled() const {
+    return finished_ ? sampler_.known() : result_.stream->frontier();
+}
+
+std::vector<double> Machine::values() const {
+    std::vector<double> values;
+    for (const Observer& o : observed_) values.push_back(o.stream->values(o.reader)[-1]);
+    return values;
+}
+
+std::size_t Machine::Observer::fresh() const {
+    const double* times = stream->times(reader);
+    std::size_t n = stream->unread(reader);
+    while (n > 0 && !(times[n - 1] < stream->frontier())) --n;
+    return n;
+}
+
+bool Machine::finish() {
+    if (!sampler_.started()) return false;
+    const double end = sampler_.known();
+    const double after = std::nextafter(end, kInfinity);
+    for (const std::size_t i : published_) streams_[i].settle(after);
+    for (const auto& node : nodes_) node->finish(end, after);
+    finished_ = true;
+    return true;
+}
+
+void Machine::reset() {
+    sampler_.reset();
+    for (Stream& stream : streams_) stream.clear();
+    for (const auto& node : nodes_) node->reset();
+    finished_ = false;
+}
+
+std::string Machine::state() const {
+    Writer out;
+    out.put(fingerprint_);
+    out.put<std::uint8_t>(finished_);
+    sampler_.save(out);
+    for (const Stream& stream : streams_) stream.save(out);
+    for (const auto& node : nodes_) node->save(out);
+    return out.bytes();
+}
+
+void Machine::restore(std::string_view bytes) {
+    Reader in(bytes);
+    if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
+        refuse(kForeign);
+    try {
+        reset();
+        finished_ = in.get<std::uint8_t>() != 0;
+        sampler_.load(in);
+        for (Stream& stream : streams_) stream.load(in);
+        for (const auto& node : nodes_) node->load(in);
+        Reader::require(in.empty());
+    } catch (const std::invalid_argument&) {
+        reset();
+        throw;
+    }
+}
+
+}  // namespace rtamt::dense

@@ -1,0 +1,140 @@
+#include "dense/sampler.hpp"
+
+#include "core/columns.hpp"
+
+namespace rtamt::dense {
+
+Function function_named(const std::string& name) {
+#define RTAMT_NAMED(name_, arity, value) \
+    if (name == #name_) return columns::map_##name_;
+    RTAMT_FUNCTIONS(RTAMT_NAMED)
+#undef RTAMT_NAMED
+    return nullptr;
+}
+
+Sampler::Sampler(const std::vector<Row>& rows, std::size_t terms, std::size_t variables)
+    : inputs_(variables), sampled_(rows.size()), columns_(rows.size()) {
+    for (Stream& input : inputs_) joint_.add(input);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const Row& row = rows[i];
+        if (row.kind == "LOAD") {
+            loads_.push_back({i, row.a});
+        } else if (row.kind == "CONST") {
+            constants_.push_back({i, row.value});
+        } else if (row.kind == "MAP" && sampled_[row.a] && sampled_[row.b]) {
+            operations_.push_back({function_named(row.name), i, row.a, row.b, i < terms});
+        } else {
+            continue;
+        }
+        sampled_[i] = true;
+    }
+}
+
+bool Sampler::fits(std::size_t variable, Events events) const {
+    double last = inputs_[variable].last_time();
+    bool fit = true;
+    for (std::size_t i = 0; i < events.size; ++i) {
+        fit &= (events.times[i] > last) & (events.values[i] == events.values[i]);
+        last = events.times[i];
+    }
+    return fit && last < kInfinity;
+}
+
+void Sampler::extend(const Events* events) {
+    for (std::size_t v = 0; v < inputs_.size(); ++v)
+        inputs_[v].extend(events[v].times, events[v].values, events[v].size);
+}
+
+void Sampler::retract(const Events* events) {
+    for (std::size_t v = 0; v < inputs_.size(); ++v) inputs_[v].retract(events[v].size);
+}
+
+double Sampler::known() const {
+    double least = kInfinity;
+    for (const Stream& input : inputs_) least = std::min(least, input.last_time());
+    return least;
+}
+
+bool Sampler::read() {
+    const double known = this->known();
+    if (started_) {
+        upto_ = joint_.upto(known, kBlock);
+        joint_.read([upto = upto_](double time) { return time <= upto; });
+        return joint_.size() > 0;
+    }
+    // The trace begins when the last variable does; what was before is its value then.
+    const double first = joint_.first();
+    if (!(first <= known)) return false;
+    joint_.read_at(first);
+    upto_ = first;
+    return true;
+}
+
+bool Sampler::evaluate() {
+    const std::size_t n = joint_.size();
+    if (n > room_) make_room(n);
+    for (const Load& load : loads_) columns_[load.out] = joint_.column(load.variable);
+    double* out = memory_.data() + constants_.size() * room_;
+    std::size_t bad = n;
+    for (const Operation& operation : operations_) {
+        operation.function(columns_[operation.a], columns_[operation.b], out, n);
+        if (operation.term) bad = columns::first_nan(out, bad);
+        columns_[operation.out] = out;
+        out += room_;
+    }
+    if (bad == n) return true;
+    nan_time_ = joint_.times()[bad];
+    nan_values_.clear();
+    for (std::size_t v = 0; v < inputs_.size(); ++v)
+        nan_values_.push_back(joint_.column(v)[bad]);
+    return false;
+}
+
+void Sampler::make_room(std::size_t n) {
+    room_ = std::max(n, 2 * room_);
+    memory_.resize((constants_.size() + operations_.size()) * room_);
+    double* column = memory_.data();
+    for (const Const& constant : constants_) {
+        std::fill_n(column, room_, constant.value);
+        columns_[constant.out] = column;
+        column += room_;
+    }
+}
+
+void Sampler::consume() {
+    joint_.consume();
+    started_ = true;
+}
+
+bool Sampler::rehearse() {
+    const auto unread = joint_.unread();
+    const bool started = started_;
+    bool fine = true;
+    while (fine && read()) {
+        fine = evaluate();
+        consume();
+    }
+    joint_.rewind(unread);
+    started_ = started;
+    return fine;
+}
+
+void Sampler::reset() {
+    for (Stream& input : inputs_) input.clear();
+    started_ = false;
+}
+
+void Sampler::save(Writer& out) const {
+    out.put<std::uint8_t>(started_);
+    for (const Stream& input : inputs_) input.save(out);
+}
+
+void Sampler::load(Reader& in) {
+    started_ = in.get<std::uint8_t>() != 0;
+    for (Stream& input : inputs_) {
+        input.load(in);
+        Reader::require(!started_ || input.last_time() > -kInfinity);
+    }
+}
+
+}  // namespace rtamt::dense

@@ -1,0 +1,84 @@
+#include "episode/streams.hpp"
+
+namespace rtamt::episode {
+
+void Polynomials::substitute(std::size_t unknown, const double* value) {
+    const std::size_t bit = std::size_t{1} << unknown;
+    for (std::size_t component = 0; component < width_; ++component) {
+        for (std::size_t c = 0; c < corners_; ++c) {
+            if (c & bit) continue;
+            double* __restrict low = line(c, component).data();
+            double* __restrict high = line(c | bit, component).data();
+            const double u = value[c];
+            const double v = value[c | bit];
+            const std::size_t n = size();
+            for (std::size_t i = 0; i < n; ++i) {
+                const double x = low[i];
+                const double y = high[i];
+                low[i] = greater(x, lesser(y, u));
+                high[i] = greater(x, lesser(y, v));
+            }
+        }
+    }
+}
+
+Stream::Stream(Desk& desk, Time late, std::uint32_t speaks_of)
+    : desk_(desk),
+      late_(late),
+      speaks_of_(speaks_of),
+      history_(speaks_of == 0 ? 1 : std::size_t{1} << desk.unknowns.count, 1) {}
+
+void Stream::append(std::size_t corner, double value) {
+    Line& line = history_.line(corner);
+    if (line.size() < keep_) {
+        line.push(value);
+    } else if (keep_ == 1) {
+        line[0] = value;
+    } else {
+        line.pop();
+        line.push(value);
+    }
+}
+
+double* Stream::open(World w, std::size_t count) {
+    std::vector<double>& memory = memory_[w];
+    if (memory.size() < count) memory.resize(std::max(count, 2 * memory.size()));
+    open_[w] = {memory.data(), count};
+    return memory.data();
+}
+
+const double* Stream::values(World w, Time begin, Time end, Scratch& scratch) const {
+    const View view = open_[w];
+    const Time open_from = last_ + 1;
+    const Time open_to = last_ + static_cast<Time>(view.size);
+    if (begin >= open_from && end <= open_to) return view.data + (begin - open_from);
+    const Time first = open_from - static_cast<Time>(history_.size());
+    if (end <= last_ && history_.corners() == 1) return history_.line(0).data() + (begin - first);
+
+    double* const values = scratch.room(static_cast<std::size_t>(end - begin + 1));
+    double* out = values;
+    for (Time i = begin; i <= std::min(end, last_); ++i)
+        *out++ = history_.at(static_cast<std::size_t>(i - first), 0, w, desk_.unknowns);
+    const Time from = std::max(begin, open_from);
+    const Time to = std::min(end, open_to);
+    if (from <= to) out = std::copy_n(view.data + (from - open_from), to - from + 1, out);
+    std::fill(out, values + (end - begin + 1), tail_[w]);
+    return values;
+}
+
+void Stream::reset() {
+    history_.clear();
+    last_ = -1;
+    open_ = {};
+    for (World w : kAll) tail_[w] = outlook_[w].tail;
+}
+
+void Stream::save(Writer& out) const { history_.save(out); }
+
+void Stream::load(Reader& in, Time t) {
+    reset();
+    last_ = std::max<Time>(-1, t - late_);
+    history_.load(in, std::min(keep_, static_cast<std::size_t>(last_ + 1)));
+}
+
+}  // namespace rtamt::episode
