@@ -15,7 +15,7 @@ import worker
 
 ASSETS = Path(gym.__file__).parent / "envs/mujoco/assets"
 SPEC = "always(abs(x) < 1e9)"
-TESTS = Path(__file__).parents[2]
+SUPPORT = Path(__file__).parents[2] / "support"
 
 
 def model(case: worker.Case) -> worker.Measure:
@@ -83,7 +83,7 @@ def environment(case: worker.Case) -> worker.Measure:
 
 def fmu(case: worker.Case) -> worker.Measure:
     """Nanoseconds for a step of the tank of the tests, whose level is read."""
-    sys.path.insert(0, str(TESTS))
+    sys.path.insert(0, str(SUPPORT))
     import fmpy
     import fmus
 

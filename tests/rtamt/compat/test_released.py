@@ -7,14 +7,14 @@ import importlib
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from paths import GOLDEN
 from released_cases import CLASSES, measure
 
 import rtamt
 
-RELEASED = json.loads((Path(__file__).parent / "golden" / "released.json").read_text())
+RELEASED = json.loads((GOLDEN / "released.json").read_text())
 
 # Folders of its own modules, of which those that hold what programs import are there too.
 FOLDERS = {"antlr", "exception", "explanation", "pastifier", "semantics", "spec", "syntax"}

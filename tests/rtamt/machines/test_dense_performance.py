@@ -6,10 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_performance import backends
 
 import rtamt
 from rtamt.machines.backend import Backend
+
+BACKENDS: list[Backend] = ["python", "native"] if rtamt.BACKEND == "native" else ["python"]
+backends = pytest.mark.parametrize("backend", BACKENDS)
 
 
 def table(n: int) -> NDArray[np.float64]:

@@ -8,8 +8,9 @@ from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
+from paths import EXAMPLES
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "lookahead.py"
+EXAMPLE = EXAMPLES / "lookahead.py"
 
 
 def test_looking_ahead_keeps_the_cart_in_the_corridor_and_feedback_alone_does_not(

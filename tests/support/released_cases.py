@@ -1,8 +1,8 @@
 """Cases of golden/released.json, and the program that measures them with any library `rtamt`.
 
-The program uses the interface of the released library alone: under that library it wrote the
-results into the file (``python tests/released_cases.py tests/golden/released.json``, version
-0.4.10), and under this one the tests run it again.
+The program uses the interface of the released library alone: under that library, version 0.4.10, it
+wrote the results into the file (``python tests/support/released_cases.py
+tests/golden/released.json``), and under this one the tests run it again.
 """
 
 from __future__ import annotations

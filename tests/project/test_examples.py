@@ -13,8 +13,8 @@ from typing import Any
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import pytest
+from paths import EXAMPLES
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 EPISODES = {"falling_humanoid": 4, "highway_rss": 2, "parking": 5, "walking_response": 3}
 
 

@@ -10,6 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 import rtamt
 from rtamt.errors import InputTypeError
@@ -19,7 +20,6 @@ from rtamt.language.operators import OPERATORS, RESERVED, SPELLINGS, Operator
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 
-ROOT = Path(__file__).parents[1]
 GRAMMAR = ROOT / "rtamt" / "language" / "grammar"
 
 

@@ -3,13 +3,12 @@
 import doctest
 import re
 import shlex
-from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 from rtamt_gym.__main__ import main
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -1,15 +1,14 @@
 """The golden files: formulas, traces and robustness from a program that is not in this project."""
 
 import json
-from pathlib import Path
 from typing import Any
 
-_FOLDER = Path(__file__).parent / "golden"
+from paths import GOLDEN
 
 
 def cases(name: str) -> list[dict[str, Any]]:
     """The cases of a file."""
-    found: list[dict[str, Any]] = json.loads((_FOLDER / name).read_text())["cases"]
+    found: list[dict[str, Any]] = json.loads((GOLDEN / name).read_text())["cases"]
     return found
 
 

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 import rtamt
 
-ROOT = Path(__file__).parents[1]
 PACKAGES = {
     "rtamt": ROOT / "rtamt",
     "rtamt_gym": ROOT / "rtamt_gym",

@@ -1,0 +1,159 @@
+"""Imports go one way, and what stands above uses public names only."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+from paths import ROOT
+
+import rtamt
+
+# From the bottom up: a room imports from lower floors only. A room is a folder, or a file that
+# stands by itself.
+FLOORS = {
+    "rtamt": (
+        ("errors",),
+        ("language",),
+        ("program",),
+        ("inputs",),
+        ("machines",),
+        ("monitors",),
+        ("__init__",),
+        ("compat",),
+    ),
+    "rtamt_gym": (
+        ("checks",),
+        ("shaping", "tables", "drawing"),
+        ("signals",),
+        ("judges",),
+        ("wrappers", "mujoco"),
+        ("simulation", "recorded"),
+        ("demo",),
+        ("commands",),
+        ("__init__", "__main__"),
+    ),
+}
+
+# Not while modules load: the released classes are loaded when first asked for.
+LATE = {("rtamt", "rtamt.compat")}
+
+# Circles that are still to be opened.
+CIRCLES = {
+    ("rtamt.language.printing", "rtamt.language.formula"),
+    ("rtamt_gym.signals.signals", "rtamt_gym.signals.mujoco"),
+    ("rtamt_gym.recorded.recordings", "rtamt_gym.recorded.parquet"),
+    ("rtamt_gym.simulation.run", "rtamt_gym.simulation.storage"),
+    ("rtamt_gym.simulation.run", "rtamt_gym.simulation.plot"),
+}
+
+# What runs programs knows no text.
+TEXT = ("rtamt.language.parser", "rtamt.language.grammar")
+
+
+def modules(package: str) -> list[Path]:
+    """The modules of a package that are written by hand."""
+    paths = (ROOT / package).rglob("*.py")
+    return sorted(path for path in paths if "generated" not in path.parts)
+
+
+def name_of(path: Path) -> str:
+    """The dotted name of a module."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def room(module: str) -> str:
+    """The room in which a module stands."""
+    return module.split(".")[1] if "." in module else "__init__"
+
+
+def imported(path: Path) -> Iterator[tuple[str, str | None]]:
+    """Every import in a file, wherever it stands: module, and name if one is taken from it."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, None) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: write the whole name of the module"
+            yield from ((node.module or "", alias.name) for alias in node.names)
+
+
+def edges(package: str) -> set[tuple[str, str]]:
+    """The imports inside a package, as (importing module, imported module)."""
+    known = {name_of(path) for path in modules(package)}
+    found = set()
+    for path in modules(package):
+        for module, name in imported(path):
+            target = f"{module}.{name}" if f"{module}.{name}" in known else module
+            if target in known and target != name_of(path):
+                found.add((name_of(path), target))
+    return found - LATE - CIRCLES
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_every_module_has_its_floor(package: str) -> None:
+    rooms = {name for names in FLOORS[package] for name in names}
+    new = {room(name_of(path)) for path in modules(package)} - rooms
+    assert not new, f"say in FLOORS what {new} may import"
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_a_room_imports_from_lower_floors_only(package: str) -> None:
+    floor = {name: at for at, names in enumerate(FLOORS[package]) for name in names}
+    rooms = {(room(above), room(below)) for above, below in edges(package)}
+    assert not {(a, b) for a, b in rooms if a != b and floor[a] <= floor[b]}
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_imports_close_no_circle(package: str) -> None:
+    graph: dict[str, set[str]] = {}
+    for above, below in edges(package):
+        graph.setdefault(above, set()).add(below)
+    TopologicalSorter(graph).prepare()
+
+
+def test_machines_know_no_text() -> None:
+    for path in modules("rtamt"):
+        if room(name_of(path)) in ("program", "inputs", "machines"):
+            assert not [m for m, _ in imported(path) if m.startswith(TEXT)], path
+
+
+def test_nanobind_is_included_in_one_folder_only() -> None:
+    native = ROOT / "rtamt" / "native"
+    sources = [*native.rglob("*.hpp"), *native.rglob("*.cpp")]
+    rooms = {
+        path.relative_to(native).parts[0] for path in sources if "nanobind/" in path.read_text()
+    }
+    assert rooms == {"python"}
+
+
+def test_rtamt_knows_nothing_of_what_uses_it() -> None:
+    above = {"rtamt_gym", "rtamt_envs", "gymnasium", "mujoco", "matplotlib"}
+    for path in modules("rtamt"):
+        assert not above & {module.split(".")[0] for module, _ in imported(path)}, path
+
+
+@pytest.mark.parametrize("path", modules("rtamt_gym"), ids=name_of)
+def test_rtamt_gym_uses_public_names_only(path: Path) -> None:
+    for module, name in imported(path):
+        assert module.split(".")[0] != "rtamt_envs"
+        if module.split(".")[0] == "rtamt":
+            assert module == "rtamt"
+            assert name is None or name in rtamt.__all__
+    used = {
+        node.attr
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "rtamt"
+    }
+    assert used <= set(rtamt.__all__)
+
+
+def test_import_loads_neither_the_parser_nor_a_simulator() -> None:
+    code = "import sys, rtamt; print(*{m.split('.')[0] for m in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"antlr4", "gymnasium", "mujoco", "matplotlib"} & set(done.stdout.split())
