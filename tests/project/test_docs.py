@@ -1,13 +1,14 @@
 """The pages in docs are true: their Python runs and shows what they say, their links lead on."""
 
 import doctest
-import re
 from pathlib import Path
 
 import pytest
+from pages import blocks, broken_links, check_session
 from paths import ROOT
 
 PAGES = sorted((ROOT / "docs").glob("*.md"))
+SESSIONS = [session for page in PAGES for session in blocks(page, "console")]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
@@ -23,9 +24,15 @@ def test_the_python_of_a_page_shows_what_it_says(
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
-    prose = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    links = re.findall(r"\]\(([^)#:]+)\)", prose)
-    assert [link for link in links if not (page.parent / link).is_file()] == []
+    assert broken_links(page) == []
+
+
+@pytest.mark.parametrize("session", SESSIONS)
+def test_the_commands_of_a_page_print_what_it_shows(
+    session: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    check_session(session, capsys)
 
 
 def test_the_page_on_files_shows_the_example_as_it_is() -> None:

@@ -1,23 +1,16 @@
 """The README is true: its Python runs, its commands print what it shows."""
 
 import doctest
-import re
-import shlex
 
 import pytest
+from pages import blocks, broken_links, check_session
 from paths import ROOT
 
-from rtamt_gym.__main__ import main
-
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+README = ROOT / "README.md"
 
 
 def test_the_python_runs_in_order_and_shows_what_it_says() -> None:
-    python = blocks("python")
+    python = blocks(README, "python")
     assert python
     names: dict[str, object] = {}
     parser = doctest.DocTestParser()
@@ -32,30 +25,28 @@ def test_the_python_runs_in_order_and_shows_what_it_says() -> None:
     assert not runner.failures
 
 
-@pytest.mark.parametrize("session", blocks("console"))
+@pytest.mark.parametrize("session", blocks(README, "console"))
 def test_the_commands_print_what_it_shows(
     session: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    prompt, _, shown = session.partition("\n")
-    dollar, program, *arguments = shlex.split(prompt)
-    assert (dollar, program) == ("$", "rtamt")
-    main(arguments)
-    assert capsys.readouterr() == (shown, "")
+    check_session(session, capsys)
 
 
 def test_the_first_two_lines_that_make_an_environment_are_the_demo_and_the_tests() -> None:
-    lines = [line for line in README.splitlines() if line.startswith("python3 -m venv")]
+    lines = [
+        line
+        for line in README.read_text(encoding="utf-8").splitlines()
+        if line.startswith("python3 -m venv")
+    ]
     demo, tests, *_ = lines
     assert demo.endswith(".venv/bin/rtamt demo")
     assert tests.endswith(".venv/bin/pytest -q")
 
 
 def test_its_links_lead_somewhere() -> None:
-    prose = re.sub(r"```.*?```|`[^`]*`", "", README, flags=re.DOTALL)
-    links = re.findall(r"\]\(([^)#:]+)\)", prose)
-    assert "docs/demo.png" in links
-    assert [link for link in links if not (ROOT / link).is_file()] == []
+    assert "](docs/demo.png)" in README.read_text(encoding="utf-8")
+    assert broken_links(README) == []
 
 
 def test_its_picture_is_small() -> None:
