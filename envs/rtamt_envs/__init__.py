@@ -1,1 +1,0 @@
-"""Scenario environments for Gymnasium, in the namespace ``rtamt/``."""
