@@ -1,9 +1,9 @@
 """The table of operators: one row says how an operator is written and what it means.
 
 The parser, the printer, the compiler and the documentation read the rows. A meaning is a function
-over a `Builder`: sugar is one line over the core (`map` of a function, fold of a monoid over a
-window of offsets from now). Definitions follow the robust semantics of STL (Fainekos and Pappas
-2009; Donze and Maler 2010) as used by Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors
+over a `Builder`: sugar is one line over the core (`map` of a function, a lattice fold over a window
+of offsets from now). Definitions follow the robust semantics of STL (Fainekos and Pappas 2009;
+Donze and Maler 2010) as used by Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors
 from STL", ATVA 2020.
 """
 
@@ -37,7 +37,7 @@ class Builder(Protocol):
     def map(self, function: str, *args: int) -> int:
         """The function of the operands' values now."""
 
-    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """The fold over offsets lo to hi from now, cut to the trace; None is unbounded."""
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
@@ -134,18 +134,18 @@ def _swapped(function: str) -> Meaning:
     return lambda b, x, y: b.map(function, y, x)
 
 
-def _ahead(monoid: str) -> Meaning:
-    return lambda b, bounds, p: b.window(monoid, bounds[0], bounds[1], p)
+def _ahead(fold: str) -> Meaning:
+    return lambda b, bounds, p: b.window(fold, bounds[0], bounds[1], p)
 
 
-def _back(monoid: str) -> Meaning:
-    return lambda b, bounds, p: b.window(monoid, _minus(bounds[1]), -bounds[0], p)
+def _back(fold: str) -> Meaning:
+    return lambda b, bounds, p: b.window(fold, _minus(bounds[1]), -bounds[0], p)
 
 
-def _step(monoid: str, offset: int) -> Meaning:
+def _step(fold: str, offset: int) -> Meaning:
     # A window of one sample is that sample; outside the trace it is the identity of the fold:
     # +inf of min is the weak form, -inf of max the strong one.
-    return lambda b, p: b.window(monoid, offset, offset, p)
+    return lambda b, p: b.window(fold, offset, offset, p)
 
 
 def _minus(bound: int | None) -> int | None:

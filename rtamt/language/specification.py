@@ -226,7 +226,7 @@ class _Horizons:
     def map(self, function: str, *args: int) -> int:  # noqa: ARG002
         return self._new(max(self.values[a] for a in args))
 
-    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:  # noqa: ARG002
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:  # noqa: ARG002
         reach = max(self.values[a] for a in args)
         return self._new(math.inf if hi is None else max(0, hi + reach))
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.terms import Registers, Step, Terms, map_step
-from rtamt.machines.windows import DelayLine, Fold, State, make_fold
-from rtamt.program.algebra import MONOIDS, Element
+from rtamt.machines.windows import DelayLine, FoldedWindow, State, make_window
+from rtamt.program.algebra import FOLDS, Element
 from rtamt.program.program import Const, Load, Map, Program, Window
 from rtamt.program.schedule import Delay, Scheduled, schedule
 
@@ -44,7 +44,7 @@ class Machine:
         self._terms = Terms(program, reader.refuse)
         self._initial = self._terms.initial
         self._steps: list[Step] = []
-        self._parts: list[DelayLine | Fold] = []
+        self._parts: list[DelayLine | FoldedWindow] = []
         for slot, scheduled in schedule(program):
             if slot >= program.terms:
                 self._initial += [0.0] * (slot + 1 - len(self._initial))
@@ -59,10 +59,10 @@ class Machine:
             case Map(function, args):
                 return map_step(out, function, args)
             case Window(name, lo, hi, args):
-                monoid = MONOIDS[name]
-                fold = make_fold(monoid, None if lo is None or hi is None else hi - lo + 1)
-                self._parts.append(fold)
-                return self._window(out, fold, monoid.identity, args)
+                fold = FOLDS[name]
+                window = make_window(fold, None if lo is None or hi is None else hi - lo + 1)
+                self._parts.append(window)
+                return self._window(out, window, fold.identity, args)
             case Delay(length, operand):
                 line = DelayLine(length)
                 self._parts.append(line)
@@ -70,8 +70,10 @@ class Machine:
             case _ as never:
                 assert_never(never)
 
-    def _window(self, out: int, fold: Fold, identity: Element, args: tuple[int, ...]) -> Step:
-        push = fold.push
+    def _window(
+        self, out: int, window: FoldedWindow, identity: Element, args: tuple[int, ...]
+    ) -> Step:
+        push = window.push
         start = self.program.start(out)
         if len(args) == 1:
             (a,) = args

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
-from rtamt.program.algebra import MONOIDS
+from rtamt.program.algebra import FOLDS
 from rtamt.program.program import Instruction, Load, Program, Window, latencies_of
 
 __all__ = ["Passes", "RunMachine", "run_offline", "run_outputs"]
@@ -124,7 +124,7 @@ def _mirrored(program: Program, machine: MakeMachine, window: Window) -> RunMach
     """The machine that folds the operands of a window without end over reversed time."""
     width = len(window.args)
     inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(width))
-    mirrored = Window(MONOIDS[window.monoid].mirror, None, -(window.lo or 0), tuple(range(width)))
+    mirrored = Window(FOLDS[window.fold].mirror, None, -(window.lo or 0), tuple(range(width)))
     source = program.sources[-1]
     part = replace(
         program,

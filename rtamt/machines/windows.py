@@ -1,8 +1,8 @@
 """Folds over a stream, one push a sample, and over arrays.
 
-`SlidingFold` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
+`SlidingWindow` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
 and Schneider, "In-order sliding-window aggregation in worst-case constant time", 2021, for windows
-of fixed length): four combinations a push in the worst case, whatever the length, any monoid.
+of fixed length): four combinations a push in the worst case, whatever the length and the fold.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rtamt.program.algebra import Arrays, Element, Monoid
+from rtamt.program.algebra import Arrays, Element, LatticeFold
 
 __all__ = [
     "DelayLine",
-    "Fold",
-    "LatestFold",
-    "RunningFold",
-    "SlidingFold",
+    "FoldedWindow",
+    "LatestWindow",
+    "RunningWindow",
+    "SlidingWindow",
     "State",
     "fold_all",
-    "make_fold",
+    "make_window",
     "padded",
     "slide",
 ]
@@ -30,7 +30,7 @@ State = list[Any]
 """What a snapshot holds."""
 
 
-class Fold(Protocol):
+class FoldedWindow(Protocol):
     """The fold of the elements that a window covers."""
 
     def push(self, x: Element) -> Element:
@@ -46,14 +46,14 @@ class Fold(Protocol):
         """Become what `state` was taken from."""
 
 
-def make_fold(monoid: Monoid, length: int | None) -> Fold:
+def make_window(fold: LatticeFold, length: int | None) -> FoldedWindow:
     """The fold over the last ``length`` elements; None: over all of them."""
     if length is None:
-        return RunningFold(monoid)
-    return LatestFold() if length == 1 else SlidingFold(monoid, length)
+        return RunningWindow(fold)
+    return LatestWindow() if length == 1 else SlidingWindow(fold, length)
 
 
-class LatestFold:
+class LatestWindow:
     """A window of one element."""
 
     __slots__ = ()
@@ -73,23 +73,23 @@ class LatestFold:
         """Nothing to restore."""
 
 
-class RunningFold:
+class RunningWindow:
     """The fold of everything so far."""
 
-    __slots__ = ("_monoid", "_total")
+    __slots__ = ("_fold", "_total")
 
-    def __init__(self, monoid: Monoid) -> None:
-        self._monoid = monoid
-        self._total = monoid.identity
+    def __init__(self, fold: LatticeFold) -> None:
+        self._fold = fold
+        self._total = fold.identity
 
     def push(self, x: Element) -> Element:
         """The fold of everything up to x."""
-        self._total = self._monoid.combine(self._total, x)
+        self._total = self._fold.combine(self._total, x)
         return self._total
 
     def reset(self) -> None:
         """Forget everything."""
-        self._total = self._monoid.identity
+        self._total = self._fold.identity
 
     def state(self) -> State:
         """The fold so far."""
@@ -100,7 +100,7 @@ class RunningFold:
         (self._total,) = state
 
 
-class SlidingFold:
+class SlidingWindow:
     """The fold of the last ``length`` elements, in blocks of half that length.
 
     The window is the end of the block before the last one (its suffix folds stand in ``_front``),
@@ -122,9 +122,9 @@ class SlidingFold:
         "_suffix",
     )
 
-    def __init__(self, monoid: Monoid, length: int) -> None:
-        self._combine = monoid.combine
-        self._identity = monoid.identity
+    def __init__(self, fold: LatticeFold, length: int) -> None:
+        self._combine = fold.combine
+        self._identity = fold.identity
         self._block = length // 2
         self._odd = length % 2
         self.reset()
@@ -201,7 +201,7 @@ class DelayLine:
         self._ring = list(ring)
 
 
-def slide(monoid: Monoid, elements: Arrays, width: int) -> Arrays:
+def slide(fold: LatticeFold, elements: Arrays, width: int) -> Arrays:
     """The folds of all windows of ``width`` elements, from windows of powers of two."""
     count = elements[0].shape[-1] - width + 1
     power, size, taken = elements, 1, 0
@@ -209,25 +209,24 @@ def slide(monoid: Monoid, elements: Arrays, width: int) -> Arrays:
     while True:
         if width & size:
             part = tuple(a[..., taken : taken + count] for a in power)
-            result = part if result is None else monoid.combine_arrays(result, part)
+            result = part if result is None else fold.combine_arrays(result, part)
             taken += size
         if taken == width:
             return result or elements
-        power = monoid.combine_arrays(
+        power = fold.combine_arrays(
             tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
         )
         size *= 2
 
 
-def fold_all(monoid: Monoid, elements: Arrays) -> Arrays:
+def fold_all(fold: LatticeFold, elements: Arrays) -> Arrays:
     """The fold of all elements, as arrays of one."""
-    return slide(monoid, elements, elements[0].shape[-1])
+    return slide(fold, elements, elements[0].shape[-1])
 
 
-def padded(monoid: Monoid, elements: Arrays, before: int, after: int) -> Arrays:
+def padded(fold: LatticeFold, elements: Arrays, before: int, after: int) -> Arrays:
     """The elements with identities before and after them."""
     padding = [(0, 0)] * (elements[0].ndim - 1) + [(before, after)]
     return tuple(
-        np.pad(a, padding, constant_values=e)
-        for a, e in zip(elements, monoid.identity, strict=True)
+        np.pad(a, padding, constant_values=e) for a, e in zip(elements, fold.identity, strict=True)
     )

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.language.operators import Bounds, Operator
-from rtamt.program.algebra import FUNCTIONS, MONOIDS
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 
 __all__ = ["Origin", "origin_of"]
 
@@ -103,10 +103,10 @@ class _Definition:
         signals = [self._signals[a] for a in args]
         return self._new(lambda i: apply(*(s.at(i) for s in signals)))
 
-    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         (p,) = (self._signals[a] for a in args)
-        first_best = _FIRST_BEST[monoid]
-        (empty,) = MONOIDS[monoid].identity
+        first_best = _FIRST_BEST[fold]
+        (empty,) = FOLDS[fold].identity
 
         def at(i: int) -> _Value:
             window = self._inside(i, lo, hi)

@@ -1,4 +1,4 @@
-"""What the instructions compute: functions of doubles, and monoids that windows fold.
+"""What the instructions compute: functions of doubles, and the lattice folds of windows.
 
 Both are tables; the C++ machines know the same names.
 """
@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FUNCTIONS", "MONOIDS", "Arrays", "Element", "Function", "Monoid"]
+__all__ = ["FOLDS", "FUNCTIONS", "Arrays", "Element", "Function", "LatticeFold"]
 
 INF = math.inf
 
@@ -120,7 +120,7 @@ _Combine = Callable[[tuple[_X, ...], tuple[_X, ...]], tuple[_X, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Monoid:
+class LatticeFold:
     """An associative fold with identity. The older element stands left.
 
     Attributes:
@@ -173,17 +173,17 @@ def _since(lo: _Lattice[_X], hi: _Lattice[_X]) -> _Combine[_X]:
 
 def _pair_of_duals(
     fold: Callable[..., Any], identity: Element, names: tuple[str, str], mirrors: tuple[str, str]
-) -> tuple[Monoid, Monoid]:
+) -> tuple[LatticeFold, LatticeFold]:
     opposite = tuple(-x for x in identity)
     lo, hi = np.minimum, np.maximum
     (name, dual), width = names, len(identity)
     return (
-        Monoid(name, width, identity, mirrors[0], dual, fold(min, max), fold(lo, hi)),
-        Monoid(dual, width, opposite, mirrors[1], name, fold(max, min), fold(hi, lo)),
+        LatticeFold(name, width, identity, mirrors[0], dual, fold(min, max), fold(lo, hi)),
+        LatticeFold(dual, width, opposite, mirrors[1], name, fold(max, min), fold(hi, lo)),
     )
 
 
-MONOIDS: Mapping[str, Monoid] = {
+FOLDS: Mapping[str, LatticeFold] = {
     m.name: m
     for m in (
         *_pair_of_duals(_least, (INF,), ("min", "max"), ("min", "max")),

@@ -168,8 +168,8 @@ def encoded_dense(dense: DenseProgram) -> tuple[tuple[object, ...], ...]:
                 rows.append(("CONST", "", 0, 0, value, 0.0, 0.0))
             case Map(function, args):
                 rows.append(("MAP", function, args[0], args[-1], 0.0, 0.0, 0.0))
-            case Window(monoid, lo, hi, args):
+            case Window(fold, lo, hi, args):
                 first = -math.inf if lo is None else dense.time(lo)
                 last = math.inf if hi is None else dense.time(hi)
-                rows.append(("WINDOW", monoid, args[0], args[-1], 0.0, first, last))
+                rows.append(("WINDOW", fold, args[0], args[-1], 0.0, first, last))
     return tuple(rows)

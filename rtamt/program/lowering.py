@@ -126,11 +126,11 @@ class ProgramBuilder:
             return self.constant(value)
         return self._emit(Map(function, args), term=self.term)
 
-    def window(self, monoid: str, lo: int | None, hi: int | None, *args: int) -> int:
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """The fold over offsets lo to hi from now; of the present alone, the last operand."""
         if lo == hi == 0:
             return args[-1]
-        return self._emit(Window(monoid, lo, hi, args), term=False)
+        return self._emit(Window(fold, lo, hi, args), term=False)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         """The fold up to the begin of the interval, and p since then."""

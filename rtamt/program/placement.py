@@ -59,8 +59,8 @@ class Placement:
             match self.program.instructions[register]:
                 case Map(function, args):
                     rows.append(("MAP", function, args[0], args[-1], None, None))
-                case Window(monoid, lo, hi, args):
-                    rows.append(("WINDOW", monoid, args[0], args[-1], lo, hi))
+                case Window(fold, lo, hi, args):
+                    rows.append(("WINDOW", fold, args[0], args[-1], lo, hi))
                 case Load() | Const():
                     msg = f"register {register} is an input behind the terms"
                     raise AssertionError(msg)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import assert_never
 
-from rtamt.program.algebra import MONOIDS
+from rtamt.program.algebra import FOLDS
 from rtamt.program.program import Const, Instruction, Load, Map, Program, Window, latencies_of
 
 __all__ = ["positive"]
@@ -82,11 +82,11 @@ class _Writer:
             case Map(function):
                 name = _DUAL[function] if negated else function
                 return self._emit(Map(name, args), register, term=False)
-            case Window(monoid, lo, hi):
-                name = MONOIDS[monoid].dual if negated else monoid
+            case Window(fold, lo, hi):
+                name = FOLDS[fold].dual if negated else fold
                 if hi is None and lo:
                     open_end = self._emit(Window(name, 0, None, args), register, term=False)
-                    shift = "max" if MONOIDS[name].identity[-1] < 0 else "min"
+                    shift = "max" if FOLDS[name].identity[-1] < 0 else "min"
                     return self._emit(Window(shift, lo, lo, (open_end,)), register, term=False)
                 return self._emit(Window(name, lo, hi, args), register, term=False)
             case Load() | Const():

@@ -4,7 +4,7 @@
 ``LOAD variable``        the variable's sample
 ``CONST value``          the same value at every sample
 ``MAP f args``           a function of the registers' values at one time
-``WINDOW m lo hi args``  the fold of a monoid over offsets lo to hi from now, cut to the trace
+``WINDOW f lo hi args``  a lattice fold over offsets lo to hi from now, cut to the trace
 =======================  =====================================================================
 
 A register is the index of its instruction. The first `Program.terms` instructions are arithmetic
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, assert_never
 
 from rtamt.language.formula import Node
 from rtamt.language.printing import number_text
-from rtamt.program.algebra import FUNCTIONS, MONOIDS
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 
 if TYPE_CHECKING:
     from rtamt.language.specification import Specification
@@ -60,9 +60,9 @@ class Map:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The fold of a monoid over offsets ``lo`` to ``hi`` from now; None is unbounded."""
+    """A lattice fold over offsets ``lo`` to ``hi`` from now; None is unbounded."""
 
-    monoid: str
+    fold: str
     lo: int | None
     hi: int | None
     args: tuple[int, ...]
@@ -165,9 +165,9 @@ class Program:
                 self._require(FUNCTIONS[function].arity == len(args), register, "has wrong arity")
                 if register < self.terms:
                     self._require(all(a < self.terms for a in args), register, "is no term")
-            case Window(monoid, lo, hi):
+            case Window(fold, lo, hi):
                 self._require(register >= self.terms, register, "is a window among the terms")
-                self._require(MONOIDS[monoid].width == len(args), register, "has wrong arity")
+                self._require(FOLDS[fold].width == len(args), register, "has wrong arity")
                 past = hi is not None and hi <= 0
                 future = lo is not None and lo >= 0
                 self._require(past or future, register, "looks both ways")
@@ -197,7 +197,7 @@ class Program:
         program = self
         root = self.instructions[self.result]
         if isinstance(root, Window) and root.hi is None and root.lo == 0 and len(root.args) == 1:
-            running = Window(root.monoid, None, 0, root.args)
+            running = Window(root.fold, None, 0, root.args)
             source = self.sources[self.result]
             program = replace(
                 self,
@@ -300,9 +300,9 @@ def listed(instruction: Instruction) -> str:
             return f"CONST {number_text(value)}"
         case Map(function, args):
             return " ".join(["MAP", function, *map(str, args)])
-        case Window(monoid, lo, hi, args):
+        case Window(fold, lo, hi, args):
             bounds = f"[{'-inf' if lo is None else lo}, {'inf' if hi is None else hi}]"
-            return " ".join(["WINDOW", monoid, bounds, *map(str, args)])
+            return " ".join(["WINDOW", fold, bounds, *map(str, args)])
         case _ as never:
             assert_never(never)
 

@@ -65,9 +65,9 @@ def encoded(program: Program) -> tuple[tuple[object, ...], ...]:
                 row = ("CONST", "", 0, 0, value, 0, 0)
             case Map(function, args):
                 row = ("MAP", function, args[0], args[-1], 0.0, 0, 0)
-            case Window(monoid, lo, hi, args):
+            case Window(fold, lo, hi, args):
                 length = 0 if lo is None or hi is None else hi - lo + 1
-                row = ("WINDOW", monoid, args[0], args[-1], 0.0, length, program.start(slot))
+                row = ("WINDOW", fold, args[0], args[-1], 0.0, length, program.start(slot))
             case Delay(length, operand):
                 row = ("DELAY", "", operand, operand, 0.0, length, 0)
             case _ as never:

@@ -22,7 +22,7 @@ from rtamt.machines.dense.streams import (
 from rtamt.machines.dense.windows import SuffixNode, WindowNode
 from rtamt.machines.terms import Registers, Terms
 from rtamt.machines.windows import State
-from rtamt.program.algebra import MONOIDS
+from rtamt.program.algebra import FOLDS
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.program import Const, Load, Map, Window
 
@@ -75,8 +75,8 @@ class Machine:
                 streams = [self._streams[a] for a in args]
                 begin = -math.inf if lo is None else dense.time(lo)
                 if hi is None:
-                    return SuffixNode(MONOIDS[name], begin, streams, out)
-                return WindowNode(MONOIDS[name], begin, dense.time(hi), streams, out)
+                    return SuffixNode(FOLDS[name], begin, streams, out)
+                return WindowNode(FOLDS[name], begin, dense.time(hi), streams, out)
             case _ as never:
                 assert_never(never)
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from rtamt.machines.dense.streams import Joint, Stream, just_after
 from rtamt.machines.windows import State
-from rtamt.program.algebra import Element, Monoid
+from rtamt.program.algebra import Element, LatticeFold
 
 __all__ = ["SuffixNode", "WindowNode"]
 
@@ -23,13 +23,13 @@ class WindowNode:
     """
 
     def __init__(
-        self, monoid: Monoid, lo: float, hi: float, args: Sequence[Stream], out: Stream
+        self, fold: LatticeFold, lo: float, hi: float, args: Sequence[Stream], out: Stream
     ) -> None:
         self._lo, self._hi = lo, hi
         self._args, self._out = args, out
-        self._empty = monoid.identity[-1]
+        self._empty = fold.identity[-1]
         self._joint = Joint(len(args))
-        self._inside = Total(monoid) if math.isinf(lo) else Queue(monoid, lo)
+        self._inside = Total(fold) if math.isinf(lo) else Queue(fold, lo)
         self._begun = False
 
     def advance(self, begin: float, known: float) -> None:
@@ -88,13 +88,13 @@ class Total:
     leaves = math.inf
     _total: Element
 
-    def __init__(self, monoid: Monoid) -> None:
-        self._monoid = monoid
+    def __init__(self, fold: LatticeFold) -> None:
+        self._fold = fold
         self.reset()
 
     def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
         """Take in the next step."""
-        self._total = self._monoid.combine(self._total, x)
+        self._total = self._fold.combine(self._total, x)
 
     def pop(self) -> None:
         """Nothing leaves."""
@@ -107,7 +107,7 @@ class Total:
 
     def reset(self) -> None:
         """Forget every step."""
-        self._total = self._monoid.identity
+        self._total = self._fold.identity
 
     def state(self) -> State:
         """The fold."""
@@ -131,8 +131,8 @@ class Queue:
     _younger: list[Element]
     _total: Element
 
-    def __init__(self, monoid: Monoid, lo: float) -> None:
-        self._combine, self._identity = monoid.combine, monoid.identity
+    def __init__(self, fold: LatticeFold, lo: float) -> None:
+        self._combine, self._identity = fold.combine, fold.identity
         self._lo = lo
         self.reset()
 
@@ -184,8 +184,8 @@ class Queue:
 class SuffixNode:
     """The fold of all steps from s + lo to the end of the trace: known when that has come."""
 
-    def __init__(self, monoid: Monoid, lo: float, args: Sequence[Stream], out: Stream) -> None:
-        self._monoid, self._lo = monoid, lo
+    def __init__(self, fold: LatticeFold, lo: float, args: Sequence[Stream], out: Stream) -> None:
+        self._fold, self._lo = fold, lo
         self._args, self._out = args, out
         self._joint = Joint(len(args))
 
@@ -199,10 +199,10 @@ class SuffixNode:
         steps: list[tuple[float, Element]] = []
         while (time := self._joint.next) <= end:
             steps.append((time, self._joint.take()))
-        fold = self._monoid.identity
+        fold = self._fold.identity
         folds = [(end, fold[-1])] if self._lo > 0 else []  # windows that begin later are empty
         for time, x in reversed(steps):
-            fold = self._monoid.combine(x, fold)
+            fold = self._fold.combine(x, fold)
             folds.append((time, fold[-1]))
         # Of what happens at one time, and of all before the begin, the last counts.
         values = {max(begin, time - self._lo): value for time, value in reversed(folds)}

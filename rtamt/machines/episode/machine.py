@@ -43,7 +43,7 @@ from rtamt.machines.episode.streams import (
 from rtamt.machines.episode.top import TopFold
 from rtamt.machines.terms import Registers, Terms
 from rtamt.machines.windows import State
-from rtamt.program.algebra import MONOIDS
+from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import place
 from rtamt.program.program import Const, Load, Map, Program, Window
 
@@ -85,7 +85,7 @@ class EpisodeMachine:
             if isinstance(instruction, Window):
                 streams = [self._streams[a] for a in instruction.args]
                 self._folds[register] = TopFold(
-                    MONOIDS[instruction.monoid], instruction.lo, instruction.hi, streams
+                    FOLDS[instruction.fold], instruction.lo, instruction.hi, streams
                 )
         self._keepers: list[Keeper] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
@@ -100,14 +100,14 @@ class EpisodeMachine:
             return Predicate(register)
         match instruction:
             case Map(function, args):
-                return Pointwise(MONOIDS[function], [self._streams[a] for a in args])
+                return Pointwise(FOLDS[function], [self._streams[a] for a in args])
             case Window(name, lo, hi, args):
                 streams = [self._streams[a] for a in args]
                 if hi is None:
-                    return Endless(MONOIDS[name], self._axes[register], streams)
+                    return Endless(FOLDS[name], self._axes[register], streams)
                 if lo is None:
-                    return Running(MONOIDS[name], hi, streams)
-                return Sliding(MONOIDS[name], lo, hi, streams)
+                    return Running(FOLDS[name], hi, streams)
+                return Sliding(FOLDS[name], lo, hi, streams)
             case Load():
                 msg = f"register {register} is an input behind the terms"
                 raise AssertionError(msg)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rtamt.machines.terms import Registers
 from rtamt.machines.windows import fold_all, padded, slide
-from rtamt.program.algebra import Arrays, Monoid
+from rtamt.program.algebra import Arrays, LatticeFold
 
 __all__ = [
     "LOWER",
@@ -188,10 +188,10 @@ class Constant(Stream):
 
 
 class Operands:
-    """Operands of a fold, read as elements of its monoid."""
+    """Operands of a window, read as elements of its lattice fold."""
 
-    def __init__(self, monoid: Monoid, streams: Sequence[Stream]) -> None:
-        self.monoid = monoid
+    def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
+        self.fold = fold
         self.streams = streams
         self.late = max(s.late for s in streams)
         self.past = max(s.past for s in streams)
@@ -206,23 +206,23 @@ class Operands:
         first = max(0, begin)
         if first > end:
             corners = self.streams[0].kept[0].shape[:-1]
-            return tuple(np.full((*corners, end - begin + 1), e) for e in self.monoid.identity)
+            return tuple(np.full((*corners, end - begin + 1), e) for e in self.fold.identity)
         elements = tuple(s.settled(first, end) for s in self.streams)
-        return padded(self.monoid, elements, first - begin, 0)
+        return padded(self.fold, elements, first - begin, 0)
 
     def seen(self, world: int, begin: int, end: int, t: int, unknowns: Array) -> Arrays:
         """The elements of times begin to end in a world; identities outside the trace."""
         first = max(0, begin)
         last = min(end, t) if world == NOW else end
         if first > last:
-            return tuple(np.full(end - begin + 1, e) for e in self.monoid.identity)
+            return tuple(np.full(end - begin + 1, e) for e in self.fold.identity)
         elements = tuple(s.seen(world, first, last, unknowns) for s in self.streams)
-        return padded(self.monoid, elements, first - begin, end - last)
+        return padded(self.fold, elements, first - begin, end - last)
 
     def tail(self, world: int) -> Arrays:
         """The element of every time beyond what is open."""
         if world == NOW:
-            return tuple(np.array([e]) for e in self.monoid.identity)
+            return tuple(np.array([e]) for e in self.fold.identity)
         return tuple(np.array([s.tail[world]]) for s in self.streams)
 
 
@@ -232,7 +232,7 @@ class _Windowed(Stream):
     def __init__(self, operands: Operands, late: int, past: int) -> None:
         super().__init__(late, past)
         self.operands = operands
-        self.monoid = operands.monoid
+        self.fold = operands.fold
 
     def look(self, t: int, unknowns: Array) -> None:
         """Find the open values and the tail of every world after sample t."""
@@ -249,31 +249,31 @@ class _Windowed(Stream):
 class Sliding(_Windowed):
     """The fold over offsets lo to hi."""
 
-    def __init__(self, monoid: Monoid, lo: int, hi: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(monoid, streams)
+    def __init__(self, fold: LatticeFold, lo: int, hi: int, streams: Sequence[Stream]) -> None:
+        operands = Operands(fold, streams)
         super().__init__(operands, max(0, operands.late + hi), max(0, operands.past - lo))
         operands.hold(self.late, lo)
         self._lo, self._hi = lo, hi
 
     def _settled(self, time: int) -> Array:
         elements = self.operands.settled(time + self._lo, time + self._hi)
-        return fold_all(self.monoid, elements)[-1][..., 0]
+        return fold_all(self.fold, elements)[-1][..., 0]
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         tail = self.operands.tail(world)
-        self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
+        self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
         if count == 0:
             return _NOTHING
         end = begin + count - 1 + self._hi
         elements = self.operands.seen(world, begin + self._lo, end, t, unknowns)
-        return slide(self.monoid, elements, self._hi - self._lo + 1)[-1]
+        return slide(self.fold, elements, self._hi - self._lo + 1)[-1]
 
 
 class Pointwise(Sliding):
     """The least or greatest of the operands at one time: of each a window of one sample."""
 
-    def __init__(self, monoid: Monoid, streams: Sequence[Stream]) -> None:
-        super().__init__(monoid, 0, 0, streams)
+    def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
+        super().__init__(fold, 0, 0, streams)
 
     def _settled(self, time: int) -> Array:
         return self._across([s.settled(time, time)[..., 0] for s in self.operands.streams])
@@ -295,15 +295,15 @@ class Pointwise(Sliding):
     def _across(self, values: list[Array]) -> Array:
         first, *rest = values
         for value in rest:
-            (first,) = self.monoid.combine_arrays((first,), (value,))
+            (first,) = self.fold.combine_arrays((first,), (value,))
         return first
 
 
 class Running(_Windowed):
     """The fold over all offsets up to hi."""
 
-    def __init__(self, monoid: Monoid, hi: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(monoid, streams)
+    def __init__(self, fold: LatticeFold, hi: int, streams: Sequence[Stream]) -> None:
+        operands = Operands(fold, streams)
         super().__init__(operands, max(0, operands.late + hi), operands.past - hi)
         operands.hold(self.late, hi)
         self._hi = hi
@@ -311,17 +311,17 @@ class Running(_Windowed):
 
     def _settled(self, time: int) -> Array:
         newest = self.operands.settled(time + self._hi, time + self._hi)
-        self._total.kept = self.monoid.combine_arrays(self._total.kept, newest)
+        self._total.kept = self.fold.combine_arrays(self._total.kept, newest)
         return self._total.kept[-1][..., 0]
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        combine = self.monoid.combine_arrays
+        combine = self.fold.combine_arrays
         total = tuple(in_world(a, unknowns[world]) for a in self._total.kept)
         elements = self.operands.seen(
             world, begin + self._hi, begin + count - 1 + self._hi, t, unknowns
         )
         elements = tuple(np.concatenate(pair) for pair in zip(total, elements, strict=True))
-        prefixes = slide(self.monoid, padded(self.monoid, elements, count, 0), count + 1)
+        prefixes = slide(self.fold, padded(self.fold, elements, count, 0), count + 1)
         last = tuple(a[-1:] for a in prefixes)
         self.tail[world] = combine(last, self.operands.tail(world))[-1].item()
         return prefixes[-1][1:]
@@ -335,7 +335,7 @@ class Running(_Windowed):
         """Forget every sample."""
         super().reset(unknowns)
         shape = (2,) * unknowns + (1,)
-        self._total.kept = tuple(np.full(shape, e) for e in self.monoid.identity)
+        self._total.kept = tuple(np.full(shape, e) for e in self.fold.identity)
 
     def state(self) -> list[Any]:
         """The settled values and the fold."""
@@ -354,8 +354,8 @@ class Endless(_Windowed):
         axis: Which unknown is its value at the first open time.
     """
 
-    def __init__(self, monoid: Monoid, axis: int, streams: Sequence[Stream]) -> None:
-        operands = Operands(monoid, streams)
+    def __init__(self, fold: LatticeFold, axis: int, streams: Sequence[Stream]) -> None:
+        operands = Operands(fold, streams)
         super().__init__(operands, operands.late, operands.past)
         operands.hold(self.late, 0)
         self.axis = axis
@@ -365,14 +365,14 @@ class Endless(_Windowed):
         shape = [1] * newest[0].ndim
         shape[self.axis] = 2
         unknown = np.array([-INF, INF]).reshape(shape)
-        rest = (*(np.full_like(unknown, e) for e in self.monoid.identity[:-1]), unknown)
-        return np.broadcast_to(self.monoid.combine_arrays(newest, rest)[-1], newest[0].shape)
+        rest = (*(np.full_like(unknown, e) for e in self.fold.identity[:-1]), unknown)
+        return np.broadcast_to(self.fold.combine_arrays(newest, rest)[-1], newest[0].shape)
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         tail = self.operands.tail(world)
-        self.tail[world] = self.monoid.combine_arrays(tail, tail)[-1].item()
+        self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
         elements = self.operands.seen(world, begin, begin + count - 1, t, unknowns)
         elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
-        suffixes = slide(self.monoid, padded(self.monoid, elements, 0, count), count + 1)[-1]
+        suffixes = slide(self.fold, padded(self.fold, elements, 0, count), count + 1)[-1]
         unknowns[world, self.axis] = suffixes[0]
         return suffixes[:count]

@@ -13,7 +13,7 @@ import numpy as np
 
 from rtamt.machines.episode.streams import NOW, Array, Operands, Polynomials, Stream, in_world
 from rtamt.machines.windows import fold_all
-from rtamt.program.algebra import Monoid
+from rtamt.program.algebra import LatticeFold
 
 __all__ = ["TopFold"]
 
@@ -22,11 +22,11 @@ class TopFold(Polynomials):
     """The fold over offsets lo to hi from time 0, read at time 0 alone."""
 
     def __init__(
-        self, monoid: Monoid, lo: int | None, hi: int | None, streams: Sequence[Stream]
+        self, fold: LatticeFold, lo: int | None, hi: int | None, streams: Sequence[Stream]
     ) -> None:
-        self._operands = Operands(monoid, streams)
+        self._operands = Operands(fold, streams)
         self._operands.hold(self._operands.late, 0)
-        self.monoid = monoid
+        self.fold = fold
         self._begin = max(0, lo or 0)
         self._end = hi
 
@@ -38,7 +38,7 @@ class TopFold(Polynomials):
         time = t - self._operands.late
         if self._inside(time):
             newest = self._operands.settled(time, time)
-            self.kept = self.monoid.combine_arrays(self.kept, newest)
+            self.kept = self.fold.combine_arrays(self.kept, newest)
 
     def value(self, world: int, t: int, unknowns: Array) -> float:
         """The fold over settled, open and all later values in a world."""
@@ -49,15 +49,15 @@ class TopFold(Polynomials):
         end = last if self._end is None else min(last, self._end)
         if begin <= end:
             elements = operands.seen(world, begin, end, t, unknowns)
-            total = self.monoid.combine_arrays(total, fold_all(self.monoid, elements))
+            total = self.fold.combine_arrays(total, fold_all(self.fold, elements))
         if self._end is None or self._end > last:
-            total = self.monoid.combine_arrays(total, operands.tail(world))
+            total = self.fold.combine_arrays(total, operands.tail(world))
         return total[-1].item()
 
     def reset(self, unknowns: int) -> None:
         """Forget every sample."""
         shape = (2,) * unknowns + (1,)
-        self.kept = tuple(np.full(shape, e) for e in self.monoid.identity)
+        self.kept = tuple(np.full(shape, e) for e in self.fold.identity)
 
     def state(self) -> list[Any]:
         """The fold."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from rtamt import Monitor, evaluate
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.windows import DelayLine, make_fold
-from rtamt.program.algebra import FUNCTIONS, MONOIDS
+from rtamt.machines.windows import DelayLine, make_window
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.schedule import Scheduled
 
 if TYPE_CHECKING:
@@ -79,8 +79,8 @@ def test_both_sides_know_the_same_functions() -> None:
     assert {name: f.arity for name, f in FUNCTIONS.items()} == native.FUNCTIONS
 
 
-def test_both_sides_know_the_same_monoids() -> None:
-    assert {name: monoid.width for name, monoid in MONOIDS.items()} == native.MONOIDS
+def test_both_sides_know_the_same_lattice_folds() -> None:
+    assert {name: fold.width for name, fold in FOLDS.items()} == native.MONOIDS
 
 
 def test_both_sides_know_the_same_kinds_of_instructions() -> None:
@@ -108,16 +108,16 @@ def test_the_least_and_greatest_of_terms_keep_a_nan_of_either_side(name: str) ->
 
 
 @pytest.mark.parametrize("length", [0, *LENGTHS])
-@pytest.mark.parametrize("name", MONOIDS)
+@pytest.mark.parametrize("name", FOLDS)
 def test_a_window_gives_the_bits_of_its_definition(name: str, length: int) -> None:
-    monoid, start = MONOIDS[name], 3
-    fold = make_fold(monoid, length or None)
+    fold, start = FOLDS[name], 3
+    window = make_window(fold, length or None)
     rows = samples(1200, length)
     expected = []
     for i, row in enumerate(rows):
-        element = row[: monoid.width] if i >= start else monoid.identity
-        expected.append(fold.push(element)[-1])
-    made = machine((2, "WINDOW", name, 0, monoid.width - 1, 0.0, length, start))
+        element = row[: fold.width] if i >= start else fold.identity
+        expected.append(window.push(element)[-1])
+    made = machine((2, "WINDOW", name, 0, fold.width - 1, 0.0, length, start))
     assert bits([made.update(*row) for row in rows]) == bits(expected)
     for seed in range(4):
         made.reset()
