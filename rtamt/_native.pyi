@@ -10,10 +10,10 @@ from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 
 FUNCTIONS: dict[str, int]  # names and arities of the functions of MAP
-MONOIDS: dict[str, int]  # names of the monoids of WINDOW, and the numbers in an element
+FOLDS: dict[str, int]  # names of the lattice folds of WINDOW, and the numbers in an element
 KINDS: tuple[str, ...]  # names of the kinds of instructions
 
-class Machine:
+class DiscreteMachine:
     def __init__(
         self,
         rows: Sequence[tuple[object, ...]],
@@ -91,7 +91,7 @@ class DenseMachine:
     def state(self) -> bytes: ...
     def restore(self, state: bytes) -> None: ...
 
-class Bank:
+class DiscreteBank:
     def __init__(
         self,
         rows: Sequence[tuple[object, ...]],

@@ -229,7 +229,7 @@ def discrete_machine(
     """
     if choose(backend) == "python":
         return discrete.Machine(program, reader, observed)
-    return _native.Machine(
+    return _native.DiscreteMachine(
         encoded(program),
         program.terms,
         program.variables,
@@ -282,7 +282,7 @@ def discrete_bank(backend: Backend, program: Program, num: int, reader: LaneRead
     if choose(backend) == "python":
         machines = [discrete.Machine(program, reader.lane(i), ()) for i in range(num)]
         return bank.Bank(machines, reader)
-    return _native.Bank(
+    return _native.DiscreteBank(
         encoded(program),
         program.terms,
         program.variables,

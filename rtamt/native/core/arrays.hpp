@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/monoids.hpp"
+#include "core/folds.hpp"
 
 #if defined(__SSE2__) || defined(_M_X64)
 #include <emmintrin.h>

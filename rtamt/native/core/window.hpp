@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "core/monoids.hpp"
+#include "core/folds.hpp"
 #include "core/snapshot.hpp"
 
 namespace rtamt {

@@ -53,7 +53,7 @@ std::uint64_t fingerprint(const std::vector<Row>& rows, std::size_t variables, s
 
 }  // namespace
 
-Machine::Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+DenseMachine::DenseMachine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
                  std::size_t result, const std::vector<std::size_t>& observed)
     : sampler_(checked(rows, variables, result, observed), terms, variables),
       pending_(variables),
@@ -74,7 +74,7 @@ Machine::Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t va
     for (const std::size_t i : observed) observed_.push_back(observe(i));
 }
 
-void Machine::compile(std::size_t i, const Row& row) {
+void DenseMachine::compile(std::size_t i, const Row& row) {
     Joint in;
     in.add(streams_[row.a]);
     if (row.b != row.a) in.add(streams_[row.b]);
@@ -89,12 +89,12 @@ void Machine::compile(std::size_t i, const Row& row) {
             std::make_unique<Window<Type>>(std::move(in), row.lo, row.hi, streams_[i]));  \
         return;                                                                           \
     }
-    RTAMT_MONOIDS(RTAMT_NAMED)
+    RTAMT_FOLDS(RTAMT_NAMED)
 #undef RTAMT_NAMED
-    refuse("unknown monoid '" + row.name + "'");
+    refuse("unknown lattice fold '" + row.name + "'");
 }
 
-bool Machine::take() {
+bool DenseMachine::take() {
     for (std::size_t v = 0; v < pending_.size(); ++v) events_[v] = pending_[v].events();
     sampler_.extend(events_.data());
     const bool brief = sampler_.brief();
@@ -116,7 +116,7 @@ bool Machine::take() {
 }
 
 // A long chunk must not decide for ever how much memory there is.
-void Machine::trim() {
+void DenseMachine::trim() {
     bool any = false;
     for (Pending& pending : pending_) {
         if (pending.times.size() <= Sampler::kBlock) continue;
@@ -128,7 +128,7 @@ void Machine::trim() {
     for (Stream& stream : streams_) stream.trim();
 }
 
-void Machine::proceed() {
+void DenseMachine::proceed() {
     if (!sampler_.started())
         for (const auto& node : nodes_) node->begin(sampler_.upto());
     for (const std::size_t i : published_)
@@ -137,29 +137,29 @@ void Machine::proceed() {
     settle(sampler_.upto());
 }
 
-void Machine::settle(double known) {
+void DenseMachine::settle(double known) {
     for (const std::size_t i : published_) streams_[i].settle(known);
     for (const auto& node : nodes_) node->advance(known);
 }
 
-double Machine::settled() const {
+double DenseMachine::settled() const {
     return finished_ ? sampler_.known() : result_.stream->frontier();
 }
 
-std::vector<double> Machine::values() const {
+std::vector<double> DenseMachine::values() const {
     std::vector<double> values;
     for (const Observer& o : observed_) values.push_back(o.stream->values(o.reader)[-1]);
     return values;
 }
 
-std::size_t Machine::Observer::fresh() const {
+std::size_t DenseMachine::Observer::fresh() const {
     const double* times = stream->times(reader);
     std::size_t n = stream->unread(reader);
     while (n > 0 && !(times[n - 1] < stream->frontier())) --n;
     return n;
 }
 
-bool Machine::finish() {
+bool DenseMachine::finish() {
     if (!sampler_.started()) return false;
     const double end = sampler_.known();
     const double after = std::nextafter(end, kInfinity);
@@ -169,14 +169,14 @@ bool Machine::finish() {
     return true;
 }
 
-void Machine::reset() {
+void DenseMachine::reset() {
     sampler_.reset();
     for (Stream& stream : streams_) stream.clear();
     for (const auto& node : nodes_) node->reset();
     finished_ = false;
 }
 
-std::string Machine::state() const {
+std::string DenseMachine::state() const {
     Writer out;
     out.put(fingerprint_);
     out.put<std::uint8_t>(finished_);
@@ -186,7 +186,7 @@ std::string Machine::state() const {
     return out.bytes();
 }
 
-void Machine::restore(std::string_view bytes) {
+void DenseMachine::restore(std::string_view bytes) {
     Reader in(bytes);
     if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
         refuse(kForeign);

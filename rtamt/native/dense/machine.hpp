@@ -20,13 +20,13 @@ struct Pending {
     Events events() const { return {times.data(), values.data(), times.size()}; }
 };
 
-class Machine {
+class DenseMachine {
 public:
     // Rows are checked only as far as memory is concerned: the program was verified in Python.
-    Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+    DenseMachine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
             std::size_t result, const std::vector<std::size_t>& observed);
-    Machine(const Machine&) = delete;
-    Machine& operator=(const Machine&) = delete;
+    DenseMachine(const DenseMachine&) = delete;
+    DenseMachine& operator=(const DenseMachine&) = delete;
 
     const Sampler& sampler() const { return sampler_; }
 
@@ -89,7 +89,7 @@ private:
 };
 
 template <class Emit>
-void Machine::drain(Emit emit) {
+void DenseMachine::drain(Emit emit) {
     const double* times = result_.stream->times(result_.reader);
     const double* values = result_.stream->values(result_.reader);
     const std::size_t n = result_.fresh();
@@ -99,7 +99,7 @@ void Machine::drain(Emit emit) {
 }
 
 template <class Emit>
-bool Machine::run(const Events* events, Emit emit) {
+bool DenseMachine::run(const Events* events, Emit emit) {
     const std::size_t variables = sampler_.variables();
     std::vector<Events> rest(events, events + variables);
     std::vector<Events> part(variables);

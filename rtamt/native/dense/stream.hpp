@@ -9,7 +9,7 @@
 #include <cstring>
 #include <vector>
 
-#include "core/monoids.hpp"
+#include "core/folds.hpp"
 #include "core/snapshot.hpp"
 
 namespace rtamt::dense {

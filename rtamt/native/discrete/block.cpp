@@ -1,4 +1,4 @@
-// Machine::run: an instruction at a time, over blocks of samples that stay in the cache.
+// DiscreteMachine::run: an instruction at a time, over blocks of samples that stay in the cache.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,9 +15,9 @@ constexpr std::int64_t kForever = std::numeric_limits<std::int64_t>::max() / 2;
 }  // namespace
 
 // The values of all registers at the samples t to t + count - 1.
-class Machine::Block {
+class DiscreteMachine::Block {
 public:
-    Block(Machine& machine, std::size_t size)
+    Block(DiscreteMachine& machine, std::size_t size)
         : machine_(machine),
           size_(size),
           lanes_(std::make_unique_for_overwrite<double[]>(machine.registers_.size() * size)),
@@ -82,7 +82,7 @@ private:
     case Opcode::sliding_##name:                                 \
         push<Sliding<Type>>(step, a, b, out, t, count, end);     \
         break;
-            RTAMT_MONOIDS(RTAMT_CASE)
+            RTAMT_FOLDS(RTAMT_CASE)
 #undef RTAMT_CASE
             case Opcode::delay:
                 static_cast<Delay*>(step.part)->push(a, out, count);
@@ -108,13 +108,13 @@ private:
         identities(std::max(begin, stop), count);
     }
 
-    Machine& machine_;
+    DiscreteMachine& machine_;
     std::size_t size_;
     std::unique_ptr<double[]> lanes_;
     std::vector<const double*> at_;
 };
 
-std::size_t Machine::run(const double* const* columns, std::size_t n, bool final,
+std::size_t DiscreteMachine::run(const double* const* columns, std::size_t n, bool final,
                          double* const* outputs) {
     if (n == 0) return 0;
     std::int64_t longest = 0;

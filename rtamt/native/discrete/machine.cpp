@@ -42,7 +42,7 @@ inline bool execute(const std::vector<Step>& steps, double* r, std::int64_t t) {
     case Opcode::sliding_##name:                                 \
         value = push<Sliding<Type>>(step, r, t);                 \
         break;
-            RTAMT_MONOIDS(RTAMT_CASE)
+            RTAMT_FOLDS(RTAMT_CASE)
 #undef RTAMT_CASE
         case Opcode::delay:
             value = static_cast<Delay*>(step.part)->push(r[step.a]);
@@ -82,7 +82,7 @@ std::pair<Opcode, std::unique_ptr<Part>> fold(std::size_t length, Opcode latest)
 
 }  // namespace
 
-Machine::Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+DiscreteMachine::DiscreteMachine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
                  const std::vector<Observed>& observed)
     : variables_(variables),
       observed_(observed),
@@ -104,7 +104,7 @@ Machine::Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t va
     registers_ = initial_;
 }
 
-void Machine::compile(const Row& row, std::size_t terms) {
+void DiscreteMachine::compile(const Row& row, std::size_t terms) {
     const auto narrow = [](std::size_t i) { return static_cast<std::uint32_t>(i); };
     Step step{Opcode::delay, narrow(row.slot), narrow(row.a), narrow(row.b), row.start, nullptr};
     if (row.kind == "LOAD") {
@@ -126,9 +126,9 @@ void Machine::compile(const Row& row, std::size_t terms) {
 #define RTAMT_NAMED(name_, Type) \
     if (row.name == #name_)      \
         std::tie(step.opcode, part) = fold<Type>(row.length, Opcode::latest_##name_);
-        RTAMT_MONOIDS(RTAMT_NAMED)
+        RTAMT_FOLDS(RTAMT_NAMED)
 #undef RTAMT_NAMED
-        if (!part) refuse("unknown monoid '" + row.name + "'");
+        if (!part) refuse("unknown lattice fold '" + row.name + "'");
         parts_.push_back(std::move(part));
         step.part = parts_.back().get();
     } else if (row.kind == "DELAY") {
@@ -141,7 +141,7 @@ void Machine::compile(const Row& row, std::size_t terms) {
     (row.slot < terms ? terms_ : formulas_).push_back(step);
 }
 
-bool Machine::take() {
+bool DiscreteMachine::take() {
     double* r = registers_.data();
     bool nan = false;
     for (std::size_t i = 0; i < variables_; ++i) nan |= pending_[i] != pending_[i];
@@ -162,7 +162,7 @@ bool Machine::take() {
     return true;
 }
 
-void Machine::take(const double* inputs, const double* terms, std::size_t stride) {
+void DiscreteMachine::take(const double* inputs, const double* terms, std::size_t stride) {
     std::copy_n(inputs, variables_, inputs_);
     for (double& value : registers_) {
         value = *terms;
@@ -171,19 +171,19 @@ void Machine::take(const double* inputs, const double* terms, std::size_t stride
     ++samples_;
 }
 
-double Machine::result() const {
+double DiscreteMachine::result() const {
     const Observed& result = observed_.front();
     return samples_ > result.latency ? registers_[result.slot] : std::nan("");
 }
 
-void Machine::reset() {
+void DiscreteMachine::reset() {
     samples_ = 0;
     registers_ = initial_;
     std::fill_n(inputs_, variables_, 0.0);
     for (const auto& part : parts_) part->reset();
 }
 
-std::string Machine::state() const {
+std::string DiscreteMachine::state() const {
     Writer out;
     out.put(fingerprint_);
     out.put(samples_);
@@ -193,7 +193,7 @@ std::string Machine::state() const {
     return out.bytes();
 }
 
-void Machine::restore(std::string_view bytes) {
+void DiscreteMachine::restore(std::string_view bytes) {
     Reader in(bytes);
     if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
         refuse(kForeign);

@@ -39,7 +39,7 @@ enum class Opcode : std::uint8_t {
     RTAMT_FUNCTIONS(RTAMT_OPCODE)
 #undef RTAMT_OPCODE
 #define RTAMT_OPCODE(name, Type) latest_##name, running_##name, sliding_##name,
-    RTAMT_MONOIDS(RTAMT_OPCODE)
+    RTAMT_FOLDS(RTAMT_OPCODE)
 #undef RTAMT_OPCODE
     delay,
 };
@@ -58,14 +58,14 @@ struct Load {
     std::uint32_t variable;
 };
 
-class Machine {
+class DiscreteMachine {
 public:
     // Rows are checked only as far as memory is concerned: the program was verified in Python.
     // observed[0] is the result; the others are what run gives.
-    Machine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+    DiscreteMachine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
             const std::vector<Observed>& observed);
-    Machine(const Machine&) = delete;
-    Machine& operator=(const Machine&) = delete;
+    DiscreteMachine(const DiscreteMachine&) = delete;
+    DiscreteMachine& operator=(const DiscreteMachine&) = delete;
 
     std::size_t variables() const { return variables_; }
     std::size_t observed() const { return observed_.size() - 1; }
@@ -102,7 +102,7 @@ public:
 
 private:
     class Block;
-    friend class Bank;
+    friend class DiscreteBank;
     friend class LaneColumns;
 
     void compile(const Row& row, std::size_t terms);

@@ -16,14 +16,14 @@ namespace {
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 
-// An object of a class over a monoid that is known by name.
+// An object of a class over a fold that is known by name.
 template <template <class> class Class, class Base, class... Args>
-std::unique_ptr<Base> of_monoid(const std::string& name, Args&&... args) {
+std::unique_ptr<Base> of_fold(const std::string& name, Args&&... args) {
 #define RTAMT_NAMED(name_, Type) \
     if (name == #name_) return std::make_unique<Class<Type>>(std::forward<Args>(args)...);
-    RTAMT_MONOIDS(RTAMT_NAMED)
+    RTAMT_FOLDS(RTAMT_NAMED)
 #undef RTAMT_NAMED
-    refuse("unknown monoid '" + name + "'");
+    refuse("unknown lattice fold '" + name + "'");
 }
 
 template <template <class> class Class, class Base, class... Args>
@@ -100,13 +100,13 @@ private:
         Stream& b = made(streams_, f.b);
         if (maps(f)) return of_choice<PointwiseStream, Stream>(f.name, desk, a, b);
         if (endless(f)) {
-            auto endless = of_monoid<EndlessStream, Endless>(f.name, desk,
+            auto endless = of_fold<EndlessStream, Endless>(f.name, desk,
                                                              machine_.unknowns_.size(), a, b);
             machine_.unknowns_.push_back(endless.get());
             return endless;
         }
-        if (f.lo == -kNever) return of_monoid<RunningStream, Stream>(f.name, desk, f.hi, a, b);
-        return of_monoid<SlidingStream, Stream>(f.name, desk, f.lo, f.hi, a, b);
+        if (f.lo == -kNever) return of_fold<RunningStream, Stream>(f.name, desk, f.hi, a, b);
+        return of_fold<SlidingStream, Stream>(f.name, desk, f.lo, f.hi, a, b);
     }
 
     std::unique_ptr<Top> term(std::size_t r) {
@@ -117,7 +117,7 @@ private:
 
     std::unique_ptr<Top> top(const Formula& f) {
         if (maps(f)) return of_choice<TopMap, Top>(f.name, made(tops_, f.a), made(tops_, f.b));
-        return of_monoid<TopFold, Top>(f.name, machine_.desk_, f.lo, f.hi, made(streams_, f.a),
+        return of_fold<TopFold, Top>(f.name, machine_.desk_, f.lo, f.hi, made(streams_, f.a),
                                        made(streams_, f.b));
     }
 
@@ -264,7 +264,7 @@ std::string EpisodeMachine::state() const {
 void EpisodeMachine::restore(std::string_view bytes) {
     Reader in(bytes);
     if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
-        refuse(Machine::kForeign);
+        refuse(DiscreteMachine::kForeign);
     try {
         reset();
         terms_.restore(in.bytes(in.get<std::uint64_t>()));

@@ -65,7 +65,7 @@ public:
     // Ends the trace, of at least one sample.
     void finish();
 
-    static constexpr const char* kForeign = Machine::kForeign;
+    static constexpr const char* kForeign = DiscreteMachine::kForeign;
 
     void reset();
     std::string state() const;
@@ -89,7 +89,7 @@ private:
     void settle(episode::Time t, const double* terms);
     void conclude(episode::Time t, const double* terms);
 
-    Machine terms_;
+    DiscreteMachine terms_;
     std::uint64_t fingerprint_;
     episode::Desk desk_;
     std::vector<std::unique_ptr<episode::Stream>> streams_;  // each behind what it reads

@@ -24,7 +24,7 @@ void Lanes::choose(const bool* mask) {
     chosen_ = some_.data();
 }
 
-LaneColumns::LaneColumns(const Machine& program, std::size_t num)
+LaneColumns::LaneColumns(const DiscreteMachine& program, std::size_t num)
     : program_(program),
       num_(num),
       memory_(std::make_unique_for_overwrite<double[]>(program.initial_.size() * num)),
@@ -65,7 +65,7 @@ void LaneColumns::map(const Step& step, std::size_t count) {
     }
 }
 
-Bank::Bank(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+DiscreteBank::DiscreteBank(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
            const Observed& result, std::size_t num)
     : program_(rows, terms, variables, {result}),
       columns_(program_, num),
@@ -75,14 +75,14 @@ Bank::Bank(const std::vector<Row>& rows, std::size_t terms, std::size_t variable
       results_(num, std::nan("")) {
     for (const Step& step : program_.formulas_) formulas_.push_back({step, {}});
     for (std::size_t lane = 0; lane < num; ++lane) {
-        Machine machine(rows, terms, variables, {result});
+        DiscreteMachine machine(rows, terms, variables, {result});
         for (std::size_t i = 0; i < formulas_.size(); ++i)
             formulas_[i].parts.push_back(machine.formulas_[i].part);
         for (auto& part : machine.parts_) parts_.push_back(std::move(part));
     }
 }
 
-std::size_t Bank::take(const double* table, const bool* mask) {
+std::size_t DiscreteBank::take(const double* table, const bool* mask) {
     lanes_.choose(mask);
     const std::size_t count = lanes_.count();
     const std::size_t width = variables();
@@ -100,7 +100,7 @@ std::size_t Bank::take(const double* table, const bool* mask) {
     return num();
 }
 
-void Bank::execute(const LaneStep& lane_step) {
+void DiscreteBank::execute(const LaneStep& lane_step) {
     const Step& step = lane_step.step;
     switch (step.opcode) {
 #define RTAMT_CASE(name, Type)                  \
@@ -113,7 +113,7 @@ void Bank::execute(const LaneStep& lane_step) {
     case Opcode::sliding_##name:                \
         push<Sliding<Type>>(lane_step);         \
         break;
-        RTAMT_MONOIDS(RTAMT_CASE)
+        RTAMT_FOLDS(RTAMT_CASE)
 #undef RTAMT_CASE
     case Opcode::delay: {
         const double* a = columns_.at(step.a);
@@ -128,7 +128,7 @@ void Bank::execute(const LaneStep& lane_step) {
 }
 
 template <class Fold>
-void Bank::push(const LaneStep& lane_step) {
+void DiscreteBank::push(const LaneStep& lane_step) {
     using M = typename Fold::Monoid;
     const Step& step = lane_step.step;
     const double* a = columns_.at(step.a);
@@ -147,7 +147,7 @@ void Bank::push(const LaneStep& lane_step) {
     }
 }
 
-void Bank::reset(const bool* mask) {
+void DiscreteBank::reset(const bool* mask) {
     lanes_.choose(mask);
     const std::size_t each = parts_.size() / num();
     for (std::size_t i = 0; i < lanes_.count(); ++i) {
@@ -160,7 +160,7 @@ void Bank::reset(const bool* mask) {
     }
 }
 
-std::string Bank::state() const {
+std::string DiscreteBank::state() const {
     Writer out;
     out.put(program_.mark());
     out.put<std::uint64_t>(num());
@@ -171,7 +171,7 @@ std::string Bank::state() const {
     return out.bytes();
 }
 
-void Bank::restore(std::string_view bytes) {
+void DiscreteBank::restore(std::string_view bytes) {
     Reader in(bytes);
     if (bytes.size() < 2 * sizeof(std::uint64_t) || in.get<std::uint64_t>() != program_.mark() ||
         in.get<std::uint64_t>() != num())

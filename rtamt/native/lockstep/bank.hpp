@@ -33,7 +33,7 @@ private:
 // The registers of the chosen lanes, a column each.
 class LaneColumns {
 public:
-    LaneColumns(const Machine& program, std::size_t num);
+    LaneColumns(const DiscreteMachine& program, std::size_t num);
 
     const double* at(std::size_t slot) const { return at_[slot]; }
     double* out(std::size_t slot) { return memory_.get() + slot * num_; }
@@ -49,20 +49,20 @@ public:
     }
 
 private:
-    const Machine& program_;
+    const DiscreteMachine& program_;
     std::size_t num_;
     std::unique_ptr<double[]> memory_;
     std::vector<const double*> at_;
 };
 
-// What `Machine` is for one lane.
-class Bank {
+// What `DiscreteMachine` is for one lane.
+class DiscreteBank {
 public:
-    // As for Machine; all machines are new.
-    Bank(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+    // As for DiscreteMachine; all machines are new.
+    DiscreteBank(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
          const Observed& result, std::size_t num);
-    Bank(const Bank&) = delete;
-    Bank& operator=(const Bank&) = delete;
+    DiscreteBank(const DiscreteBank&) = delete;
+    DiscreteBank& operator=(const DiscreteBank&) = delete;
 
     std::size_t num() const { return lanes_.num(); }
     std::size_t variables() const { return program_.variables(); }
@@ -75,7 +75,7 @@ public:
     std::size_t take(const double* table, const bool* mask);
     void reset(const bool* mask);
 
-    static constexpr const char* kForeign = Machine::kForeign;
+    static constexpr const char* kForeign = DiscreteMachine::kForeign;
 
     std::string state() const;
     // Throws std::invalid_argument on what is no state of a bank like this.
@@ -92,7 +92,7 @@ private:
     template <class Fold>
     void push(const LaneStep& step);
 
-    Machine program_;
+    DiscreteMachine program_;
     LaneColumns columns_;
     Lanes lanes_;
     std::vector<std::unique_ptr<Part>> parts_;  // lane behind lane
@@ -122,13 +122,13 @@ public:
     const double* lower() const { return lower_.data(); }
     const double* upper() const { return upper_.data(); }
 
-    // As for Bank; no chosen lane is finished.
+    // As for DiscreteBank; no chosen lane is finished.
     std::size_t take(const double* table, const bool* mask);
     void reset(const bool* mask);
     // Ends the traces of the chosen lanes, of at least one sample each.
     void finish(const bool* mask);
 
-    static constexpr const char* kForeign = Machine::kForeign;
+    static constexpr const char* kForeign = DiscreteMachine::kForeign;
 
     std::string state() const;
     void restore(std::string_view bytes);
@@ -136,7 +136,7 @@ public:
 private:
     void look_at(std::size_t lane);
 
-    Machine program_;  // the terms
+    DiscreteMachine program_;  // the terms
     LaneColumns columns_;
     Lanes lanes_;
     std::vector<std::unique_ptr<EpisodeMachine>> machines_;

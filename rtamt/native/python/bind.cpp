@@ -12,11 +12,11 @@
 namespace rtamt {
 namespace {
 
-using BoundMachine = Bound<Machine>;
+using BoundDiscrete = Bound<DiscreteMachine>;
 
 constexpr std::size_t kWorthAThread = 10'000;  // samples for which others may run meanwhile
 
-void construct(BoundMachine* self, const nb::sequence& rows, std::size_t terms,
+void construct(BoundDiscrete* self, const nb::sequence& rows, std::size_t terms,
                const nb::tuple& variables, std::size_t result, const nb::sequence& observed,
                nb::object reader) {
     std::vector<Observed> looked_at;
@@ -24,18 +24,18 @@ void construct(BoundMachine* self, const nb::sequence& rows, std::size_t terms,
         looked_at.push_back({nb::cast<std::size_t>(pair[0]), nb::cast<std::int64_t>(pair[1])});
     if (looked_at.empty() || looked_at[0].slot != result)
         throw nb::value_error("expected the result first among the observed");
-    new (self) BoundMachine{Machine(rows_of(rows), terms, nb::len(variables), looked_at),
+    new (self) BoundDiscrete{DiscreteMachine(rows_of(rows), terms, nb::len(variables), looked_at),
                        Arguments(variables), std::move(reader)};
 }
 
-nb::list registers(const BoundMachine& bound) {
+nb::list registers(const BoundDiscrete& bound) {
     const std::vector<double>& values = bound.machine.registers();
     return list_of(values.data(), values.size());
 }
 
-nb::list run(BoundMachine& bound, const nb::sequence& columns, std::size_t n, bool final) {
+nb::list run(BoundDiscrete& bound, const nb::sequence& columns, std::size_t n, bool final) {
     require_idle(bound);
-    Machine& machine = bound.machine;
+    DiscreteMachine& machine = bound.machine;
     if (final && machine.samples() > 0)
         throw nb::value_error("expected a new machine for a whole trace");
     const auto numpy = nb::module_::import_("numpy");
@@ -86,8 +86,8 @@ NB_MODULE(_native, m) {
     using namespace rtamt;
     m.doc() = "The machines of rtamt in C++.";
 
-    nb::class_<BoundMachine>(m, "Machine", nb::type_slots(slots<Machine>),
-                      "Runs a program on samples, as rtamt.machines.discrete.Machine does.\n\n"
+    nb::class_<BoundDiscrete>(m, "DiscreteMachine", nb::type_slots(slots<DiscreteMachine>),
+                      "Runs a program on samples, as rtamt.machines.discrete.DiscreteMachine does.\n\n"
                       "Args:\n"
                       "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                       "    terms: How many of its instructions are arithmetic over the sample.\n"
@@ -97,15 +97,15 @@ NB_MODULE(_native, m) {
                       "    reader: Reads the arguments that are rare, and makes all messages.")
         .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
              nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
-        .def_prop_ro("samples", [](const BoundMachine& b) { return b.machine.samples(); },
+        .def_prop_ro("samples", [](const BoundDiscrete& b) { return b.machine.samples(); },
                      "Samples taken in since the reset.")
         .def_prop_ro("registers", registers, "The value of every register.")
-        .def_prop_ro("inputs", inputs<Machine>, "The last sample, empty before the first.")
+        .def_prop_ro("inputs", inputs<DiscreteMachine>, "The last sample, empty before the first.")
         .def("run", run, nb::arg("columns"), nb::arg("n"), nb::kw_only(), nb::arg("final"),
              "Take in n samples at once, all or none; the observed registers at each.")
-        .def("reset", reset<Machine>, "Forget every sample.")
-        .def("state", state<Machine>, "Values one behind the other, with a mark of the program.")
-        .def("restore", restore<Machine>, nb::arg("state").none(),
+        .def("reset", reset<DiscreteMachine>, "Forget every sample.")
+        .def("state", state<DiscreteMachine>, "Values one behind the other, with a mark of the program.")
+        .def("restore", restore<DiscreteMachine>, nb::arg("state").none(),
              "Continue from where the state was taken.\n\n"
              "Raises:\n"
              "    ValueError: If another program's machine gave it (then nothing changes), or it\n"
@@ -116,18 +116,18 @@ NB_MODULE(_native, m) {
     bind_dense(m);
 
     nb::dict functions;
-    nb::dict monoids;
+    nb::dict folds;
     nb::list kinds;
 #define RTAMT_NAME(name, arity, value) functions[#name] = arity;
     RTAMT_FUNCTIONS(RTAMT_NAME)
 #undef RTAMT_NAME
-#define RTAMT_NAME(name, Type) monoids[#name] = Type::width;
-    RTAMT_MONOIDS(RTAMT_NAME)
+#define RTAMT_NAME(name, Type) folds[#name] = Type::width;
+    RTAMT_FOLDS(RTAMT_NAME)
 #undef RTAMT_NAME
 #define RTAMT_NAME(name) kinds.append(#name);
     RTAMT_KINDS(RTAMT_NAME)
 #undef RTAMT_NAME
     m.attr("FUNCTIONS") = functions;
-    m.attr("MONOIDS") = monoids;
+    m.attr("FOLDS") = folds;
     m.attr("KINDS") = nb::tuple(kinds);
 }

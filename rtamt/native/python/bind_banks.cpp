@@ -19,8 +19,8 @@ struct BoundBank {
     nb::object reader;
 };
 
-using BoundDiscrete = BoundBank<Bank>;
-using BoundEpisodes = BoundBank<EpisodeBank>;
+using BoundDiscreteBank = BoundBank<DiscreteBank>;
+using BoundEpisodeBank = BoundBank<EpisodeBank>;
 
 // An array of some lanes' samples, or of which lanes are meant, and its memory.
 template <class T>
@@ -96,13 +96,13 @@ nb::object doubles(const double* values, std::size_t n) {
     return fresh.operator()<double>(n, [values](std::size_t i) { return values[i]; });
 }
 
-nb::object finished(const BoundEpisodes& bound) {
+nb::object finished(const BoundEpisodeBank& bound) {
     static const Fresh fresh("bool");
     return fresh.operator()<bool>(bound.bank.num(),
                                   [&](std::size_t lane) { return bound.bank.finished(lane); });
 }
 
-nb::object verdicts(const BoundEpisodes& bound) {
+nb::object verdicts(const BoundEpisodeBank& bound) {
     static const Fresh fresh("int8");
     const double* lower = bound.bank.lower();
     const double* upper = bound.bank.upper();
@@ -165,7 +165,7 @@ void reset_bank(BoundBank<B>& bound, nb::handle mask) {
     bound.bank.reset(mask_of(bound, mask).data());
 }
 
-nb::object finish(BoundEpisodes& bound, nb::handle mask) {
+nb::object finish(BoundEpisodeBank& bound, nb::handle mask) {
     const Held<bool> chosen = mask_of(bound, mask);
     require<EpisodeBank>(
         bound, chosen.data(),
@@ -226,18 +226,18 @@ nb::class_<BoundBank<B>> bind(nb::module_& m, const char* name, const char* doc)
              "        damaged (then all lanes are reset).");
 }
 
-void construct_bank(BoundDiscrete* self, const nb::sequence& rows, std::size_t terms,
+void construct_bank(BoundDiscreteBank* self, const nb::sequence& rows, std::size_t terms,
                     const nb::tuple& variables, std::size_t result, std::int64_t latency,
                     std::size_t num, nb::object reader) {
-    new (self) BoundDiscrete{{rows_of(rows), terms, nb::len(variables), {result, latency}, num},
+    new (self) BoundDiscreteBank{{rows_of(rows), terms, nb::len(variables), {result, latency}, num},
                              std::move(reader)};
 }
 
-void construct_episodes(BoundEpisodes* self, const nb::sequence& terms,
+void construct_episodes(BoundEpisodeBank* self, const nb::sequence& terms,
                         const nb::sequence& formulas, const nb::sequence& tops,
                         const nb::sequence& streams, const nb::tuple& variables, std::size_t num,
                         nb::object reader) {
-    new (self) BoundEpisodes{{rows_of(terms), nb::len(variables), formulas_of(formulas),
+    new (self) BoundEpisodeBank{{rows_of(terms), nb::len(variables), formulas_of(formulas),
                               registers_of(tops), registers_of(streams), num},
                              std::move(reader)};
 }
@@ -245,8 +245,8 @@ void construct_episodes(BoundEpisodes* self, const nb::sequence& terms,
 }  // namespace
 
 void bind_banks(nb::module_& m) {
-    bind<Bank>(m, "Bank",
-               "Runs a program on samples of many lanes, as rtamt.machines.bank.Bank does.\n\n"
+    bind<DiscreteBank>(m, "DiscreteBank",
+               "Runs a program on samples of many lanes, as rtamt.machines.bank.DiscreteBank does.\n\n"
                "Args:\n"
                "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                "    terms: How many of its instructions are arithmetic over the sample.\n"
@@ -268,15 +268,15 @@ void bind_banks(nb::module_& m) {
              nb::arg("tops"), nb::arg("streams"), nb::arg("variables"), nb::arg("num"),
              nb::arg("reader"))
         .def_prop_ro("robustness",
-                     [](const BoundEpisodes& b) { return doubles(b.bank.results(), b.bank.num()); },
+                     [](const BoundEpisodeBank& b) { return doubles(b.bank.results(), b.bank.num()); },
                      "Robustness if the episodes ended now.")
         .def_prop_ro("lower",
-                     [](const BoundEpisodes& b) {
+                     [](const BoundEpisodeBank& b) {
                          return doubles(b.bank.lower(), b.bank.num());
                      },
                      "The least over all continuations.")
         .def_prop_ro("upper",
-                     [](const BoundEpisodes& b) {
+                     [](const BoundEpisodeBank& b) {
                          return doubles(b.bank.upper(), b.bank.num());
                      },
                      "The greatest over all continuations.")

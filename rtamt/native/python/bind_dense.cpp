@@ -11,7 +11,7 @@
 namespace rtamt {
 namespace {
 
-using BoundDense = Bound<dense::Machine>;
+using BoundDense = Bound<dense::DenseMachine>;
 
 constexpr std::size_t kWorthAThread = 10'000;  // events for which others may run meanwhile
 
@@ -35,7 +35,7 @@ void construct(BoundDense* self, const nb::sequence& rows, std::size_t terms,
     std::vector<std::size_t> looked_at;
     for (nb::handle number : observed) looked_at.push_back(nb::cast<std::size_t>(number));
     new (self) BoundDense{
-        dense::Machine(dense_rows(rows), terms, nb::len(variables), result, looked_at),
+        dense::DenseMachine(dense_rows(rows), terms, nb::len(variables), result, looked_at),
         Arguments(variables), std::move(reader)};
 }
 
@@ -176,7 +176,7 @@ void read_events_slowly(BoundDense& bound, PyObject* events) {
     if (!fit(bound, pending)) throw std::runtime_error("the reader gave events that do not fit");
 }
 
-nb::list fresh(dense::Machine& machine) {
+nb::list fresh(dense::DenseMachine& machine) {
     nb::list list = nb::steal<nb::list>(PyList_New(0));
     machine.drain([&](double time, double value) {
         PyObject* pair = PyTuple_New(2);
@@ -251,7 +251,7 @@ nb::object array_of(const std::vector<double>& values) {
 
 nb::tuple run(BoundDense& bound, const nb::sequence& columns) {
     require_idle(bound);
-    dense::Machine& machine = bound.machine;
+    dense::DenseMachine& machine = bound.machine;
     std::vector<View> views;
     std::vector<dense::Events> events;
     std::size_t most = 0;
@@ -306,8 +306,8 @@ PyMethodDef dense_methods[] = {
 
 PyType_Slot dense_slots[] = {
     {Py_tp_methods, dense_methods},
-    {Py_tp_traverse, reinterpret_cast<void*>(traverse<dense::Machine>)},
-    {Py_tp_clear, reinterpret_cast<void*>(clear<dense::Machine>)},
+    {Py_tp_traverse, reinterpret_cast<void*>(traverse<dense::DenseMachine>)},
+    {Py_tp_clear, reinterpret_cast<void*>(clear<dense::DenseMachine>)},
     {0, nullptr},
 };
 
@@ -316,7 +316,7 @@ PyType_Slot dense_slots[] = {
 void bind_dense(nb::module_& m) {
     nb::class_<BoundDense>(
         m, "DenseMachine", nb::type_slots(dense_slots),
-        "Runs a program on events over dense time, as rtamt.machines.dense.machine.Machine does.\n\n"
+        "Runs a program on events over dense time, as rtamt.machines.dense.machine.DenseMachine does.\n\n"
         "Args:\n"
         "    rows: The program, as rtamt.program.dense_lowering.encoded_dense writes it.\n"
         "    terms: How many of its instructions are arithmetic over the present values.\n"
@@ -340,10 +340,10 @@ void bind_dense(nb::module_& m) {
         .def("run", run, nb::arg("columns"),
              "Take in a whole trace; the times and values of the result. A machine of which this\n"
              "was asked is of no use after that.")
-        .def("reset", reset<dense::Machine>, "Forget every event.")
-        .def("state", state<dense::Machine>,
+        .def("reset", reset<dense::DenseMachine>, "Forget every event.")
+        .def("state", state<dense::DenseMachine>,
              "Values one behind the other, with a mark of the program.")
-        .def("restore", restore<dense::Machine>, nb::arg("state").none(),
+        .def("restore", restore<dense::DenseMachine>, nb::arg("state").none(),
              "Continue from where the state was taken.\n\n"
              "Raises:\n"
              "    ValueError: If another program's machine gave it (then nothing changes), or it\n"

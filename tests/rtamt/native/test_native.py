@@ -18,7 +18,7 @@ from rtamt import Monitor
 from rtamt.program.schedule import encoded
 
 if TYPE_CHECKING:
-    from rtamt._native import Machine
+    from rtamt._native import DiscreteMachine
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -29,13 +29,13 @@ def monitor(spec: str = SPEC, nan: Literal["raise", "hold"] = "raise") -> Monito
     return Monitor(spec, backend="native", nan=nan)
 
 
-def machine(spec: str = SPEC) -> Machine:
-    return cast("Machine", monitor(spec)._machine)
+def machine(spec: str = SPEC) -> DiscreteMachine:
+    return cast("DiscreteMachine", monitor(spec)._machine)
 
 
 @pytest.mark.filterwarnings("ignore:nanobind. attempted to access an uninitialized instance")
 def test_an_object_that_was_not_made_is_refused() -> None:
-    unmade = native.Machine.__new__(native.Machine)
+    unmade = native.DiscreteMachine.__new__(native.DiscreteMachine)
     with pytest.raises(TypeError, match=r"^the machine was not made: __init__ was not called$"):
         unmade.update(1.0)
     with pytest.raises(TypeError):
@@ -48,7 +48,7 @@ def test_an_object_that_was_not_made_is_refused() -> None:
 
 def test_update_of_another_type_is_refused() -> None:
     with pytest.raises(TypeError, match="doesn't apply to a 'int' object"):
-        native.Machine.update(3, 1.0)
+        native.DiscreteMachine.update(3, 1.0)
 
 
 def arguments(**changes: object) -> dict[str, object]:
@@ -66,7 +66,7 @@ def arguments(**changes: object) -> dict[str, object]:
 
 @pytest.mark.filterwarnings("ignore:nanobind. attempted to initialize an already-initialized")
 def test_a_machine_is_made_once() -> None:
-    made = native.Machine(**arguments())
+    made = native.DiscreteMachine(**arguments())
     made.update(1.0, 1.0)
     with pytest.raises(TypeError):
         made.__init__(**arguments())
@@ -84,7 +84,7 @@ ROW = (0, "CONST", "", 0, 0, 1.0, 0, 0)
         ({"observed": [(99, 0)], "result": 99}, "an observed register is out of range"),
         ({"rows": [ROW, (1, "JUMP", "", 0, 0, 0.0, 0, 0)]}, "unknown kind 'JUMP'"),
         ({"rows": [ROW, (1, "MAP", "tan", 0, 0, 0.0, 0, 0)]}, "unknown function 'tan'"),
-        ({"rows": [ROW, (1, "WINDOW", "sum", 0, 0, 0.0, 2, 0)]}, "unknown monoid 'sum'"),
+        ({"rows": [ROW, (1, "WINDOW", "sum", 0, 0, 0.0, 2, 0)]}, "unknown lattice fold 'sum'"),
         ({"rows": [ROW, (1, "MAP", "neg", 7, 7, 0.0, 0, 0)]}, "row 1 is out of range"),
         ({"rows": [ROW, (7, "MAP", "neg", 0, 0, 0.0, 0, 0)]}, "row 7 is out of range"),
         ({"rows": [ROW, (1, "LOAD", "z", 2, 0, 0.0, 0, 0)]}, "row 1 is out of range"),
@@ -98,7 +98,7 @@ def test_a_program_that_would_reach_out_of_memory_is_refused(
 ) -> None:
     terms = {"terms": 1} if "rows" in changes else {}
     with pytest.raises(ValueError, match=f"^{message}$"):
-        native.Machine(**arguments(**terms, **changes))
+        native.DiscreteMachine(**arguments(**terms, **changes))
 
 
 def test_blocks_of_a_wrong_form_are_refused() -> None:
@@ -178,7 +178,7 @@ def test_a_cycle_through_the_reader_is_collected() -> None:
         machine: object
 
     reader = Reader()
-    reader.machine = native.Machine(**arguments(reader=reader))
+    reader.machine = native.DiscreteMachine(**arguments(reader=reader))
     gone = weakref.ref(reader)
     del reader
     gc.collect()

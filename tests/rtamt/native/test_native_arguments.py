@@ -15,15 +15,15 @@ import pytest
 from rtamt import Monitor
 
 if TYPE_CHECKING:
-    from rtamt._native import Machine
+    from rtamt._native import DiscreteMachine
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 SPEC = "always[0:3](speed + 2 * gap > 1)"
 
 
-def machine(spec: str) -> Machine:
-    return cast("Machine", Monitor(spec, backend="native")._machine)
+def machine(spec: str) -> DiscreteMachine:
+    return cast("DiscreteMachine", Monitor(spec, backend="native")._machine)
 
 
 class Half(float):

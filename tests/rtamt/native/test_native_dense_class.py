@@ -74,7 +74,7 @@ ROW = ("LOAD", "x", 0, 0, 0.0, 0.0, 0.0)
         ({"observed": (99,)}, "an observed register is out of range"),
         ({"rows": [ROW, ("JUMP", "", 0, 0, 0.0, 0.0, 0.0)]}, "unknown kind 'JUMP'"),
         ({"rows": [ROW, ("MAP", "tan", 0, 0, 0.0, 0.0, 0.0)]}, "unknown function 'tan'"),
-        ({"rows": [ROW, ("WINDOW", "sum", 0, 0, 0.0, 0.0, 1.0)]}, "unknown monoid 'sum'"),
+        ({"rows": [ROW, ("WINDOW", "sum", 0, 0, 0.0, 0.0, 1.0)]}, "unknown lattice fold 'sum'"),
         ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 2.0, 1.0)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("WINDOW", "min", 1, 0, 0.0, 0.0, 1.0)]}, "row 1 is out of range"),
         ({"rows": [ROW, ("MAP", "neg", 0, 7, 0.0, 0.0, 0.0)]}, "row 1 is out of range"),

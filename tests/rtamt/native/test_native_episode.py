@@ -157,7 +157,7 @@ TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
 @pytest.mark.parametrize(
     ("formulas", "tops", "streams", "message"),
     [
-        ([("WINDOW", "mean", 0, 0, 0, 1)], [1], [0], "unknown monoid 'mean'"),
+        ([("WINDOW", "mean", 0, 0, 0, 1)], [1], [0], "unknown lattice fold 'mean'"),
         ([("MAP", "sub", 0, 0, None, None)], [0, 1], [], "function 'sub' is not monotone"),
         ([("DELAY", "", 0, 0, 0, 1)], [1], [0], "unknown kind 'DELAY'"),
         ([("WINDOW", "min", 0, 0, 0, 1)], [1], [], "register 0 is read before it is written"),

@@ -18,7 +18,7 @@ from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.schedule import Scheduled
 
 if TYPE_CHECKING:
-    from rtamt._native import Machine
+    from rtamt._native import DiscreteMachine
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -39,10 +39,10 @@ def bits(values: Sequence[float] | NDArray[np.float64]) -> list[int]:
     return cast("list[int]", array.view(np.int64).tolist())
 
 
-def machine(row: Row) -> Machine:
+def machine(row: Row) -> DiscreteMachine:
     """One instruction behind the two inputs; behind the terms, it may be nan."""
-    made = native.Machine([X, Y, row], 2, ("x", "y"), 2, [(2, 0), (2, 0)], READER)
-    return cast("Machine", made)
+    made = native.DiscreteMachine([X, Y, row], 2, ("x", "y"), 2, [(2, 0), (2, 0)], READER)
+    return cast("DiscreteMachine", made)
 
 
 def samples(n: int, seed: int = 0) -> list[tuple[float, float]]:
@@ -64,7 +64,7 @@ def chunked(rows: Sequence[tuple[float, float]], seed: int) -> list[Sequence[tup
     return chunks
 
 
-def played(made: Machine, rows: Sequence[tuple[float, float]], seed: int) -> list[float]:
+def played(made: DiscreteMachine, rows: Sequence[tuple[float, float]], seed: int) -> list[float]:
     """Samples and blocks in turn."""
     values: list[float] = []
     for chunk in chunked(rows, seed):
@@ -80,7 +80,7 @@ def test_both_sides_know_the_same_functions() -> None:
 
 
 def test_both_sides_know_the_same_lattice_folds() -> None:
-    assert {name: fold.width for name, fold in FOLDS.items()} == native.MONOIDS
+    assert {name: fold.width for name, fold in FOLDS.items()} == native.FOLDS
 
 
 def test_both_sides_know_the_same_kinds_of_instructions() -> None:

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#define RTAMT_MONOIDS(X) \
+#define RTAMT_FOLDS(X) \
     X(min, Min)          \
     X(max, Max)          \
     X(until, Until)      \
