@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import rtamt
 from rtamt import InputError
+from rtamt_gym.recorded.readers import READERS, open_recording
 
 if TYPE_CHECKING:
     from rtamt_gym.recorded.trace import Trace
@@ -55,8 +56,11 @@ def add_trace(command: argparse.ArgumentParser) -> None:
         metavar="SPEC",
         help="the path of a .stl file, name=path, or a formula; one or more",
     )
+    *others, last = READERS
     command.add_argument(
-        "trace", metavar="TRACE", help="the path of a .csv or .parquet file, or - for CSV on stdin"
+        "trace",
+        metavar="TRACE",
+        help=f"the path of a {', '.join(others)} or {last} file, or - for CSV on stdin",
     )
     add_reading(command, "read from a column 'time', else bounds count samples")
 
@@ -114,7 +118,6 @@ def read_samples(
         specs: Say which columns are read.
         events: As for `read_trace`.
     """
-    from rtamt_gym.recorded.recordings import open_recording
     from rtamt_gym.recorded.trace import read_trace
 
     with open_recording(options.trace) as recording:

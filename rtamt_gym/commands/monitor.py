@@ -50,7 +50,7 @@ def add(commands: Commands) -> None:
 def _monitor(options: argparse.Namespace) -> int:
     from rtamt_gym.recorded.judge import described, judge, judge_events, report, signals_of
     from rtamt_gym.recorded.output import save_csv
-    from rtamt_gym.recorded.recordings import open_recording
+    from rtamt_gym.recorded.readers import open_recording
     from rtamt_gym.recorded.trace import EventTrace, Trace, read_events
 
     specs = read_specs(options.specs)

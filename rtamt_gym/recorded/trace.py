@@ -1,9 +1,9 @@
-"""Recorded traces: samples at even distances, or events at any time."""
+"""Reads traces from recordings: samples at even distances, or events at any time."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -12,33 +12,31 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.recorded.recordings import Recording, Rows
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 
-__all__ = ["TIME", "EventTrace", "Trace", "read_events", "read_trace"]
-
-Floats = NDArray[np.float64]
+__all__ = ["TIME", "VALUE", "VARIABLE", "EventTrace", "Trace", "read_events", "read_trace"]
 
 TIME = "time"
-"""The column that says when a sample was taken, or an event came, in seconds."""
+"""The column with the time of a sample or an event, in seconds."""
 
 VARIABLE, VALUE = "variable", "value"
-"""The columns of a recording of which every row is one event."""
+"""The columns that a recording has, beside the time, where each row is one event."""
 
 _JITTER = 0.01
-"""Part of the period by which the distance of two samples may be off."""
+"""The fraction of the period by which the distance of two samples may differ from it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """Samples of the variables of specifications.
+    """Samples of the variables that specifications read.
 
     Attributes:
-        source: Where they come from, for messages.
-        columns: The variables and their values.
-        samples: How many there are.
-        times: The column of times, if there is one.
-        where: The file and line of a sample, for messages.
-        events: What to do if rows are events, not samples, for messages.
+        source: Name of the file, for messages.
+        columns: The values of each variable.
+        samples: The number of samples.
+        times: The column of times, or None.
+        where: Gives the file and line of a sample, for messages.
+        if_events: Advice for errors that rows which are events, not samples, may cause.
     """
 
     source: str
@@ -46,18 +44,18 @@ class Trace:
     samples: int
     times: Floats | None
     where: Callable[[int], str]
-    events: str = ""
+    if_events: str = ""
 
     @property
     def start(self) -> float:
-        """Time of the first sample; 0 if no column says."""
+        """Time of the first sample; 0 without a column of times."""
         return 0.0 if self.times is None else float(self.times[0])
 
     def period(self) -> Fraction | None:
-        """Seconds between samples by the column of times; None if there is none, or one sample.
+        """Seconds between samples; None without a column of times, or with one sample only.
 
         Raises:
-            InputError: If the times do not increase, or not evenly.
+            InputError: If the times do not increase at even distances.
         """
         if self.times is None or self.samples < 2:
             return None
@@ -68,25 +66,25 @@ class Trace:
             before, after = self.times[at], self.times[at + 1]
             rest = "" if usual <= 0 else f", elsewhere {usual:.6g} s"
             way_out = f"resample the trace, or give --period to leave the column '{TIME}' aside"
-            if self.events and (steps > 0).all():
-                way_out = f"{self.events}, {way_out}"
+            if self.if_events and (steps > 0).all():
+                way_out = f"{self.if_events}, {way_out}"
             raise InputError(
                 f"{self.where(at + 1)}: expected samples at even distances, "
                 f"got time {after:.6g} after {before:.6g}{rest}; {way_out}"
             )
         mean = float(self.times[-1] - self.times[0]) / (self.samples - 1)
-        # What the times cannot resolve, 0.1 + 0.2 = 0.30000000000000004, is no part of the period.
+        # The period is known no better than the rounded times (0.1 + 0.2 = 0.30000000000000004).
         blur = max(1e-9 * mean, 2 * math.ulp(float(np.abs(self.times).max())) / (self.samples - 1))
         return _simple(mean, blur)
 
 
 @dataclass(frozen=True, slots=True)
 class EventTrace:
-    """Signals that keep a value from one event to the next.
+    """Signals that hold each value until their next event.
 
     Attributes:
-        source: Where they come from, for messages.
-        signals: Times and values of the events of every variable.
+        source: Name of the file, for messages.
+        signals: Times and values of the events of each variable.
     """
 
     source: str
@@ -94,12 +92,12 @@ class EventTrace:
 
     @property
     def events(self) -> int:
-        """How many there are."""
+        """The number of events of all variables."""
         return sum(len(times) for times, _ in self.signals.values())
 
     @property
     def span(self) -> tuple[float, float]:
-        """From when to when every variable has a value."""
+        """The first and the last time at which every variable has a value."""
         ends = [(float(times[0]), float(times[-1])) for times, _ in self.signals.values()]
         return max(first for first, _ in ends), min(last for _, last in ends)
 
@@ -110,55 +108,55 @@ class EventTrace:
         return min(gaps, default=1.0)
 
 
-def read_trace(recording: Recording, variables: Sequence[str], events: str = "") -> Trace:
-    """The samples of the variables; other columns but that of times are not looked at.
+def read_trace(recording: Recording, variables: Sequence[str], if_events: str = "") -> Trace:
+    """Reads samples of the variables, and their times if there is a column of times.
 
     Args:
         recording: The file.
         variables: The columns that are needed.
-        events: What to do about rows that are events, not samples, for messages.
+        if_events: Advice for errors that rows which are events, not samples, may cause.
 
     Raises:
-        InputError: On a missing column, a value that is no number, or if there is no sample.
+        InputError: If a column is missing, a value is not a number, or there is no sample.
 
     Example:
-        >>> from rtamt_gym.recorded.recordings import CsvFile
-        >>> trace = read_trace(CsvFile(["time,x", "0,5", "0.5,4"], "trace.csv"), ["x"])
+        >>> from rtamt_gym.recorded.csv_reader import CsvRecording
+        >>> trace = read_trace(CsvRecording(["time,x", "0,5", "0.5,4"], "trace.csv"), ["x"])
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
     """
-    _check_names(recording, variables, events)
-    wanted = [v for v in dict.fromkeys((*variables, TIME)) if v in recording.names]
-    rows = _read(recording, wanted, empty=events and f"; {events}")
+    _check_names(recording, variables, if_events)
+    present = [v for v in dict.fromkeys((*variables, TIME)) if v in recording.names]
+    rows = _read(recording, Wanted(present, empty=if_events and f"; {if_events}"))
     columns = {name: rows.numbers[name] for name in variables}
     times = rows.numbers.get(TIME)
-    return Trace(recording.source, columns, len(rows.lines), times, rows.where, events)
+    return Trace(recording.source, columns, len(rows.lines), times, rows.where, if_events)
 
 
 def read_events(recording: Recording, variables: Sequence[str]) -> EventTrace:
-    """The events of the variables.
+    """Reads events of the variables.
 
-    Rows are events of all variables of which a cell is not empty; or, where the columns are
-    ``time``, ``variable`` and ``value``, each is one event.
+    A row holds an event of each variable whose cell is not empty. If the columns are ``time``,
+    ``variable`` and ``value``, a row is one event.
 
     Raises:
-        InputError: On a missing column or variable, a value that is no number, or times that do
-            not increase.
+        InputError: If a column or a variable is missing, a value is not a number, or the times of
+            a variable do not increase.
 
     Example:
-        >>> from rtamt_gym.recorded.recordings import CsvFile
-        >>> wide = CsvFile(["time,x,y", "0,5,1", "0.2,4,"], "trace.csv")
-        >>> long = CsvFile(["time,variable,value", "0,x,5", "0,y,1", "0.2,x,4"], "trace.csv")
-        >>> for recording in (wide, long):
-        ...     signals = read_events(recording, ["x", "y"]).signals
+        >>> from rtamt_gym.recorded.csv_reader import CsvRecording
+        >>> wide = ["time,x,y", "0,5,1", "0.2,4,"]
+        >>> long = ["time,variable,value", "0,x,5", "0,y,1", "0.2,x,4"]
+        >>> for lines in (wide, long):
+        ...     signals = read_events(CsvRecording(lines, "trace.csv"), ["x", "y"]).signals
         ...     print({name: values.tolist() for name, (_, values) in signals.items()})
         {'x': [5.0, 4.0], 'y': [1.0]}
         {'x': [5.0, 4.0], 'y': [1.0]}
     """
     if {VARIABLE, VALUE} <= {*recording.names} and not {*variables} <= {*recording.names}:
-        return _by_rows(recording, variables)
+        return _read_long(recording, variables)
     _check_names(recording, (*variables, TIME))
-    rows = _read(recording, dict.fromkeys((TIME, *variables)), gaps=variables)
+    rows = _read(recording, Wanted(list(dict.fromkeys((TIME, *variables))), gaps=variables))
     _check_order(rows, np.arange(len(rows.lines)))
     signals = {}
     for name in variables:
@@ -169,9 +167,10 @@ def read_events(recording: Recording, variables: Sequence[str]) -> EventTrace:
     return EventTrace(recording.source, signals)
 
 
-def _by_rows(recording: Recording, variables: Sequence[str]) -> EventTrace:
+def _read_long(recording: Recording, variables: Sequence[str]) -> EventTrace:
+    """Reads events from rows of which each is one event."""
     _check_names(recording, (TIME, VARIABLE, VALUE))
-    rows = _read(recording, (TIME, VALUE), (VARIABLE,))
+    rows = _read(recording, Wanted((TIME, VALUE), (VARIABLE,)))
     named = np.array(rows.texts[VARIABLE])
     known = list(dict.fromkeys(rows.texts[VARIABLE]))
     signals = {}
@@ -187,14 +186,8 @@ def _by_rows(recording: Recording, variables: Sequence[str]) -> EventTrace:
     return EventTrace(recording.source, signals)
 
 
-def _read(
-    recording: Recording,
-    numbers: Iterable[str],
-    texts: Sequence[str] = (),
-    gaps: Sequence[str] = (),
-    empty: str = "",
-) -> Rows:
-    rows = recording.read(list(numbers), texts, gaps, empty)
+def _read(recording: Recording, wanted: Wanted) -> Rows:
+    rows = recording.read(wanted)
     if not rows.lines:
         raise InputError(f"{rows.source}: expected at least one sample below the line of names")
     infinite = ~np.isfinite(rows.numbers.get(TIME, np.zeros(1)))
@@ -218,20 +211,20 @@ def _check_order(rows: Rows, given: NDArray[np.intp], what: str = "") -> None:
         )
 
 
-def _check_names(recording: Recording, wanted: Sequence[str], events: str = "") -> None:
+def _check_names(recording: Recording, needed: Sequence[str], if_events: str = "") -> None:
     source, names = recording.source, recording.names
     if all(map(_is_number, names)):
         raise InputError(
             f"{source}, line 1: expected the names of the columns, got {', '.join(names)}; "
-            f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *wanted)))}"
+            f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *needed)))}"
         )
-    for name in wanted:
+    for name in needed:
         if name not in names:
             hint = nearest(name, names)
             if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
                 hint = "; columns are separated by commas"
-            if events and {VARIABLE, VALUE} <= set(names):
-                hint = f"; {events}"
+            if if_events and {VARIABLE, VALUE} <= set(names):
+                hint = f"; {if_events}"
             reader = "--dense" if name in (TIME, VALUE, VARIABLE) else "the specification"
             raise InputError(
                 f"{source}: no column '{name}', which {reader} reads; "
@@ -250,7 +243,7 @@ def _is_number(text: str) -> bool:
 
 
 def _simple(value: float, blur: float) -> Fraction:
-    """A fraction of few digits within ``blur`` of a value."""
+    """A fraction with a small denominator within ``blur`` of a value."""
     near = Fraction(value)
     for power in range(1, 12):
         simple = near.limit_denominator(10**power)

@@ -45,7 +45,6 @@ LATE = {("rtamt", "rtamt.compat")}
 CIRCLES = {
     ("rtamt.language.printing", "rtamt.language.formula"),
     ("rtamt_gym.signals.signals", "rtamt_gym.signals.mujoco"),
-    ("rtamt_gym.recorded.recordings", "rtamt_gym.recorded.parquet"),
     ("rtamt_gym.simulation.run", "rtamt_gym.simulation.storage"),
     ("rtamt_gym.simulation.run", "rtamt_gym.simulation.plot"),
 }

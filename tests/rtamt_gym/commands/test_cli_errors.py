@@ -1,11 +1,11 @@
 """What the command line refuses: one message on stderr, exit code 2."""
 
 import io
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from command_line import run_without
 
 from rtamt_gym.__main__ import main
 
@@ -20,6 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "trace.csv").write_text("speed\n29\n31\n")
     (tmp_path / "bad.stl").write_text("always\n(speed > )")
     (tmp_path / "latin.csv").write_bytes(b"speed\n\xe4\n")
+    (tmp_path / "latin.mat").write_bytes(b"speed\n\xe4\n")
     return tmp_path
 
 
@@ -123,6 +124,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
         (
+            "monitor spec.stl latin.mat",
+            "latin.mat: expected UTF-8 text, or a name that ends in .csv or .parquet",
+        ),
+        (
             "monitor bad.stl trace.csv",
             (
                 "in bad.stl: STL:2:10: expected an operand after '>', got ')'\n"
@@ -224,16 +229,6 @@ def test_bad_input_is_refused_in_one_message_and_exit_code_2(
 ) -> None:
     assert main(arguments.split()) == 2
     assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
-
-
-def run_without(modules: list[str], arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    """The command line where some modules cannot be imported."""
-    code = (
-        f"import sys; sys.modules.update(dict.fromkeys({modules})); "
-        f"from rtamt_gym.__main__ import main; sys.exit(main({arguments}))"
-    )
-    command = [sys.executable, "-c", code]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.usefixtures("folder")

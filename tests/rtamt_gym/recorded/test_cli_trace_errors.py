@@ -1,14 +1,13 @@
 """Recorded traces that the command line refuses: one message on stderr, exit code 2."""
 
 import io
-import subprocess
 import sys
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from recorded import write_files
+from command_line import run_without, write_files
 
 from rtamt_gym.__main__ import main
 
@@ -150,16 +149,6 @@ def test_bad_input_is_refused_in_one_message_and_exit_code_2(
     pq.write_table(pa.table(odd), "odd.parquet")
     assert main(arguments.split()) == 2
     assert capsys.readouterr() == ("", f"rtamt: error: {message}\n")
-
-
-def run_without(modules: list[str], arguments: list[str]) -> subprocess.CompletedProcess[str]:
-    """The command line where some modules cannot be imported."""
-    code = (
-        f"import sys; sys.modules.update(dict.fromkeys({modules})); "
-        f"from rtamt_gym.__main__ import main; sys.exit(main({arguments}))"
-    )
-    command = [sys.executable, "-c", code]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.usefixtures("folder")

@@ -1,25 +1,28 @@
 """Recorded traces on the command line: several specifications, events, Parquet, files, pictures."""
 
+import contextlib
 import csv
 import io
-import json
 import os
 import pty
 import subprocess
 import sys
 import termios
-import time
+import types
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from recorded import SPEC, write_files
+from command_line import SPEC, write_files
 
 import rtamt
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded import recordings
+from rtamt_gym.recorded import csv_reader, readers
+from rtamt_gym.recorded.csv_reader import CsvRecording
+from rtamt_gym.recorded.recording import Recording, Wanted
 
 Output = pytest.CaptureFixture[str]
 
@@ -238,6 +241,30 @@ def test_dense_parquet_takes_none_and_nan_as_no_event(capsys: Output, folder: Pa
     assert said[0] == said[1] == said[2]
 
 
+# A format is a row. ------------------------------------------------------------------------------
+
+
+def test_a_reader_in_the_table_reads_the_files_of_its_extension(
+    capsys: Output, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextlib.contextmanager
+    def open_file(path: str) -> Iterator[Recording]:
+        with Path(path).open() as file:
+            yield CsvRecording([line.replace(";", ",") for line in file], path)
+
+    reader = types.ModuleType("semicolons")
+    reader.open_file = open_file  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "semicolons", reader)
+    monkeypatch.setitem(readers.READERS, ".ssv", "semicolons")
+    (folder / "even.ssv").write_text((folder / "even.csv").read_text().replace(",", ";"))
+    assert main(["monitor", "spec.stl", "even.csv"]) == 1
+    expected = capsys.readouterr().out.replace("even.csv", "even.ssv")
+    assert main(["monitor", "spec.stl", "even.ssv"]) == 1
+    assert capsys.readouterr().out == expected
+    assert main(["monitor", "--help"]) == 0
+    assert ".csv, .parquet or .ssv file" in " ".join(capsys.readouterr().out.split())
+
+
 # Long files. -------------------------------------------------------------------------------------
 
 
@@ -246,8 +273,8 @@ def test_rows_are_numbered_and_refused_alike_in_every_block(
 ) -> None:
     lines = ["a,b", *(f"{i},{-i}" for i in range(10)), "", '"10","-10"', "11,x"]
     for block in (1, 3, 100):
-        monkeypatch.setattr(recordings, "_BLOCK", block)
-        read = recordings.CsvFile(lines[:-1], "t.csv").read(["b"])
+        monkeypatch.setattr(csv_reader, "_BLOCK", block)
+        read = CsvRecording(lines[:-1], "t.csv").read(Wanted(["b"]))
         assert read.numbers["b"].tolist() == [-float(i) for i in range(11)]
         assert [read.where(i) for i in (0, 9, 10)] == [
             "t.csv, line 2",
@@ -255,26 +282,40 @@ def test_rows_are_numbered_and_refused_alike_in_every_block(
             "t.csv, line 13",
         ]
         with pytest.raises(rtamt.InputError) as caught:
-            recordings.CsvFile(lines, "t.csv").read(["b"])
+            CsvRecording(lines, "t.csv").read(Wanted(["b"]))
         assert str(caught.value) == "t.csv, line 14, column 'b': expected a number, got 'x'"
 
 
-def test_a_long_file_is_judged_in_the_time_that_its_lines_take(
-    capsys: Output, folder: Path
+def calls(arguments: list[str]) -> int:
+    """The calls of functions, those written in C included, that a command makes."""
+    count = 0
+
+    def counted(_frame: object, event: str, _argument: object) -> None:
+        nonlocal count
+        count += event in {"call", "c_call"}
+
+    sys.setprofile(counted)
+    try:
+        main(arguments)
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def test_each_further_line_of_a_file_costs_the_same_few_calls(
+    capsys: Output, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    n = 100_000
-    values = np.sin(np.arange(n)).round(4)
-    text = "\n".join(f"{i / 100},{v},{-v}" for i, v in enumerate(values))
-    (folder / "big.csv").write_text(f"time,x,y\n{text}\n")
-    begin = time.perf_counter()
-    with (folder / "big.csv").open() as file:
-        for row in csv.reader(file):
-            json.dumps(row)
-    floor = time.perf_counter() - begin
-    begin = time.perf_counter()
-    assert main(["monitor", "always(x < 2 or eventually[0:10](y > 0))", "big.csv"]) == 0
-    assert time.perf_counter() - begin < 10 * floor
-    assert "big.csv: 100000 samples, one every 0.01 s, 0 s to 999.99 s" in capsys.readouterr().out
+    monkeypatch.setattr(csv_reader, "_BLOCK", 500)
+    lengths = (500, 1000, 2000, 4000)
+    counts = []
+    for n in lengths:
+        lines = (f"{i / 100},{x},{-x}" for i, x in enumerate(np.sin(np.arange(n)).round(4)))
+        (folder / "long.csv").write_text("\n".join(["time,x,y", *lines]))
+        counts.append(calls(["monitor", "always(x < 2 or eventually[0:10](y > 0))", "long.csv"]))
+        assert f"long.csv: {n} samples, one every 0.01 s, 0 s to " in capsys.readouterr().out
+    _, *per_line = np.diff(counts) / np.diff(lengths)  # the first run imports what it needs
+    assert per_line[0] < 5
+    assert per_line[1] == pytest.approx(per_line[0], rel=0.01)
 
 
 def on_a_terminal(prelude: str) -> str:
