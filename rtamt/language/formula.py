@@ -1,28 +1,24 @@
-"""Formulas and terms: frozen trees in which equal parts are the same object.
+"""Formulas and terms, made in Python.
 
-Nodes are hash-consed, so ``==`` is identity, hashing is free, and a sub-formula that stands twice
-is compiled to one register. ``str`` prints with the fewest brackets that the parser needs:
+Equal formulas are one object. ``str`` prints with the fewest brackets that the parser needs:
 ``parse(str(f)).formula is f``.
 """
 
 from __future__ import annotations
 
 import math
-import threading
-import weakref
-from collections.abc import Iterable, Iterator
-from typing import Self, cast
+from collections.abc import Iterable
+from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError
 from rtamt.language.interval import Exact, Interval
-from rtamt.language.operators import OPERATORS, RESERVED, Operator
+from rtamt.language.node import Node, interned
+from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text
+from rtamt.language.table import Operator
 
 __all__ = [
-    "MAX_DEPTH",
-    "MAX_SIZE",
     "Formula",
-    "Node",
     "Term",
     "conjunction",
     "disjunction",
@@ -30,68 +26,6 @@ __all__ = [
     "number",
     "variable",
 ]
-
-MAX_DEPTH = 200
-"""Nodes on the longest path of a formula; also the most brackets that may stand inside another."""
-
-MAX_SIZE = 1_000_000
-"""Nodes of a formula written out; a name used twice counts twice."""
-
-
-class Node:
-    """A term or a formula. Made by `make`, `variable` and `number`, never directly.
-
-    Attributes:
-        op: Row of the operator, or None for a variable or a number.
-        args: Operands.
-        interval: Interval of a temporal operator; None where it has none, or ``[0, inf)``.
-        leaf: Name of a variable or value of a number.
-        depth: Nodes on the longest path.
-        size: Nodes of the tree written out.
-    """
-
-    __slots__ = ("__weakref__", "args", "depth", "interval", "leaf", "op", "size")
-
-    op: Operator | None
-    args: tuple[Node, ...]
-    interval: Interval | None
-    leaf: str | float | None
-    depth: int
-    size: int
-
-    def __setattr__(self, name: str, value: object) -> None:
-        msg = f"{type(self).__name__} is frozen: make a new one instead of setting {name}"
-        raise AttributeError(msg)
-
-    def __copy__(self) -> Self:
-        return self
-
-    def __deepcopy__(self, memo: object) -> Self:
-        return self
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self}>"
-
-    def __str__(self) -> str:
-        return node_text(self)
-
-    def nodes(self) -> Iterator[Node]:
-        """Every different node below and with this one, operands before what uses them."""
-        seen: set[Node] = set()
-        stack: list[tuple[Node, bool]] = [(self, False)]
-        while stack:
-            node, done = stack.pop()
-            if done:
-                yield node
-            elif node not in seen:
-                seen.add(node)
-                stack.append((node, True))
-                stack.extend((child, False) for child in reversed(node.args))
-
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables, in order of first appearance."""
-        return tuple(n.leaf for n in self.nodes() if n.op is None and isinstance(n.leaf, str))
 
 
 class Term(Node):
@@ -101,6 +35,9 @@ class Term(Node):
     """
 
     __slots__ = ()
+
+    def __str__(self) -> str:
+        return node_text(self)
 
     def __add__(self, other: Term | float) -> Term:
         return _term("+", self, other)
@@ -199,6 +136,9 @@ class Formula(Node):
 
     __slots__ = ()
 
+    def __str__(self) -> str:
+        return node_text(self)
+
     def __bool__(self) -> bool:
         msg = f"a formula has no truth value; use & | ~ instead of and, or, not: {self}"
         raise InputTypeError(msg)
@@ -284,10 +224,10 @@ def variable(name: str) -> Term:
     if not all(part.isidentifier() and part.isascii() for part in name.split(".")):
         msg = f"expected a name of letters, digits, '_' and dots, got '{name}'"
         raise SpecificationError(msg)
-    if name in RESERVED:
+    if name in OPERATORS.reserved:
         msg = f"'{name}' is a word of the language and cannot name a variable"
         raise SpecificationError(msg)
-    return cast("Term", _intern(Term, None, (), None, name))
+    return interned(Term, None, leaf=name)
 
 
 def number(value: float) -> Term:
@@ -299,7 +239,7 @@ def number(value: float) -> Term:
     if not math.isfinite(value):
         msg = f"expected a finite number in a term, got {value!r}; write true or false for +-inf"
         raise SpecificationError(msg)
-    return cast("Term", _intern(Term, None, (), None, value))
+    return interned(Term, None, leaf=value)
 
 
 def conjunction(formulas: Iterable[Formula]) -> Formula:
@@ -338,8 +278,8 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
     if interval is not None and not op.timed:
         msg = f"'{op.symbol}' takes no interval, got {interval}"
         raise SpecificationError(msg)
-    result: type[Node] = Term if op.result == "term" else Formula
-    return cast("Term | Formula", _intern(result, op, args, interval, None))
+    result: type[Term | Formula] = Term if op.result == "term" else Formula
+    return interned(result, op, args, interval)
 
 
 def _junction(name: str, formulas: tuple[Formula, ...]) -> Formula:
@@ -371,47 +311,3 @@ def _as_kind(op: Operator, kind: type[Node], arg: Node) -> Node:
         msg = f"expected a {kind.__name__.lower()} as operand of '{op.symbol}', got {got}"
         raise SpecificationError(msg)
     return arg
-
-
-_Key = tuple[
-    type[Node],
-    Operator | None,
-    tuple[Node, ...],
-    Interval | None,
-    str | float | None,
-    str,
-]
-_interned: weakref.WeakValueDictionary[_Key, Node] = weakref.WeakValueDictionary()
-_lock = threading.Lock()
-
-
-def _intern(
-    kind: type[Node],
-    op: Operator | None,
-    args: tuple[Node, ...],
-    interval: Interval | None,
-    leaf: str | float | None,
-) -> Node:
-    # repr tells 0.0 from -0.0, which compare equal but divide differently.
-    key = (kind, op, args, interval, leaf, repr(leaf))
-    with _lock:
-        node = _interned.get(key)
-        if node is None:
-            depth = 1 + max((a.depth for a in args), default=0)
-            size = 1 + sum(a.size for a in args)
-            if depth > MAX_DEPTH or size > MAX_SIZE:
-                msg = (
-                    f"the formula is nested {depth} deep; the limit is {MAX_DEPTH}"
-                    if depth > MAX_DEPTH
-                    else f"the formula has {size} nodes written out; the limit is {MAX_SIZE}"
-                )
-                raise SpecificationError(msg)
-            node = object.__new__(kind)
-            values = (op, args, interval, leaf, depth, size)
-            for name, value in zip(_FIELDS, values, strict=True):
-                object.__setattr__(node, name, value)
-            _interned[key] = node
-        return node
-
-
-_FIELDS = ("op", "args", "interval", "leaf", "depth", "size")

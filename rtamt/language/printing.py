@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
-from rtamt.language.operators import OPERATORS, Operator
-
-if TYPE_CHECKING:
-    from rtamt.language.formula import Node
+from rtamt.language.node import Node
+from rtamt.language.operators import OPERATORS
+from rtamt.language.table import Operator
 
 __all__ = ["node_text", "number_text"]
 

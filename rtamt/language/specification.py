@@ -15,10 +15,11 @@ from types import MappingProxyType
 from typing import Literal
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.language.formula import Formula, Node
+from rtamt.language.formula import Formula
 from rtamt.language.interval import UNITS, Interval
-from rtamt.language.operators import Bounds
+from rtamt.language.node import Node
 from rtamt.language.printing import node_text, number_text
+from rtamt.language.table import Bounds
 
 __all__ = ["Declaration", "Specification"]
 

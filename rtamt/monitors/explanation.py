@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, kind_of
-from rtamt.language.formula import Formula, Node
-from rtamt.language.operators import Operator
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
 from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
+from rtamt.language.table import Operator
 from rtamt.machines.backend import Backend, discrete_machine
 from rtamt.machines.offline import run_outputs
 from rtamt.monitors.evaluation import whole_trace

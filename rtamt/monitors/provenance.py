@@ -15,7 +15,7 @@ from typing import Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.language.operators import Bounds, Operator
+from rtamt.language.table import Bounds, Operator
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 
 __all__ = ["Origin", "origin_of"]

@@ -13,9 +13,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rtamt.language.formula import Node
-from rtamt.language.operators import Bounds
+from rtamt.language.node import Node
 from rtamt.language.specification import Specification
+from rtamt.language.table import Bounds
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.lowering import ProgramBuilder
 from rtamt.program.program import Const, Load, Map, Program, Window

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from rtamt.errors import InputError, InputTypeError, nearest
-from rtamt.language.formula import Node
+from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
 __all__ = ["STANDARD", "Interface", "Names", "Reading", "Semantics", "as_interface"]

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never, cast
 
-from rtamt.language.formula import Formula, Node, Term
-from rtamt.language.operators import Bounds, Meaning
+from rtamt.language.formula import Formula, Term
+from rtamt.language.node import Node
 from rtamt.language.specification import Specification
+from rtamt.language.table import Bounds, Meaning
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import (

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
-from rtamt.language.formula import Node
+from rtamt.language.node import Node
 from rtamt.language.printing import number_text
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 

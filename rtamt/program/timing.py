@@ -11,7 +11,7 @@ import numpy as np
 
 from rtamt.errors import InputTypeError, RtamtError, SpecificationError
 from rtamt.language.interval import UNITS, Interval, decimal_text
-from rtamt.language.operators import Bounds
+from rtamt.language.table import Bounds
 
 __all__ = ["MAX_WINDOW", "Period", "as_period", "samples", "seconds_text"]
 

@@ -43,7 +43,6 @@ LATE = {("rtamt", "rtamt.compat")}
 
 # Circles that are still to be opened.
 CIRCLES = {
-    ("rtamt.language.printing", "rtamt.language.formula"),
     ("rtamt_gym.signals.signals", "rtamt_gym.signals.mujoco"),
     ("rtamt_gym.simulation.run", "rtamt_gym.simulation.storage"),
     ("rtamt_gym.simulation.run", "rtamt_gym.simulation.plot"),

@@ -10,7 +10,7 @@ from functools import partial
 
 from oracle import Trace, bounds, predicate
 
-from rtamt.language.formula import Node
+from rtamt.language.node import Node
 
 
 def positive(f: Node, trace: Trace, i: int) -> bool:

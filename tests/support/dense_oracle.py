@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from oracle import INF, difference
 
-from rtamt.language.formula import Node
+from rtamt.language.node import Node
 
 STEP = 0.5
 Signals = Mapping[str, Sequence[tuple[float, float]]]

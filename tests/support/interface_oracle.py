@@ -7,7 +7,7 @@ import operator
 
 from oracle import INF, Read, Trace, Value, predicate, term
 
-from rtamt.language.formula import Node
+from rtamt.language.node import Node
 from rtamt.program.interface import Semantics
 
 SEMANTICS: tuple[Semantics, ...] = (

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from rtamt.language.formula import Node
+from rtamt.language.node import Node
 
 INF = math.inf
 Value = tuple[float, float]

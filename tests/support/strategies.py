@@ -14,8 +14,10 @@ from typing import cast
 from hypothesis import strategies as st
 
 from rtamt import Formula, Interval, Term, number, variable
-from rtamt.language.formula import Node, make
-from rtamt.language.operators import OPERATORS, Operator
+from rtamt.language.formula import make
+from rtamt.language.node import Node
+from rtamt.language.operators import OPERATORS
+from rtamt.language.table import Operator
 
 Trace = dict[str, list[float]]
 Draw = st.DrawFn

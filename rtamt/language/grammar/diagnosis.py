@@ -13,7 +13,7 @@ from rtamt.errors import ParseError
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import UNITS
-from rtamt.language.operators import OPERATORS, RESERVED
+from rtamt.language.operators import OPERATORS
 
 __all__ = [
     "PRIMITIVES",
@@ -186,7 +186,7 @@ def _reserved(token: Token) -> str:
     word = token.text
     if word == "inf":
         return "inf is only for the end of an interval; true is +inf, false is -inf"
-    if word not in RESERVED:
+    if word not in OPERATORS.reserved:
         return ""
     row = _WORDS.get(word)
     if row is None:

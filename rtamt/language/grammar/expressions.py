@@ -7,11 +7,13 @@ from fractions import Fraction
 from typing import cast
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.language.formula import MAX_DEPTH, Formula, Node, make, number
+from rtamt.language.formula import Formula, make, number
 from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, shown
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.interval import UNITS, Interval, decimal_text, exact
-from rtamt.language.operators import SPELLINGS, Operator
+from rtamt.language.node import MAX_DEPTH, Node
+from rtamt.language.operators import OPERATORS
+from rtamt.language.table import Operator
 
 __all__ = ["TreeBuilder"]
 
@@ -86,7 +88,7 @@ class TreeBuilder:
             elif kind == StlLexer.OPEN:
                 self._push(None, 0, token)
             elif kind == StlLexer.FUNCTION:
-                self._push(SPELLINGS[token.text, "call"], 0, token)
+                self._push(OPERATORS.spellings[token.text, "call"], 0, token)
                 at += 1  # its bracket
             elif kind == StlLexer.COMMA:
                 self._reduce(1)
@@ -96,10 +98,10 @@ class TreeBuilder:
                 operand_next = False
             else:
                 if operand_next:
-                    row = SPELLINGS[token.text, "prefix"]
+                    row = OPERATORS.spellings[token.text, "prefix"]
                     self._push(row, row.precedence, token)
                 else:
-                    self._infix(SPELLINGS[token.text, "infix"], token)
+                    self._infix(OPERATORS.spellings[token.text, "infix"], token)
                 at = self._interval(at)
                 operand_next = True
             at += 1

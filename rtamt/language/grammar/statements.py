@@ -7,11 +7,12 @@ from fractions import Fraction
 from typing import Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.language.formula import Formula, Node, Term, number, variable
+from rtamt.language.formula import Formula, Term, number, variable
 from rtamt.language.grammar.diagnosis import PRIMITIVES, Token, fail, nearest, nearest_name, shown
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.tokens import Part, Statement, Statements, read
 from rtamt.language.interval import exact
+from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import Declaration, Specification
 

@@ -18,10 +18,10 @@ from antlr4.error.ErrorStrategy import BailErrorStrategy
 from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
-from rtamt.language.formula import MAX_DEPTH
 from rtamt.language.grammar.diagnosis import Token, diagnose, fail, misspelt
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
+from rtamt.language.node import MAX_DEPTH
 
 __all__ = ["Part", "Statement", "Statements", "read"]
 

@@ -16,18 +16,9 @@ from strategies import formulas
 
 import rtamt
 from rtamt.errors import InputTypeError, ParseError, SpecificationError
-from rtamt.language.formula import (
-    MAX_DEPTH,
-    MAX_SIZE,
-    Formula,
-    Term,
-    conjunction,
-    disjunction,
-    make,
-    number,
-    variable,
-)
+from rtamt.language.formula import Formula, Term, conjunction, disjunction, make, number, variable
 from rtamt.language.interval import UNITS, Interval, exact
+from rtamt.language.node import MAX_DEPTH, MAX_SIZE
 from rtamt.language.specification import Specification
 
 x, y, z = (variable(name) for name in "xyz")

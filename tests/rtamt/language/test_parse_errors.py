@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt.errors import InputTypeError, ParseError, SpecificationError
-from rtamt.language.formula import MAX_DEPTH
-from rtamt.language.operators import OPERATORS, RESERVED
+from rtamt.language.node import MAX_DEPTH
+from rtamt.language.operators import OPERATORS
 
 TABLE = Path(__file__).with_name("parse_errors.txt")
 
@@ -40,7 +40,7 @@ def test_error_says_what_was_expected_where_and_the_way_out(text: str, message: 
 
 
 PIECES = (
-    *sorted({s for row in OPERATORS.values() for s in row.spellings} | RESERVED),
+    *sorted({s for row in OPERATORS.values() for s in row.spellings} | OPERATORS.reserved),
     *"()[]:,;=@/-. \n\té",
     *("x", "a.b", "K", "5", "1e3", "ms", "nan", "float", "topic", "//", "/*", "*/", "[0:5]"),
     *("const float K = 3\n", "float x\n", "p = ", "x > 0"),

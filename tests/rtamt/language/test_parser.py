@@ -14,11 +14,13 @@ from paths import ROOT
 
 import rtamt
 from rtamt.errors import InputTypeError
-from rtamt.language.formula import MAX_DEPTH, Formula, make, variable
+from rtamt.language.formula import Formula, make, variable
 from rtamt.language.interval import Interval
-from rtamt.language.operators import OPERATORS, RESERVED, SPELLINGS, Operator
+from rtamt.language.node import MAX_DEPTH
+from rtamt.language.operators import OPERATORS
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
+from rtamt.language.table import Operator
 
 GRAMMAR = ROOT / "rtamt" / "language" / "grammar"
 
@@ -45,7 +47,7 @@ def written(row: Operator, spelling: str) -> str:
 
 @pytest.mark.parametrize(
     ("spelling", "row"),
-    [(spelling, row) for (spelling, _), row in SPELLINGS.items() if row.name != "value"],
+    [(spelling, row) for (spelling, _), row in OPERATORS.spellings.items() if row.name != "value"],
 )
 def test_every_spelling_of_every_row_is_that_operator(spelling: str, row: Operator) -> None:
     operands = tuple(variable(name) for name in ("a", "b")[: row.arity[0]])
@@ -65,7 +67,7 @@ def test_grammar_and_table_know_the_same_spellings() -> None:
     )
     of_rule = {s: rule for rule, body in rules for s in re.findall(r"'([^']+)'", body)}
     assert of_rule.keys() == {s for row in OPERATORS.values() for s in row.spellings if s}
-    for (spelling, notation), row in SPELLINGS.items():
+    for (spelling, notation), row in OPERATORS.spellings.items():
         if spelling:
             timed = of_rule[spelling] in ("TEMPORAL", "BINDING")
             assert timed == row.timed, spelling
@@ -74,7 +76,7 @@ def test_grammar_and_table_know_the_same_spellings() -> None:
 
 def test_grammar_and_table_reserve_the_same_words() -> None:
     words = re.findall(r"'([A-Za-z_]+)'", (GRAMMAR / "Stl.g4").read_text())
-    assert set(words) == RESERVED
+    assert set(words) == OPERATORS.reserved
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,8 @@ from rtamt import (
     explain,
     variable,
 )
-from rtamt.language.formula import Node, make
+from rtamt.language.formula import make
+from rtamt.language.node import Node
 
 Backend = Literal["native", "python"]
 

@@ -1,0 +1,145 @@
+"""What the table of operators is made of: a row, the builder of its meaning, and the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+__all__ = ["KEYWORDS", "Bounds", "Builder", "Meaning", "Notation", "Operator", "Table"]
+
+KEYWORDS = frozenset({"inf", "const", "input", "output", "specification", "from", "import"})
+"""The words of the language that are no operators; the grammar has them."""
+
+Bounds = tuple[int, int | None]
+"""Bounds of an interval in samples; None is no upper bound."""
+
+
+class Builder(Protocol):
+    """The instructions that a meaning is written in; each returns the register of its value."""
+
+    def constant(self, value: float) -> int:
+        """The same value at every sample, seen or not."""
+
+    def map(self, function: str, *args: int) -> int:
+        """The function of the operands' values now."""
+
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
+        """The fold over offsets lo to hi from now, cut to the trace; None is unbounded."""
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open until: p holds from now on up to, not at, the moment q holds."""
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open since: p holds from just after the moment q held."""
+
+
+Meaning = Callable[..., int]
+Kind = Literal["term", "formula"]
+Notation = Literal["prefix", "infix", "call", "atom"]
+Grouping = Literal["flat", "left-flat", "left", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """One row.
+
+    Attributes:
+        spellings: Every spelling that the parser takes; `str` prints the first.
+        notation: ``op p``, ``p op q``, ``op(p, ...)``, or a formula without operands.
+        precedence: Binding strength; higher binds tighter.
+        doc: The robustness at sample i, in one line.
+        meaning: The robustness, over a builder and the operands' registers (after the bounds).
+        arity: Least and greatest number of operands; None is any.
+        operands: Whether the operands are terms or formulas.
+        result: Whether the whole is a term or a formula.
+        grouping: For infix operators: ``flat`` associates and is one node of many operands,
+            ``left-flat`` is one node only if grouped to the left (floating-point sums), ``left``
+            nests to the left, ``none`` does not chain.
+        timed: Whether an interval may follow the operator.
+        future: Whether the value depends on later samples.
+        sampled: Whether the value depends on neighbouring samples, which dense time does not have.
+        holds: For predicates: +inf where they hold, -inf where not; over a builder and registers.
+        name: The key of the row; the first spelling, unless given.
+    """
+
+    spellings: tuple[str, ...]
+    notation: Notation
+    precedence: int
+    doc: str
+    meaning: Meaning
+    arity: tuple[int, int | None] = (1, 1)
+    operands: Kind = "formula"
+    result: Kind = "formula"
+    grouping: Grouping = "none"
+    timed: bool = False
+    future: bool = False
+    sampled: bool = False
+    holds: Meaning | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Name the row, and check it against itself."""
+        object.__setattr__(self, "name", self.name or self.symbol)
+        infix = self.notation == "infix"
+        well_formed = (
+            (infix or self.grouping == "none")
+            and (not infix or self.arity[0] == 2)
+            and (self.notation != "prefix" or self.arity == (1, 1))
+            and (not self.timed or (self.operands == "formula" and self.notation != "call"))
+        )
+        if not well_formed:
+            msg = f"the row of {self.name} contradicts itself"
+            raise AssertionError(msg)
+
+    @property
+    def symbol(self) -> str:
+        """The canonical spelling."""
+        return self.spellings[0]
+
+    def __repr__(self) -> str:
+        return f"<operator {self.name}>"
+
+
+class Table(Mapping[str, Operator]):
+    """Rows by name, and what is derived from all of them.
+
+    Attributes:
+        spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.
+        words: Spelling to its row, for the spellings that are words.
+        reserved: Words that cannot name a variable.
+    """
+
+    spellings: Mapping[tuple[str, Notation], Operator]
+    words: Mapping[str, Operator]
+    reserved: frozenset[str]
+
+    def __init__(self, rows: Iterable[Operator]) -> None:
+        self.replace(rows)
+
+    def replace(self, rows: Iterable[Operator]) -> None:
+        """Make these the rows of the table.
+
+        Raises:
+            AssertionError: If two rows have the same name or word, or a row has a keyword.
+        """
+        rows = tuple(rows)
+        words = [(s, row) for row in rows for s in row.spellings if s.isidentifier()]
+        taken = [*(row.name for row in rows), *KEYWORDS, *(s for s, row in words if s != row.name)]
+        if len(set(taken)) != len(taken):
+            twice = sorted({word for word in taken if taken.count(word) > 1})
+            msg = f"expected one meaning for a word, got several for {', '.join(twice)}"
+            raise AssertionError(msg)
+        self._rows = {row.name: row for row in rows}
+        self.spellings = {(s, row.notation): row for row in rows for s in row.spellings}
+        self.words = dict(words)
+        self.reserved = KEYWORDS.union(self.words)
+
+    def __getitem__(self, name: str) -> Operator:
+        return self._rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        return len(self._rows)
