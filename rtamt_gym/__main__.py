@@ -1,8 +1,7 @@
-"""The command line: `rtamt demo`, `rtamt run`, `rtamt monitor`, `rtamt explain`.
+"""The command line, `rtamt COMMAND`.
 
-Exit codes: 0, or 1 where `monitor` or `explain` finds a violation; 2 on bad input, with one message
-on stderr.
-Gymnasium, MuJoCo and matplotlib are imported by the commands that need them.
+A command returns its exit code. On bad input the code is 2, with one message on stderr. Commands
+import Gymnasium, MuJoCo and matplotlib when they need them.
 """
 
 from __future__ import annotations
@@ -12,11 +11,12 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import NoReturn
 
 import rtamt
 from rtamt import InputError, RtamtError
-from rtamt_gym.commands import demo, explain, monitor, run
+from rtamt_gym.commands import COMMANDS
 
 __all__ = ["main"]
 
@@ -27,10 +27,10 @@ _EXTRAS = {
     "matplotlib": "plot",
     "pyarrow": "parquet",
 }
-"""What has to be imported, and the extra that installs it."""
+"""The extra that installs each optional package."""
 
 _OPTIONS = (
-    # The library's way out is written in Python; here it is written in options.
+    # The library's errors give advice in Python; on the command line the same advice is an option.
     (r"view='step'", "--view step"),
     (r"\bperiod= ?", "--period "),
     (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
@@ -41,7 +41,7 @@ _OPTIONS = (
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
     try:
-        options = _options(argv)
+        options = _options(sys.argv[1:] if argv is None else argv)
         code: int = options.run(options)
         sys.stdout.flush()
     except SystemExit as end:  # --help and --version
@@ -49,7 +49,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        # The reader has gone, as `head` does; Python would complain once more at exit.
+        # The reader of our output has ended, as `head` does. Without this, Python would print an
+        # error of its own at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except RtamtError as error:
@@ -67,11 +68,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = _parser()
+def _options(argv: Sequence[str]) -> argparse.Namespace:
+    parser = _parser(next((word for word in argv if not word.startswith("-")), ""))
     options, rest = parser.parse_known_args(argv)
     if rest and "trace" in options and not any(text.startswith("-") for text in rest):
-        # argparse ends a list of specifications at the first option behind it.
+        # argparse ends the list of specifications at the first option after it.
         options.specs += [options.trace, *rest]
         options.trace = options.specs.pop()
     elif rest:
@@ -91,18 +92,23 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(f"{message}; see {self.prog} --help")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(given: str) -> argparse.ArgumentParser:
+    """The parser of the command line, with the arguments of the command that is given."""
     parser = _Parser(
         prog="rtamt",
-        description="Signal temporal logic: simulations and recorded traces under monitors.",
+        description="Monitors simulations and recorded traces under Signal Temporal Logic.",
         allow_abbrev=False,
     )
     parser.add_argument(
         "--version", action="version", version=f"rtamt {rtamt.__version__} ({rtamt.BACKEND})"
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (demo, run, monitor, explain):
-        command.add(commands)
+    for name, line in COMMANDS.items():
+        command = commands.add_parser(name, help=line, allow_abbrev=False)
+        if name == given:
+            module = import_module(f"rtamt_gym.commands.{name}")
+            module.add_arguments(command)
+            command.set_defaults(run=module.run)
     return parser
 
 

@@ -11,9 +11,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from rtamt_gym.drawing import save
 from rtamt_gym.signals.signals import SignalLike, Step
-from rtamt_gym.simulation import plot
 from rtamt_gym.simulation.outcomes import report, saved_note
+from rtamt_gym.simulation.plot import draw
 from rtamt_gym.simulation.policies import import_highway, make
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
@@ -174,5 +175,5 @@ def run(seed: int, picture: Path) -> Iterator[str]:
         watched += runs
         shown += [run for run in runs if run.label == scenario.shown]
     yield from saved_note(watched)
-    plot.save(shown, picture)
+    save(draw(shown), picture)
     yield f"picture: {picture.resolve()}"

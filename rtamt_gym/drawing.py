@@ -1,20 +1,33 @@
-"""What pictures have in common: colours, frames, formats."""
+"""Colours, panels and file formats that all pictures share."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from rtamt import InputError, Verdict
 
-__all__ = ["BOUNDS", "OPEN", "ROBUSTNESS", "SIGNAL", "VERDICTS", "check_format", "frame", "tidy"]
+__all__ = [
+    "BOUNDS",
+    "OPEN",
+    "ROBUSTNESS",
+    "SIGNAL",
+    "VERDICTS",
+    "check_format",
+    "robustness_panel",
+    "save",
+    "show_verdict",
+    "tidy",
+]
 
-# Okabe and Ito's palette, which colour-blind readers tell apart.
+# The palette of Okabe and Ito, whose colours can be told apart by colour-blind readers.
 SIGNAL = "#0072B2"
 ROBUSTNESS = "#222222"
 BOUNDS = "#9BD0F0"
@@ -23,27 +36,59 @@ OPEN = "#666666"
 
 
 def check_format(path: Path) -> None:
-    """Refuses a file name that says no format of pictures.
+    """Checks that the extension of a file is that of a picture.
 
     Raises:
-        InputError: Naming the usual formats.
+        InputError: If it is not; names the usual ones.
     """
     if path.suffix.lower().removeprefix(".") not in FigureCanvasAgg.get_supported_filetypes():
         raise InputError(f"cannot draw {path}: expected a name that ends in .png, .svg or .pdf")
 
 
-def frame(curves: Sequence[NDArray[np.float64]]) -> tuple[float, float]:
-    """The range of the finite values and zero, with room for what goes to infinity."""
-    finite = np.concatenate([[0.0], *(c[np.isfinite(c)] for c in curves)])
-    least, most = float(finite.min()), float(finite.max())
-    room = 0.2 * (most - least) or 1.0
-    return least - room, most + room
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure in the format of the file's extension."""
+    figure.savefig(path, dpi=110)
 
 
 def tidy(ax: Axes, name: str) -> None:
-    """A panel without decoration, named on its left."""
+    """Removes the decoration of a panel and writes its name on the left."""
     ax.set_ylabel(name, fontsize=9.5)
     ax.spines[["top", "right"]].set_visible(False)
     ax.grid(visible=True, color="#E5E5E5", linewidth=0.6)
     ax.set_axisbelow(True)
     ax.tick_params(labelsize=8.5)
+
+
+def robustness_panel(
+    ax: Axes, name: str, formula: str, width: int, curves: Sequence[NDArray[np.float64]]
+) -> list[NDArray[np.float64]]:
+    """Prepares a panel for robustness: a tidy one with the formula above and a line at zero.
+
+    Args:
+        ax: The panel.
+        name: Stands on the left.
+        formula: Stands above, in two lines at most.
+        width: Characters in such a line.
+        curves: The curves to be drawn.
+
+    Returns:
+        The curves, clipped to the range of the panel. It holds their finite values and zero, with
+        room above and below, so that infinite values end at its edges.
+    """
+    tidy(ax, name)
+    text = "\n".join(textwrap.wrap(formula, width, max_lines=2, placeholder=" ..."))
+    ax.set_title(text, fontsize=8.5, loc="left", family="monospace")
+    finite = np.concatenate([[0.0], *(c[np.isfinite(c)] for c in curves)])
+    least, most = float(finite.min()), float(finite.max())
+    room = 0.2 * (most - least) or 1.0
+    ax.set_ylim(least - room, most + room)
+    ax.axhline(0.0, color=OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
+    return [np.clip(curve, least - room, most + room) for curve in curves]
+
+
+def show_verdict(ax: Axes, verdict: Verdict, text: str) -> None:
+    """Writes a verdict in its colour below a panel, with a text behind it."""
+    colour = VERDICTS.get(verdict, OPEN)
+    ax.set_xlabel(
+        f"{verdict.name}, {text}", color=colour, fontsize=9, loc="right", fontweight="bold"
+    )

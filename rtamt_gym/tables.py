@@ -1,4 +1,4 @@
-"""Plain text that reads well on a terminal of 80 columns."""
+"""Numbers, times and tables as text for a terminal of 80 columns."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-__all__ = ["instant", "moment", "number", "shorten", "table"]
+__all__ = ["number", "sample_text", "shorten", "table", "time_text"]
 
 
 def number(value: float) -> str:
-    """Six digits, without what says nothing.
+    """Writes a number in six digits at most.
 
     Example:
         >>> number(2.0), number(-1 / 3), number(float("inf"))
@@ -19,11 +19,13 @@ def number(value: float) -> str:
     return f"{value:.6g}"
 
 
-def instant(time: float, step: float | None) -> str:
-    """A time in seconds, in the digits that tell it from one a step later; or a sample's number.
+def time_text(time: float, step: float | None) -> str:
+    """Writes a time in seconds, with enough digits to tell it from the time a step later.
+
+    Without a step, the time is the number of a sample.
 
     Example:
-        >>> instant(1 / 3, 0.1), instant(1.7e9 + 0.1, 0.1), instant(3, None)
+        >>> time_text(1 / 3, 0.1), time_text(1.7e9 + 0.1, 0.1), time_text(3, None)
         ('0.333333 s', '1700000000.1 s', 'sample 3')
     """
     if step is None:
@@ -32,20 +34,20 @@ def instant(time: float, step: float | None) -> str:
     return f"{time:.{max(digits, 6)}g} s"
 
 
-def moment(sample: int, period: Fraction | None, start: float = 0.0) -> str:
-    """When a sample was taken: in seconds where the period is known.
+def sample_text(sample: int, period: Fraction | None, start: float = 0.0) -> str:
+    """Writes the time of a sample in seconds, or its number if there is no period.
 
     Example:
-        >>> moment(3, Fraction(1, 2)), moment(3, None)
+        >>> sample_text(3, Fraction(1, 2)), sample_text(3, None)
         ('1.5 s', 'sample 3')
     """
     if period is None:
-        return instant(sample, None)
-    return instant(start + float(sample * period), float(period))
+        return time_text(sample, None)
+    return time_text(start + float(sample * period), float(period))
 
 
 def shorten(text: str, width: int) -> str:
-    """The text, cut to a width.
+    """Cuts a text to a width, with three dots in place of what is cut off.
 
     Example:
         >>> shorten("always(x > 0)", 9)
@@ -55,21 +57,21 @@ def shorten(text: str, width: int) -> str:
 
 
 def table(rows: Sequence[Sequence[str]], align: str) -> list[str]:
-    r"""Lines of columns, two blanks apart.
+    r"""Arranges cells in columns, two blanks apart; a column with empty cells alone is left out.
 
     Args:
-        rows: Cells; the first row names the columns.
+        rows: The cells; the first row holds the names of the columns.
         align: ``<`` or ``>`` for every column.
 
     Example:
-        >>> print(*table([("spec", "steps"), ("upright", "50")], "<>"), sep="\n")
+        >>> cells = [("ep", "spec", "steps"), ("", "upright", "50")]
+        >>> print(*table(cells, "><>"), sep="\n")
         spec     steps
         upright     50
     """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            f"{cell:{side}{width}}" for cell, side, width in zip(row, align, widths, strict=True)
-        ).rstrip()
-        for row in rows
+    columns = [
+        [f"{cell:{side}{max(map(len, column))}}" for cell in column]
+        for column, side in zip(zip(*rows, strict=True), align, strict=True)
+        if any(column[1:])
     ]
+    return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]

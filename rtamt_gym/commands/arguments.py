@@ -1,4 +1,4 @@
-"""What the arguments of several commands have in common."""
+"""Arguments that several commands have: specifications, traces, files to write."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING
 
 import rtamt
 from rtamt import InputError
@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from rtamt_gym.recorded.trace import Trace
 
 __all__ = [
-    "Commands",
-    "add_reading",
-    "add_trace",
-    "check_folder",
+    "add_period_and_view",
+    "add_specs_and_trace",
+    "check_outputs",
     "positive",
     "read_samples",
     "read_specs",
@@ -28,66 +27,72 @@ __all__ = [
     "whole",
 ]
 
-Commands: TypeAlias = "argparse._SubParsersAction[Any]"  # noqa: SLF001 - it has no public name
-"""What commands are added to."""
 
-
-def add_reading(command: argparse.ArgumentParser, otherwise: str) -> None:
-    """Adds what says how a trace is read; ``otherwise`` is the period if none is given."""
-    command.add_argument(
+def add_period_and_view(parser: argparse.ArgumentParser, default: str) -> None:
+    """Adds ``--period``, whose default is described by a text, and ``--view``."""
+    parser.add_argument(
         "--period",
         metavar="TIME",
-        help=f"time between samples: 0.1 (seconds) or 100ms ({otherwise})",
+        help=f"time between samples: 0.1 (seconds) or 100ms (default: {default})",
     )
-    command.add_argument(
+    parser.add_argument(
         "--view",
         choices=("episode", "step"),
         default="episode",
-        help="whether a formula speaks of the whole, as seen from the first sample, "
-        "or of every sample (episode)",
+        help="episode: a formula is evaluated at the first sample; step: at every sample, and all "
+        "have to satisfy it (default: episode)",
     )
 
 
-def add_trace(command: argparse.ArgumentParser) -> None:
-    """Adds specifications, a trace, and how it is read."""
-    command.add_argument(
+def add_specs_and_trace(parser: argparse.ArgumentParser) -> None:
+    """Adds the specifications, the trace, and the options that say how it is read."""
+    parser.add_argument(
         "specs",
         nargs="+",
         metavar="SPEC",
-        help="the path of a .stl file, name=path, or a formula; one or more",
+        help="the path of a .stl file, name=path, or a formula",
     )
     *others, last = READERS
-    command.add_argument(
+    parser.add_argument(
         "trace",
         metavar="TRACE",
         help=f"the path of a {', '.join(others)} or {last} file, or - for CSV on stdin",
     )
-    add_reading(command, "read from a column 'time', else bounds count samples")
+    add_period_and_view(
+        parser, "the distance of two times; without a column 'time', bounds count samples"
+    )
 
 
 def whole(text: str) -> int:
-    """The type of a whole number, 0 or more."""
+    """Reads an argument that is a whole number."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
     return int(text)
 
 
 def positive(text: str) -> int:
-    """The type of a whole number, 1 or more."""
+    """Reads an argument that is a whole number greater than 0."""
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"expected a whole number greater than 0, got {text!r}")
     return int(text)
 
 
 def _read_spec(argument: str) -> rtamt.Specification:
-    """The specification that an argument means: a path has no blank, bracket or comparison."""
+    """Reads a formula or the path of a file; a path has no blank, bracket or comparison."""
     if re.search(r"[\s(<>=!]", argument) and not Path(argument).is_file():
         return rtamt.parse(argument)
     return rtamt.load(argument)
 
 
 def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
-    """The specifications that arguments mean, each by a name of its own."""
+    """Reads specifications, each under a different name.
+
+    The name is that given in ``name=path``, else that in the text, else that of the file, else
+    ``spec``, ``spec2`` and so on.
+
+    Raises:
+        InputError: If two specifications have the same name.
+    """
     specs: dict[str, rtamt.Specification] = {}
     for argument in arguments:
         named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
@@ -104,24 +109,27 @@ def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
 
 
 def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:
-    """The variables of all specifications."""
+    """The variables of all specifications, each once."""
     return list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
 
 
 def read_samples(
-    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification], events: str = ""
+    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification], if_events: str = ""
 ) -> tuple[Trace, str | Fraction | None]:
-    """The samples that the arguments of `add_trace` mean, and the period.
+    """Reads the samples of the trace, and the period: that given, else that of the trace.
 
     Args:
-        options: The arguments.
-        specs: Say which columns are read.
-        events: As for `read_trace`.
+        options: The arguments of `add_specs_and_trace`.
+        specs: The specifications, whose variables are the columns to read.
+        if_events: Advice for errors that rows which are events, not samples, may cause.
+
+    Raises:
+        InputError: If the trace cannot be read, or is too short to have a period.
     """
     from rtamt_gym.recorded.trace import read_trace
 
     with open_recording(options.trace) as recording:
-        trace = read_trace(recording, variables_of(specs), events)
+        trace = read_trace(recording, variables_of(specs), if_events)
     if options.period is not None:
         return trace, options.period
     period = trace.period()
@@ -133,7 +141,16 @@ def read_samples(
     return trace, period
 
 
-def check_folder(path: Path) -> None:
-    """Refuses a file in a folder that is not there."""
-    if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: there is no folder {path.parent}")
+def check_outputs(*files: Path | None, picture: Path | None) -> None:
+    """Checks the files that a command is to write before it begins; None is no file.
+
+    Raises:
+        InputError: If a folder does not exist, or the picture's name has no known format.
+    """
+    for path in filter(None, (*files, picture)):
+        if not path.parent.is_dir():
+            raise InputError(f"cannot write {path}: there is no folder {path.parent}")
+    if picture:
+        from rtamt_gym.drawing import check_format
+
+        check_format(picture)

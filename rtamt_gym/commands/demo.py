@@ -1,42 +1,39 @@
-"""`rtamt demo`: good drivers and bad, watched."""
+"""`rtamt demo`: runs good and bad controllers under specifications."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from rtamt_gym.commands.arguments import Commands, check_folder, whole
+from rtamt_gym.commands.arguments import check_outputs, whole
 
-__all__ = ["add"]
+__all__ = ["add_arguments", "run"]
 
 
-def add(commands: Commands) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `rtamt demo`."""
-    demo = commands.add_parser(
-        "demo",
-        help="watch a MuJoCo pendulum and a highway, good drivers and bad",
-        description="Runs InvertedPendulum-v5 and highway-fast-v0 with good and bad controllers, "
-        "each under two specifications; prints a table and draws a picture. Needs the extras "
-        "gym, highway and plot.",
-        allow_abbrev=False,
+    parser.description = (
+        "Runs InvertedPendulum-v5 and highway-fast-v0 with good and bad controllers, each under "
+        "two specifications. Prints a table and draws a picture. Needs the extras gym, highway "
+        "and plot."
     )
-    demo.add_argument("--seed", type=whole, default=0, help="of the first episode (0)")
-    demo.add_argument(
+    parser.add_argument(
+        "--seed", type=whole, default=0, metavar="S", help="seed of every episode (default: 0)"
+    )
+    parser.add_argument(
         "--plot",
         type=Path,
         default=Path("rtamt-demo.png"),
         metavar="FILE",
-        help="the picture (rtamt-demo.png)",
+        help="file of the picture (default: rtamt-demo.png)",
     )
-    demo.set_defaults(run=_demo)
 
 
-def _demo(options: argparse.Namespace) -> int:
-    from rtamt_gym.demo import run
-    from rtamt_gym.drawing import check_format
+def run(options: argparse.Namespace) -> int:
+    """Runs the demo and prints its lines as they are known."""
+    from rtamt_gym import demo
 
-    check_folder(options.plot)
-    check_format(options.plot)
-    for line in run(options.seed, options.plot):
+    check_outputs(picture=options.plot)
+    for line in demo.run(options.seed, options.plot):
         print(line, flush=True)
     return 0

@@ -1,31 +1,28 @@
-"""`rtamt explain`: which samples of a recorded trace decided the robustness."""
+"""`rtamt explain`: prints which samples of a recorded trace decided the robustness."""
 
 from __future__ import annotations
 
 import argparse
 
 import rtamt
-from rtamt_gym.commands.arguments import Commands, add_trace, read_samples, read_specs
+from rtamt_gym.commands.arguments import add_specs_and_trace, read_samples, read_specs
 
-__all__ = ["add"]
+__all__ = ["add_arguments", "run"]
 
 
-def add(commands: Commands) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `rtamt explain`."""
-    explain = commands.add_parser(
-        "explain",
-        help="say which samples of a recorded trace decided",
-        description="Follows the robustness of a file of samples, from the specification through "
-        "its formulas down to the predicate and the sample that decided it. Of equal values, the "
-        "first operand and the first sample are shown. Exits 1 on a violation, else 0.",
-        epilog="example: rtamt explain requirements.stl drive.csv",
-        allow_abbrev=False,
+    parser.description = (
+        "Follows the robustness of recorded samples from the specification through its formulas "
+        "down to the predicate and the sample that decided it. Where several have the same value, "
+        "the first operand and the first sample are shown. Exits 1 on a violation, else 0."
     )
-    add_trace(explain)
-    explain.set_defaults(run=_explain)
+    parser.epilog = "example: rtamt explain requirements.stl drive.csv"
+    add_specs_and_trace(parser)
 
 
-def _explain(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Prints an explanation for each specification; returns 1 if one is violated, else 0."""
     from rtamt_gym.recorded.judge import viewed
 
     specs = read_specs(options.specs)

@@ -1,4 +1,4 @@
-"""`rtamt monitor`: a recorded trace, judged."""
+"""`rtamt monitor`: judges a recorded trace."""
 
 from __future__ import annotations
 
@@ -7,59 +7,50 @@ from pathlib import Path
 
 from rtamt import InputError, Verdict
 from rtamt_gym.commands.arguments import (
-    Commands,
-    add_trace,
-    check_folder,
+    add_specs_and_trace,
+    check_outputs,
     read_samples,
     read_specs,
     variables_of,
 )
 
-__all__ = ["add"]
+__all__ = ["add_arguments", "run"]
 
 
-def add(commands: Commands) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `rtamt monitor`."""
-    monitor = commands.add_parser(
-        "monitor",
-        help="judge a recorded trace",
-        description="Judges a file of samples or events under one specification or more. Columns "
-        "that no specification reads are ignored. Exits 1 on a violation, else 0.",
-        epilog="example: rtamt monitor requirements.stl drive.csv --out robustness.csv",
-        allow_abbrev=False,
+    parser.description = (
+        "Judges a file of samples or events under one or more specifications. Columns that no "
+        "specification reads are ignored. Exits 1 on a violation, else 0."
     )
-    add_trace(monitor)
-    monitor.add_argument(
+    parser.epilog = "example: rtamt monitor requirements.stl drive.csv --out robustness.csv"
+    add_specs_and_trace(parser)
+    parser.add_argument(
         "--dense",
         action="store_true",
-        help="rows are events at any time, each value holding until the next; an empty cell is "
-        "no event; or one event a row, in the columns time, variable and value",
+        help="rows are events at any time, and a value holds until the next event; an empty cell "
+        "is no event; with the columns time, variable and value a row is one event",
     )
-    monitor.add_argument(
+    parser.add_argument(
         "--out",
         type=Path,
         metavar="FILE",
-        help="write the robustness of every formula as .csv",
+        help="write the robustness of every formula to a .csv file",
     )
-    monitor.add_argument(
+    parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the signals and the robustness"
     )
-    monitor.set_defaults(run=_monitor)
 
 
-def _monitor(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Prints the verdicts and writes the files asked for; returns 1 on a violation, else 0."""
     from rtamt_gym.recorded.judge import described, judge, judge_events, report, signals_of
     from rtamt_gym.recorded.output import save_csv
     from rtamt_gym.recorded.readers import open_recording
     from rtamt_gym.recorded.trace import EventTrace, Trace, read_events
 
     specs = read_specs(options.specs)
-    for path in filter(None, (options.out, options.plot)):
-        check_folder(path)
-    if options.plot:
-        from rtamt_gym.drawing import check_format
-
-        check_format(options.plot)
+    check_outputs(options.out, picture=options.plot)
     trace: EventTrace | Trace
     if options.dense:
         if options.period is not None:
@@ -68,8 +59,8 @@ def _monitor(options: argparse.Namespace) -> int:
             trace = read_events(recording, variables_of(specs))
         judgements = {n: judge_events(spec, trace, options.view) for n, spec in specs.items()}
     else:
-        events = "give --dense to take rows as events at any time"
-        trace, period = read_samples(options, specs, events)
+        if_events = "give --dense to take rows as events at any time"
+        trace, period = read_samples(options, specs, if_events)
         judgements = {n: judge(spec, trace, period, options.view) for n, spec in specs.items()}
     first = next(iter(judgements.values()))
     print(*report(judgements, described(trace, first.period)), sep="\n")
@@ -77,10 +68,11 @@ def _monitor(options: argparse.Namespace) -> int:
         save_csv(judgements, options.out, dense=options.dense)
         print(f"robustness: {options.out}")
     if options.plot:
+        from rtamt_gym.drawing import save
         from rtamt_gym.recorded.plot import draw_trace
 
         signals = signals_of(trace, first.period)
-        draw_trace(signals, judgements, trace.source).savefig(options.plot, dpi=110)
+        save(draw_trace(signals, judgements, trace.source), options.plot)
         print(f"picture: {options.plot}")
     violated = any(j.verdict == Verdict.VIOLATED for j in judgements.values())
     return 1 if violated else 0

@@ -1,4 +1,4 @@
-"""`rtamt run`: episodes of a Gymnasium environment, watched."""
+"""`rtamt run`: runs episodes of a Gymnasium environment under specifications."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
-    Commands,
-    add_reading,
-    check_folder,
+    add_period_and_view,
+    check_outputs,
     positive,
     read_specs,
     whole,
@@ -20,84 +19,82 @@ from rtamt_gym.commands.arguments import (
 if TYPE_CHECKING:
     from rtamt_gym.signals.signals import SignalLike
 
-__all__ = ["add"]
+__all__ = ["add_arguments", "run"]
 
 
-def add(commands: Commands) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `rtamt run`."""
-    run = commands.add_parser(
-        "run",
-        help="watch episodes of a Gymnasium environment",
-        description="Runs episodes of a registered Gymnasium environment under specifications "
-        "and prints what became of them. Exits 0 whatever the verdicts are.",
-        epilog="example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
-        "--signal 'angle=obs[2]' --episodes 3",
-        allow_abbrev=False,
+    parser.description = (
+        "Runs episodes of a registered Gymnasium environment under specifications and prints "
+        "their robustness and verdicts. Exits 0 whatever the verdicts are."
     )
-    run.add_argument("env_id", metavar="ENV_ID", help="such as CartPole-v1 or module:Name-v0")
-    run.add_argument(
+    parser.epilog = (
+        "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
+        "--signal 'angle=obs[2]' --episodes 3"
+    )
+    parser.add_argument("env_id", metavar="ENV_ID", help="such as CartPole-v1 or module:Name-v0")
+    parser.add_argument(
         "--spec",
         action="append",
         required=True,
         metavar="SPEC",
-        help="a formula, name = formula, the path of a .stl file, or name=path; again for more",
+        help="a formula, name = formula, the path of a .stl file, or name=path; may be repeated",
     )
-    run.add_argument(
+    parser.add_argument(
         "--signal",
         action="append",
         default=[],
         metavar="NAME=SELECTOR",
         help="what a variable reads: obs[2], action[0], reward, info['speed'], qpos[1]; "
-        "with its value at reset where reset gives none: u=action[0],0",
+        "what a reset does not give needs a value for it: u=action[0],0; may be repeated",
     )
-    run.add_argument("--episodes", type=positive, default=1, metavar="N", help="how many (1)")
-    run.add_argument(
+    parser.add_argument(
+        "--episodes", type=positive, default=1, metavar="N", help="number of episodes (default: 1)"
+    )
+    parser.add_argument(
         "--on-violation",
         choices=("terminate", "truncate", "report"),
         default="terminate",
-        help="what a certain violation does to the episode (terminate)",
+        help="what happens to an episode once a violation is certain (default: terminate)",
     )
-    run.add_argument(
-        "--policy", choices=("random", "zero"), default="random", help="the actions (random)"
+    parser.add_argument(
+        "--policy",
+        choices=("random", "zero"),
+        default="random",
+        help="how to act (default: random)",
     )
-    run.add_argument(
+    parser.add_argument(
         "--seed",
         type=whole,
         default=0,
         metavar="S",
-        help="episode i is reset, and its actions drawn, with seed S + i - 1 (0)",
+        help="seed of the first episode, one more for each further one (default: 0)",
     )
-    run.add_argument(
+    parser.add_argument(
         "--max-steps",
         type=positive,
         metavar="N",
-        help="time limit of an episode, instead of the environment's own",
+        help="time limit of an episode in steps (default: the environment's own)",
     )
-    add_reading(run, "the environment's own")
-    run.add_argument("--plot", type=Path, metavar="FILE", help="draw the first violated episode")
-    run.add_argument(
+    add_period_and_view(parser, "the environment's own")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the first violated episode")
+    parser.add_argument(
         "--json",
         type=Path,
         metavar="FILE",
-        help='write the outcomes as strict JSON, infinities as "inf" and "-inf"',
+        help='write the outcomes as strict JSON, with "inf" and "-inf" for infinities',
     )
-    run.set_defaults(run=_run)
 
 
-def _run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
     from rtamt_gym.simulation.outcomes import report, saved_note, to_json
     from rtamt_gym.simulation.policies import POLICIES, make
     from rtamt_gym.simulation.simulate import simulate
 
     specs = read_specs(options.spec)
     signals = _read_signals(options.signal)
-    for path in filter(None, (options.plot, options.json)):
-        check_folder(path)
-    if options.plot:
-        from rtamt_gym.drawing import check_format
-        from rtamt_gym.simulation.plot import save
-
-        check_format(options.plot)
+    check_outputs(options.json, picture=options.plot)
     env = make(options.env_id, options.max_steps)
     policies = POLICIES[options.policy](env.action_space)
     runs = [
@@ -121,8 +118,11 @@ def _run(options: argparse.Namespace) -> int:
         options.json.write_text(to_json(runs, options.on_violation) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
+        from rtamt_gym.drawing import save
+        from rtamt_gym.simulation.plot import draw
+
         shown = next((i for i, run in enumerate(runs) if run.violated_by), 0)
-        save([runs[shown]], options.plot)
+        save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown + 1}: {options.plot}")
     return 0
 

@@ -1,1 +1,1 @@
-"""Recorded traces under specifications, read from files; nothing here needs a simulator."""
+"""Reads and judges recorded traces; nothing here needs a simulator."""

@@ -1,4 +1,4 @@
-"""Recorded traces under specifications: the verdict, and where the named formulas fail."""
+"""Judges recorded traces: the verdict, and where the named formulas are below 0."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 import rtamt
 from rtamt import SpecificationError, Verdict
 from rtamt_gym.recorded.progress import progress
+from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.tables import instant, moment, number, shorten, table
+from rtamt_gym.tables import number, sample_text, shorten, table, time_text
 
 __all__ = [
     "RESULT",
@@ -28,10 +28,8 @@ __all__ = [
     "viewed",
 ]
 
-Floats = NDArray[np.float64]
-
 _BLOCK = 1 << 14
-"""Samples after which the bar of progress is moved."""
+"""Samples after which the progress bar moves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +37,11 @@ class Series:
     """A signal, or the robustness of a formula, over a trace.
 
     Attributes:
-        times: When it takes each value; sample numbers where the period is unknown.
+        times: The time of each value; sample numbers if the period is unknown.
         values: The values.
-        step: How far apart times usually are; None where they are sample numbers.
-        text: The formula.
-        held: Whether it holds a value until the next, as in dense time.
+        step: The usual distance of two times; None if they are sample numbers.
+        text: The formula; empty for a signal.
+        held: Whether each value holds until the next, as in dense time.
     """
 
     times: Floats
@@ -53,17 +51,17 @@ class Series:
     held: bool = False
 
     def at(self, place: int) -> str:
-        """The time of a value, in words."""
-        return instant(float(self.times[place]), self.step)
+        """Writes the time of the value at a place."""
+        return time_text(float(self.times[place]), self.step)
 
     @property
     def least(self) -> int:
-        """The place of the first least value."""
+        """The place of the least value, of the first if there are several."""
         return int(self.values.argmin())
 
     @property
     def below(self) -> int | None:
-        """The place of the first negative value."""
+        """The place of the first negative value, or None."""
         below = self.values < 0
         return int(below.argmax()) if below.any() else None
 
@@ -74,10 +72,10 @@ class Judgement:
 
     Attributes:
         verdict: The sign of the robustness; UNDECIDED if that is 0.
-        robustness: Of the trace, which ends with its last sample or event.
-        certain: In words, when the verdict was certain whatever came.
+        robustness: The robustness of the trace, which ends with its last sample or event.
+        certain: Words that tell from when on the verdict was certain.
         series: The robustness of the named formulas, the last of which is the result.
-        period: Seconds between samples; None for events, or where bounds count samples.
+        period: Seconds between samples; None for events, or if bounds count samples.
     """
 
     verdict: Verdict
@@ -91,14 +89,14 @@ class Judgement:
 
 
 def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
-    """A trace in words: how long it is, and from when to when."""
+    """Describes a trace in words: the number of its samples or events, its first and last time."""
     if isinstance(trace, EventTrace):
-        begin, end = (instant(time, trace.step) for time in trace.span)
+        begin, end = (time_text(time, trace.step) for time in trace.span)
         return f"{trace.source}: {_count(trace.events, 'event')}, {begin} to {end}"
     samples = f"{trace.source}: {_count(trace.samples, 'sample')}"
     if period is None:
         return f"{samples}, bounds count samples"
-    begin, end = (moment(i, period, trace.start) for i in (0, trace.samples - 1))
+    begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
     return f"{samples}, one every {number(float(period))} s, {begin} to {end}"
 
 
@@ -107,15 +105,16 @@ def _count(number: int, what: str) -> str:
 
 
 RESULT = "(result)"
-"""Stands for the name of a result that has none."""
+"""Shown instead of a name for a result that has none."""
 
 
 def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
-    """Judgements in words and a table.
+    """Writes judgements in words and as a table.
 
     Args:
-        judgements: By the name of the specification, which is shown if there are several.
-        trace: What was judged, in words.
+        judgements: The judgements by name of the specification, which is shown if there are
+            several.
+        trace: A description of the trace.
     """
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "least", "at", "below 0 from")]
@@ -124,7 +123,7 @@ def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
             least, below = series.least, series.below
             rows.append(
                 (
-                    name if formula == next(iter(judgement.series)) else "",
+                    name if several and formula == next(iter(judgement.series)) else "",
                     formula,
                     number(float(series.values[0])),
                     number(float(series.values[least])),
@@ -139,20 +138,20 @@ def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
         *(f"{shorten(n, 20)}: {j}" if several else str(j) for n, j in judgements.items()),
         trace,
         "",
-        *(table(cells, "<<>>>>") if several else table([row[1:] for row in cells], "<>>>>")),
+        *table(cells, "<<>>>>"),
     ]
 
 
 def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
-    """The specification of the whole.
+    """The specification that a whole trace has to satisfy at its first sample.
 
     Args:
         spec: The specification.
-        view: ``"episode"``: the formula speaks of the first sample, and through its operators of
-            what follows; ``"step"``: of every sample, as ``always(formula)`` does.
+        view: ``"episode"``: the specification as it is; ``"step"``: ``always`` of it, so that it
+            has to hold at every sample.
 
     Raises:
-        SpecificationError: If the formula says nothing of any sample but the first and ``view`` is
+        SpecificationError: If the specification reads no sample but the first and ``view`` is
             ``"episode"``.
     """
     if view == "step":
@@ -168,13 +167,13 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
 def judge(
     spec: rtamt.Specification, trace: Trace, period: Fraction | str | None, view: str
 ) -> Judgement:
-    """Judges samples, of which the last ends the trace.
+    """Judges samples; the trace ends with the last.
 
     Args:
         spec: The specification.
         trace: The samples.
-        period: Seconds between samples, or text with a unit, or None.
-        view: As for `viewed`.
+        period: Seconds between samples, text with a unit, or None.
+        view: The argument of `viewed`.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
@@ -195,12 +194,12 @@ def judge(
     }
     certain = "at the end of the trace"
     if certain_at is not None:
-        certain = f"certain from {instant(float(times[certain_at]), step)} on"
+        certain = f"certain from {time_text(float(times[certain_at]), step)} on"
     return Judgement(monitor.verdict, robustness, certain, series, period)
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
-    """The variables of a trace."""
+    """The signals of a trace, by the names of the variables."""
     if isinstance(trace, EventTrace):
         return {
             name: Series(times, values, trace.step, held=True)
@@ -218,10 +217,10 @@ def _clock(trace: Trace, period: Fraction | None) -> tuple[Floats, float | None]
 
 
 def judge_events(spec: rtamt.Specification, trace: EventTrace, view: str) -> Judgement:
-    """Judges events in dense time, of which the last ends the trace.
+    """Judges events in dense time; the trace ends with the last.
 
     Raises:
-        SpecificationError: On operators that speak of samples, and as `viewed` does.
+        SpecificationError: If an operator counts samples, and as `viewed` does.
         InputError: If the variables have no time in common.
     """
     whole = viewed(spec, view)
@@ -241,7 +240,7 @@ def judge_events(spec: rtamt.Specification, trace: EventTrace, view: str) -> Jud
 
 
 def _formulas(spec: rtamt.Specification) -> dict[str, rtamt.Formula]:
-    """The named formulas, and the result."""
+    """The named formulas and, last, the result."""
     return {**spec.formulas, _result(spec): spec.formula}
 
 
@@ -250,7 +249,7 @@ def _result(spec: rtamt.Specification) -> str:
 
 
 def _feed(monitor: rtamt.EpisodeMonitor, trace: Trace) -> int | None:
-    """Feeds all samples; the first at which the verdict was certain."""
+    """Feeds all samples; returns the first at which the verdict was certain, or None."""
     columns = [trace.columns[name].tolist() for name in monitor.variables]
     samples = zip(*columns, strict=True) if columns else iter([()] * trace.samples)
     certain_at = None

@@ -1,4 +1,4 @@
-"""Robustness in files, which can be read and judged as traces."""
+"""Writes robustness to files that can be read and judged as traces."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["save_csv"]
 def save_csv(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> None:
     """Writes the robustness of every formula.
 
-    Samples are rows of a column of times, or of sample numbers where the period is unknown, and a
-    column for every formula. In dense time a row is one event: time, variable and value.
+    For samples, the columns are the times, or the sample numbers if the period is unknown, and one
+    for each formula. In dense time a row is one event, with its time, variable and value.
 
     Args:
-        judgements: By the name of the specification, which stands before that of a formula if
-            there are several.
+        judgements: The judgements by name of the specification. If there are several, the name
+            precedes that of each formula.
         path: The file.
-        dense: Whether the formulas change at times of their own.
+        dense: Whether the robustness consists of events in dense time.
     """
     series = _named(judgements)
     rows: Iterable[tuple[float | str, ...]]

@@ -1,24 +1,29 @@
-"""Pictures of recorded traces: the signals, and the robustness of every formula."""
+"""Pictures of recorded traces: the signals and the robustness of every formula."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from rtamt import Verdict
-from rtamt_gym.drawing import OPEN, ROBUSTNESS, SIGNAL, VERDICTS, frame, tidy
+from rtamt_gym.drawing import (
+    OPEN,
+    ROBUSTNESS,
+    SIGNAL,
+    VERDICTS,
+    robustness_panel,
+    show_verdict,
+    tidy,
+)
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import number, shorten
 
 __all__ = ["draw_trace"]
-
-Floats = NDArray[np.float64]
 
 _SHADE: Mapping[str, Any] = {"color": VERDICTS[Verdict.VIOLATED], "alpha": 0.3, "linewidth": 0}
 
@@ -26,11 +31,12 @@ _SHADE: Mapping[str, Any] = {"color": VERDICTS[Verdict.VIOLATED], "alpha": 0.3, 
 def draw_trace(
     signals: Mapping[str, Series], judgements: Mapping[str, Judgement], title: str
 ) -> Figure:
-    """The signals above, below them a panel for every formula, shaded where it is negative.
+    """Draws the signals, and below them a panel for every formula, shaded where it is negative.
 
     Args:
         signals: The values of the variables.
-        judgements: By the name of the specification; the panel of a result says the verdict.
+        judgements: The judgements by name of the specification; the panel of a result shows the
+            verdict.
         title: Stands above.
     """
     formulas = [(spec, name) for spec, each in judgements.items() for name in each.series]
@@ -46,17 +52,11 @@ def draw_trace(
     for ax, (spec, name) in zip(axes[len(signals) :], formulas, strict=True):
         judgement = judgements[spec]
         series = judgement.series[name]
-        tidy(ax, shorten(spec if name == RESULT else name, 24))
-        low, high = frame([series.values])
-        values = np.clip(series.values, low, high)
-        ax.axhline(0.0, color=OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
+        label = shorten(spec if name == RESULT else name, 24)
+        (values,) = robustness_panel(ax, label, series.text, 96, [series.values])
         _line(ax, series, values, end, ROBUSTNESS)
-        ax.set_ylim(low, high)
-        ax.set_title(_wrapped(series.text), fontsize=8.5, loc="left", family="monospace")
         if name == list(judgement.series)[-1]:
-            verdict = f"{judgement.verdict.name}, {number(judgement.robustness)}"
-            colour = VERDICTS.get(judgement.verdict, OPEN)
-            ax.set_xlabel(verdict, color=colour, fontsize=9, loc="right", fontweight="bold")
+            show_verdict(ax, judgement.verdict, number(judgement.robustness))
     figure.align_ylabels(axes)
     figure.suptitle(title, fontsize=12, fontweight="bold")
     timed = any(s.step is not None for each in judgements.values() for s in each.series.values())
@@ -75,7 +75,3 @@ def _line(ax: Axes, series: Series, values: Floats, end: float, colour: str) -> 
         ax.fill_between(times, np.minimum(values, 0.0), step="post", **_SHADE)
     elif series.text:
         ax.fill_between(times, values, where=list(values < 0.0), interpolate=True, **_SHADE)
-
-
-def _wrapped(text: str) -> str:
-    return "\n".join(textwrap.wrap(text, 96, max_lines=2, placeholder=" ..."))

@@ -1,4 +1,4 @@
-"""A bar of progress, for those who watch a terminal."""
+"""A progress bar for work that takes longer than a second."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from contextlib import contextmanager
 __all__ = ["progress"]
 
 DELAY = 1.0
-"""Seconds before a bar is shown."""
+"""Seconds before the bar is shown."""
 
 
 @contextmanager
 def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
-    """A bar on stderr, after a second, if that is a terminal and tqdm is installed.
+    """Shows a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
     Args:
-        what: What goes on.
-        total: How much there is to do.
-        unit: Of what.
+        what: Names the work.
+        total: The amount of work.
+        unit: The unit of the amount.
 
     Yields:
-        A function that is told how much has been done since it was last called.
+        A function to call with the amount done since its last call.
     """
     if not sys.stderr.isatty():
         yield lambda _: None

@@ -20,7 +20,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.simulation.fmi_instance import Instance, Reader, Writer, kind_of
-from rtamt_gym.simulation.systems import HowEnded, named_signals
+from rtamt_gym.simulation.systems import SystemEnd, named_signals
 
 __all__ = ["Fmus"]
 
@@ -96,7 +96,7 @@ class Fmus:
         self._paths = _named(fmus)
         self.name = ", ".join(self._paths)
         self.limit: int | None = None
-        self.ended: HowEnded = ""
+        self.ended: SystemEnd = ""
         self._step = None if step is None else check_number("step", step, 0.0)
         self._described = [_describe(path) for path in self._paths.values()]
         self._places: dict[str, _Place] = {}

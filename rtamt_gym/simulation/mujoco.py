@@ -12,7 +12,7 @@ from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
 from rtamt_gym.signals.selectors import MUJOCO
 from rtamt_gym.signals.signals import SignalLike, parse_signals
-from rtamt_gym.simulation.systems import HowEnded, Policy
+from rtamt_gym.simulation.systems import Policy, SystemEnd
 
 __all__ = ["Model"]
 
@@ -36,7 +36,7 @@ class Model:
         self.name = model.names.partition(b"\0")[0].decode()
         self.period: float | None = float(model.opt.timestep)
         self.limit: int | None = None
-        self.ended: HowEnded = ""
+        self.ended: SystemEnd = ""
         self._model = model
         self._data = data
         self._policy = policy

@@ -1,54 +1,45 @@
-"""Outcomes of runs: a table for the terminal, JSON for programs."""
+"""The outcomes of runs, as a table for the terminal and as JSON for programs."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
-from fractions import Fraction
 from typing import Any
 
 import rtamt
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.tables import moment, number, shorten, table
+from rtamt_gym.tables import number, sample_text, shorten, table
 
 __all__ = ["report", "saved_note", "to_json"]
 
 
 def report(runs: Sequence[Run]) -> list[str]:
-    """The outcomes as a table, a row for every specification of every run.
+    """Writes the outcomes as a table, with a row for every specification of every run.
 
-    Where nothing was to stop them the table says when verdicts were certain instead of when the
-    runs were stopped.
+    The table tells when the runs were stopped; if none was to be stopped, when the verdicts were
+    certain.
     """
     stops = any(run.stop != "end" for run in runs)
-    labelled = any(run.label for run in runs)
-    rows = [["ep", "driver", "steps", "stopped at", "spec", "robustness", "verdict", "saved"]]
-    if not stops:
-        rows[0][3] = "certain at"
+    at_head = "stopped at" if stops else "certain at"
+    rows = [("ep", "driver", "steps", at_head, "spec", "robustness", "verdict", "saved")]
     for count, run in enumerate(runs, 1):
         for name, course in run.courses.items():
             first = name == next(iter(run.courses))
             stopped = run.steps if run.ended in {"violation", "decided"} else None
             at = stopped if stops else course.decided_at
-            rows.append(
-                [
-                    str(count) if first else "",
-                    shorten(run.label, 16) if first else "",
-                    str(run.steps) if first else "",
-                    _moment(at, run.period) if first or not stops else "",
-                    shorten(name, 16),
-                    f"{course.final:+.3g}",
-                    course.verdict.name,
-                    _span(run.saved, run.period) if first else "",
-                ]
-            )
-    kept = [i for i in range(8) if (i != 1 or labelled) and (i != 7 or stops)]
-    return table([[row[i] for i in kept] for row in rows], "".join("><>><><>"[i] for i in kept))
+            when = "-" if at is None else sample_text(at, run.period)
+            of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
+            of_spec = (shorten(name, 16), f"{course.final:+.3g}", course.verdict.name)
+            if first:
+                rows.append((*of_run, *of_spec, _saved(run) if stops else ""))
+            else:
+                rows.append(("", "", "", "" if stops else when, *of_spec, ""))
+    return table(rows, "><>><><>")
 
 
 def saved_note(runs: Sequence[Run]) -> list[str]:
-    """What the last column of the table means, where it says something."""
+    """Explains the column ``saved`` of the table; no lines if no run saved anything."""
     if not any(run.saved for run in runs):
         return []
     return [
@@ -58,11 +49,11 @@ def saved_note(runs: Sequence[Run]) -> list[str]:
 
 
 def to_json(runs: Sequence[Run], on_violation: str) -> str:
-    """The outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
+    """Writes the outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
 
     Args:
-        runs: One or more of one environment.
-        on_violation: What a certain violation did.
+        runs: One or more runs of the same environment.
+        on_violation: What happened to a run once a violation was certain.
     """
     first = runs[0]
     return json.dumps(
@@ -104,11 +95,9 @@ def _finite(value: float) -> float | str:
     return value if math.isfinite(value) else str(value)
 
 
-def _moment(sample: int | None, period: Fraction | None) -> str:
-    return "-" if sample is None else moment(sample, period)
-
-
-def _span(steps: int | None, period: Fraction | None) -> str:
-    if steps is None:
+def _saved(run: Run) -> str:
+    if run.saved is None:
         return "-"
-    return f"{steps} steps" if period is None else f"{number(float(steps * period))} s"
+    if run.period is None:
+        return f"{run.saved} steps"
+    return f"{number(float(run.saved * run.period))} s"

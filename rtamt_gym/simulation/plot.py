@@ -1,11 +1,8 @@
-"""Pictures of runs: signals, robustness between its bounds, the moment of the verdict."""
+"""Pictures of runs: signals, robustness between its bounds, and when the verdict was certain."""
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,29 +11,34 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from rtamt_gym.drawing import BOUNDS, OPEN, ROBUSTNESS, SIGNAL, VERDICTS, frame, tidy
-from rtamt_gym.simulation.run import Course, Run
-from rtamt_gym.tables import moment
+from rtamt_gym.drawing import (
+    BOUNDS,
+    OPEN,
+    ROBUSTNESS,
+    SIGNAL,
+    VERDICTS,
+    robustness_panel,
+    show_verdict,
+    tidy,
+)
+from rtamt_gym.simulation.record import Course, Floats, RunRecord
+from rtamt_gym.tables import sample_text
 
-__all__ = ["draw", "save"]
+__all__ = ["draw"]
 
 _AFTER = 0.2
-"""Room behind a verdict of the last sample, as part of the length: there the shading is seen."""
+"""Room for the shading after a verdict at the last sample, as a fraction of the run's length."""
 
 
-def save(runs: Sequence[Run], path: Path) -> None:
-    """Draws runs into a file."""
-    draw(runs).savefig(path, dpi=110)
+def draw(runs: Sequence[RunRecord]) -> Figure:
+    """Draws runs side by side: the signals above, below them a panel for every specification.
 
-
-def draw(runs: Sequence[Run]) -> Figure:
-    """Runs side by side: the signals above, below them a panel for every specification.
-
-    A panel shows the robustness if the run ended now, between the bounds of what it can still
-    become; infinite bounds end at the frame. The verdict is a line, and all behind it is shaded.
+    A panel shows the robustness if the run ended now, between its lower and its upper bound;
+    infinite bounds end at the frame. A line marks the sample that made the verdict certain, and
+    everything after it is shaded.
 
     Args:
-        runs: One or more, all with as many signals and as many specifications.
+        runs: One or more runs, all with the same number of signals and of specifications.
     """
     heights = [1.0] * len(runs[0].signals) + [1.6] * len(runs[0].courses)
     size = (5.2 * len(runs) + 0.4, 1.25 * sum(heights) + 1.1)
@@ -65,7 +67,7 @@ def draw(runs: Sequence[Run]) -> Figure:
     return figure
 
 
-def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
+def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     times = run.times
     last = any(c.decided_at == run.steps for c in run.courses.values())
     end = float(times[-1]) * (1.0 + _AFTER * last) or 1.0
@@ -76,15 +78,11 @@ def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
         ax.plot(times, values, color=SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
-        tidy(ax, name)
-        _draw_course(ax, course, times, end)
-        text = "\n".join(textwrap.wrap(course.formula, 64, max_lines=2, placeholder=" ..."))
-        ax.set_title(text, fontsize=8.5, loc="left", family="monospace")
-        verdict = f"{course.verdict.name}, {course.final:+.3g}"
+        _draw_course(ax, name, course, times, end)
+        text = f"{course.final:+.3g}"
         if course.decided_at is not None:
-            verdict += f", at {moment(course.decided_at, run.period)}"
-        colour = VERDICTS.get(course.verdict, OPEN)
-        ax.set_xlabel(verdict, color=colour, fontsize=9, loc="right", fontweight="bold")
+            text += f", at {sample_text(course.decided_at, run.period)}"
+        show_verdict(ax, course.verdict, text)
     axes[-1].set_xlim(0.0, end)
     axes[-1].annotate(
         "time in s" if run.period else "samples",
@@ -101,16 +99,13 @@ def _draw_run(axes: NDArray[np.object_], run: Run) -> None:
     )
 
 
-def _draw_course(ax: Axes, course: Course, times: NDArray[Any], end: float) -> None:
+def _draw_course(ax: Axes, name: str, course: Course, times: Floats, end: float) -> None:
     curves = (course.robustness, course.lower, course.upper)
-    low, high = frame(curves)
-    robustness, lower, upper = (np.clip(c, low, high) for c in curves)
+    robustness, lower, upper = robustness_panel(ax, name, course.formula, 64, curves)
     ax.fill_between(times, lower, upper, color=BOUNDS, alpha=0.5, linewidth=0)
-    ax.axhline(0.0, color=OPEN, linewidth=0.9, linestyle=(0, (4, 3)))
     if course.decided_at is not None:
         colour = VERDICTS[course.verdict]
         at = float(times[course.decided_at])
         ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
         ax.axvline(at, color=colour, linewidth=1.6)
     ax.plot(times, robustness, color=ROBUSTNESS, linewidth=1.6)
-    ax.set_ylim(low, high)

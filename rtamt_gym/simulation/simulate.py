@@ -21,8 +21,9 @@ from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.panel import Panel, pick
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.run import Course, Ended, Floats, Run, Stop
-from rtamt_gym.simulation.systems import Environment, Policy, Samples, System
+from rtamt_gym.simulation.record import Course, Floats, RunEnd, Stop
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.systems import Environment, Policy, SampleSource, System
 
 __all__ = ["simulate"]
 
@@ -138,7 +139,7 @@ def simulate(
     )
 
 
-def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int | None) -> Ended:
+def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int | None) -> RunEnd:
     """Feeds samples until there is no more to feed; says why there is not."""
     values: Sequence[float] | None = system.start()
     steps = 0
@@ -270,7 +271,7 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
             "to_dict('records') makes samples of a data frame"
         )
     if callable(system) or isinstance(system, Iterable):
-        return Samples(system)
+        return SampleSource(system)
     raise InputTypeError(
         "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time or an "
         f"iterable of samples, got {system!r}"

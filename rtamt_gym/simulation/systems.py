@@ -17,11 +17,11 @@ from rtamt_gym.signals.signals import SignalLike, parse_signals
 
 __all__ = [
     "Environment",
-    "HowEnded",
     "Policy",
     "Sample",
-    "Samples",
+    "SampleSource",
     "System",
+    "SystemEnd",
     "named_signals",
 ]
 
@@ -32,7 +32,7 @@ that sets ``data.ctrl``, as ``mjcb_control`` does."""
 Sample = Mapping[str, Any]
 """Numbers by name."""
 
-HowEnded = Literal["", "terminated", "truncated"]
+SystemEnd = Literal["", "terminated", "truncated"]
 """Not yet; for good; by a time limit of its own."""
 
 
@@ -54,7 +54,7 @@ class System(Protocol):
     needs_period: bool
     limit: int | None
     endless: bool
-    ended: HowEnded
+    ended: SystemEnd
 
     def bind(
         self,
@@ -99,7 +99,7 @@ class Environment:
         self.name = env.spec.id if env.spec else type(env.unwrapped).__name__
         self.period = read_period(env)
         self.limit = env.spec.max_episode_steps if env.spec else None
-        self.ended: HowEnded = ""
+        self.ended: SystemEnd = ""
         self._env = env
         self._policy = policy
         self._seed = seed
@@ -134,7 +134,7 @@ class Environment:
         """The environment is the caller's."""
 
 
-class Samples:
+class SampleSource:
     """Samples from a function of time, from a generator function, or from an iterable."""
 
     def __init__(
@@ -146,7 +146,7 @@ class Samples:
         self.period: float | None = None
         self.limit: int | None = None
         self.needs_period = self.endless = callable(source) and not isgeneratorfunction(source)
-        self.ended: HowEnded = ""
+        self.ended: SystemEnd = ""
         name = getattr(source, "__name__", "function").replace("<lambda>", "function")
         self.name = name if callable(source) else "samples"
         self._source: Any = source

@@ -44,8 +44,6 @@ LATE = {("rtamt", "rtamt.compat")}
 # Circles that are still to be opened.
 CIRCLES = {
     ("rtamt_gym.signals.signals", "rtamt_gym.signals.mujoco"),
-    ("rtamt_gym.simulation.run", "rtamt_gym.simulation.storage"),
-    ("rtamt_gym.simulation.run", "rtamt_gym.simulation.plot"),
 }
 
 # What runs programs knows no text.

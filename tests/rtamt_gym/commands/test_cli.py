@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import types
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from gymnasium import spaces
 
 import rtamt
 from rtamt_gym.__main__ import main
-from rtamt_gym.commands import monitor
+from rtamt_gym.commands import COMMANDS, monitor
 
 SPEC = """\
 safe = speed < 30
@@ -244,9 +245,33 @@ def test_version_says_which_machines_run(capsys: Output) -> None:
 
 def test_help_fits_80_columns(capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    for command in ([], ["demo"], ["run"], ["monitor"], ["explain"]):
+    for command in ([], *([name] for name in COMMANDS)):
         assert main([*command, "--help"]) == 0
         assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_a_row_and_a_module_make_a_command(capsys: Output, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = types.ModuleType("rtamt_gym.commands.count")
+    module.add_arguments = lambda parser: parser.add_argument("up_to", type=int)  # type: ignore[attr-defined]
+    module.run = lambda options: len(range(options.up_to))  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(COMMANDS, "count", "count up to a number")
+    assert main(["count", "3"]) == 3
+    assert main(["--help"]) == 0
+    assert "count     count up to a number" in capsys.readouterr().out
+    assert main(["count"]) == 2
+    error = "the following arguments are required: up_to; see rtamt count --help"
+    assert capsys.readouterr().err == f"rtamt: error: {error}\n"
+
+
+def test_a_command_loads_no_other() -> None:
+    code = (
+        "import sys; from rtamt_gym.__main__ import main; main(['monitor', '--help']);"
+        "sys.exit(' '.join(m for m in sys.modules if m.startswith('rtamt_gym.commands.')))"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    loaded = {name.rpartition(".")[2] for name in ran.stderr.split()}
+    assert loaded & set(COMMANDS) == {"monitor"}
 
 
 def test_an_interrupt_exits_130_without_a_word(

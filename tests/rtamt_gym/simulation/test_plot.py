@@ -14,9 +14,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 
 from rtamt import InputError, Verdict
-from rtamt_gym.drawing import check_format
-from rtamt_gym.simulation.plot import draw, save
-from rtamt_gym.simulation.run import Course, Floats, Run
+from rtamt_gym.drawing import check_format, save
+from rtamt_gym.simulation.plot import draw
+from rtamt_gym.simulation.record import Course, Floats
+from rtamt_gym.simulation.run import Run
 
 INF = math.inf
 
@@ -113,7 +114,7 @@ def test_a_constant_at_zero_and_a_lone_sample_have_a_frame() -> None:
 
 @pytest.mark.parametrize(("name", "begin"), [("e.png", b"\x89PNG"), ("e.svg", b"<?xml")])
 def test_the_name_says_the_format(tmp_path: Path, name: str, begin: bytes) -> None:
-    save([run()], tmp_path / name)
+    save(draw([run()]), tmp_path / name)
     assert (tmp_path / name).read_bytes().startswith(begin)
 
 

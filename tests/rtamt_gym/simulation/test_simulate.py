@@ -19,8 +19,9 @@ import rtamt
 from rtamt import EpisodeMonitor, Formula, InputError, Monitor, Verdict
 from rtamt_gym import StepMonitor, StlMonitor, simulate
 from rtamt_gym.judges.specs import View
-from rtamt_gym.simulation.run import Run, Stop
-from rtamt_gym.simulation.systems import HowEnded
+from rtamt_gym.simulation.record import Stop
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.systems import SystemEnd
 
 INF = math.inf
 PENDULUM = """
@@ -225,7 +226,7 @@ class Countdown:
     """A system of one's own."""
 
     name, period, needs_period, limit, endless = "countdown", 0.5, True, 9, False
-    ended: HowEnded = ""
+    ended: SystemEnd = ""
     closed = 0
 
     def bind(self, variables: Any, signals: Any, period: Any) -> None:  # noqa: ANN401

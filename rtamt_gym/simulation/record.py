@@ -1,0 +1,143 @@
+"""The record of one run: every sample, and the course of each specification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import Verdict
+from rtamt_gym.judges.specs import View
+from rtamt_gym.tables import sample_text
+
+__all__ = ["Course", "Floats", "RunEnd", "RunRecord", "Stop"]
+
+Floats = NDArray[np.float64]
+
+Stop = Literal["violation", "decided", "end"]
+"""When to stop a run: at the first certain violation, also once every verdict is certain, or not
+before its end."""
+
+RunEnd = Literal["violation", "decided", "terminated", "truncated", "duration"]
+"""Why a run is over: it was stopped at a violation or once every verdict was certain; the system
+ended, for good or by a time limit of its own; or the duration asked for has passed."""
+
+
+class _ComparesArrays:
+    """A dataclass whose objects are equal if all compared fields are, arrays element by element."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            _same(getattr(self, each.name), getattr(other, each.name))
+            for each in fields(self)  # type: ignore[arg-type]  # the subclasses are dataclasses
+            if each.compare
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays have no hash
+
+
+def _same(left: object, right: object) -> bool:
+    if isinstance(left, np.ndarray) and isinstance(right, np.ndarray):
+        return np.array_equal(left, right, equal_nan=True)
+    if isinstance(left, Mapping) and isinstance(right, Mapping):
+        return list(left) == list(right) and all(_same(left[key], right[key]) for key in left)
+    return left == right
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Course(_ComparesArrays):
+    """The course of one specification over a run: robustness and bounds at every sample.
+
+    Attributes:
+        formula: Its text.
+        robustness: The robustness at every sample, if the run ended there.
+        lower: The least robustness still possible, at every sample.
+        upper: The greatest robustness still possible, at every sample.
+        final: The robustness at the end.
+        verdict: The verdict at the end.
+        decided_at: The sample that made the verdict certain, or None.
+        unit: The unit of the bounds in the formula that have none.
+    """
+
+    formula: str
+    robustness: Floats
+    lower: Floats
+    upper: Floats
+    final: float
+    verdict: Verdict
+    decided_at: int | None
+    unit: str = "s"
+
+    @property
+    def verdicts(self) -> NDArray[np.int8]:
+        """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
+        return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
+
+    def __repr__(self) -> str:
+        at = "" if self.decided_at is None else f" at sample {self.decided_at}"
+        return f"<Course of {self.formula}: {self.verdict.name}{at}, robustness {self.final:.3g}>"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class RunRecord(_ComparesArrays):
+    """The fields of a `Run`, which describes them, and what follows from them."""
+
+    system: str
+    signals: Mapping[str, Floats]
+    courses: Mapping[str, Course]
+    ended: RunEnd
+    violated_by: str | None
+    period: Fraction | None
+    view: View
+    stop: Stop
+    limit: int | None
+    seed: int | None
+    label: str
+    wall_time: float = field(compare=False)
+
+    @property
+    def steps(self) -> int:
+        """The number of steps: one less than the number of samples."""
+        return len(next(iter(self.courses.values())).robustness) - 1
+
+    @property
+    def duration(self) -> float:
+        """Simulated time in seconds; the number of steps if there is no period."""
+        return float(self.steps * (self.period or 1))
+
+    @property
+    def times(self) -> Floats:
+        """The time of every sample in seconds; its number if there is no period."""
+        period = self.period or Fraction(1)
+        times: Floats = np.arange(self.steps + 1, dtype=np.float64)
+        return times * period.numerator / period.denominator
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on all specifications together, which is the worst of theirs."""
+        return min(course.verdict for course in self.courses.values())
+
+    @property
+    def violated_at(self) -> int | None:
+        """The sample that showed the first violation; None if there is none."""
+        return None if self.violated_by is None else self.courses[self.violated_by].decided_at
+
+    @property
+    def saved(self) -> int | None:
+        """Steps from the stop to the limit; None if it was not stopped or has no limit."""
+        if self.ended not in {"violation", "decided"} or self.limit is None:
+            return None
+        return self.limit - self.steps
+
+    def __repr__(self) -> str:
+        what = f" of {self.violated_by}" if self.ended == "violation" else ""
+        at = sample_text(self.steps, self.period)
+        return f"<Run of {self.system}: {self.ended}{what} at {at}, {self.steps + 1} samples>"
