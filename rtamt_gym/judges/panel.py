@@ -12,12 +12,15 @@ import rtamt
 from rtamt import EpisodeMonitor, InputError
 from rtamt_gym.judges.episodes import outcome
 from rtamt_gym.judges.specs import InstantMonitor, Nan, View, machine_state, make_monitor
-from rtamt_gym.signals.signals import Number, Read
+from rtamt_gym.signals.signals import Read
 
-__all__ = ["Panel", "Sample", "pick"]
+__all__ = ["Assessment", "Feed", "Panel"]
 
-Sample = Callable[[Any, Any, Any, dict[str, Any]], tuple[float, float, float, int]]
-"""Feeds what a step gives; least robustness, lower and upper bound, and verdicts decided."""
+Assessment = tuple[float, float, float]
+"""Robustness of the samples so far, and the lower and upper bound of what it can become."""
+
+Feed = Callable[..., Assessment]
+"""Feeds one sample to the monitors of a panel; takes the arguments of a `Read`."""
 
 
 class Panel:
@@ -96,94 +99,47 @@ class Panel:
         """The greatest that it can still become."""
         return min(judge.upper for _, _, judge in self._monitors)
 
-    def read(self) -> tuple[float, float, float, int]:
-        """Least robustness, lower and upper bound, and verdicts decided, of the samples so far."""
+    def read(self) -> Assessment:
+        """Least robustness, lower and upper bound, of the samples so far."""
         if len(self._monitors) == 1:
             ((_, monitor, judge),) = self._monitors
-            return monitor.robustness, judge.lower, judge.upper, self.settled
-        return self.robustness, self.lower, self.upper, self.settled
-
-    def sampler(self, names: Sequence[str], reads: Sequence[Read]) -> Sample:
-        """The function that reads a step once and feeds all monitors.
-
-        Most of the time that monitoring takes is spent here and in `feeder`, so the common case,
-        one signal for one monitor, has a way of its own in both.
-        """
-        if len(self._monitors) == len(reads) == 1:
-            (read,), ((_, monitor, judge),) = reads, self._monitors
-            update, bounds = monitor.update, judge.bounds
-
-            def sample(
-                obs: Any,  # noqa: ANN401
-                action: Any,  # noqa: ANN401
-                reward: Any,  # noqa: ANN401
-                info: dict[str, Any],
-            ) -> tuple[float, float, float, int]:
-                robustness = update(read(obs, action, reward, info))
-                lower, upper = bounds()
-                return robustness, lower, upper, upper < 0.0 or lower > 0.0
-
-            return sample
-
-        feed = self._feed_all(names)
-        return lambda obs, action, reward, info: feed(
-            [read(obs, action, reward, info) for read in reads]
-        )
+            return monitor.robustness, judge.lower, judge.upper
+        return self.robustness, self.lower, self.upper
 
     def feeder(
-        self, names: Sequence[str], reads: Sequence[Number], decide: Callable[[], None]
-    ) -> Number:
-        """The function that reads a simulation once, feeds all monitors, and gives the robustness.
+        self,
+        names: Sequence[str],
+        reads: Sequence[Read] | None = None,
+        *,
+        decide: Callable[[], None] | None = None,
+        curves: Sequence[list[Assessment]] | None = None,
+    ) -> Feed:
+        """Makes the function that feeds one sample to all monitors.
+
+        It takes the arguments of a `Read`, and returns the least robustness and the least lower and
+        upper bound over the specifications.
 
         Args:
-            names: Of the signals.
-            reads: What reads them.
-            decide: Called after a sample that has decided a verdict; must call `note`.
+            names: Names of the signals, the variables of all specifications among them.
+            reads: What reads each signal; None: the first argument is the sample itself, with a
+                value for each signal.
+            decide: Called after a sample that has decided a verdict, in place of `note`.
+            curves: For each specification a list, which gets the three numbers of every sample.
         """
-        if len(self._monitors) == len(reads) == 1:
-            (read,), ((_, monitor, judge),) = reads, self._monitors
-            update, bounds = monitor.update, judge.bounds
+        note = decide or self.note
+        if len(self._monitors) == 1 and reads is not None and len(reads) == 1 and curves is None:
+            return self._feeder_of_one(reads[0], note)
+        parts = self._parts(names, curves)
 
-            def feed() -> float:
-                robustness = update(read())
-                if not self.settled:
-                    lower, upper = bounds()
-                    if upper < 0.0 or lower > 0.0:
-                        decide()
-                return robustness
-
-            return feed
-
-        feed_all = self._feed_all(names)
-
-        def feed_each() -> float:
-            robustness, _, _, decided = feed_all([read() for read in reads])
-            if decided > self.settled:
-                decide()
-            return robustness
-
-        return feed_each
-
-    def _feed_all(
-        self, names: Sequence[str]
-    ) -> Callable[[list[float]], tuple[float, float, float, int]]:
-        picks = [
-            (
-                monitor.update,
-                indices[0] if len(indices) == 1 else None,
-                pick(indices),
-                judge.bounds,
-            )
-            for name, monitor, judge in self._monitors
-            for indices in [tuple(names.index(variable) for variable in self.variables[name])]
-        ]
-
-        def feed(values: list[float]) -> tuple[float, float, float, int]:
+        def feed(*step: Any) -> Assessment:  # noqa: ANN401
+            values = step[0] if reads is None else [read(*step) for read in reads]
             robustness = lower = upper = math.inf
             decided = 0
-            for update, index, picked, bounds in picks:
-                value = update(*picked(values)) if index is None else update(values[index])
+            for update, alone, pick, bounds, keep in parts:
+                value = update(*pick(values)) if alone is None else update(values[alone])
                 low, high = bounds()
+                if keep is not None:
+                    keep((value, low, high))
                 if high < 0.0 or low > 0.0:
                     decided += 1
                 # Calls of min() would cost as much as all the rest.
@@ -193,9 +149,42 @@ class Panel:
                     lower = low
                 if high < upper:  # noqa: PLR1730
                     upper = high
-            return robustness, lower, upper, decided
+            if decided > self.settled:
+                note()
+            return robustness, lower, upper
 
         return feed
+
+    def _feeder_of_one(self, read: Read, note: Callable[[], None]) -> Feed:
+        """The `feeder` of one signal for one monitor, the common case: without lists and loops."""
+        ((_, monitor, judge),) = self._monitors
+        update, bounds = monitor.update, judge.bounds
+
+        def feed(
+            obs: Any = None,  # noqa: ANN401
+            action: Any = None,  # noqa: ANN401
+            reward: Any = None,  # noqa: ANN401
+            info: Any = None,  # noqa: ANN401
+        ) -> Assessment:
+            robustness = update(read(obs, action, reward, info))
+            lower, upper = bounds()
+            if (upper < 0.0 or lower > 0.0) and not self.settled:
+                note()
+            return robustness, lower, upper
+
+        return feed
+
+    def _parts(
+        self, names: Sequence[str], curves: Sequence[list[Assessment]] | None
+    ) -> list[tuple[Any, ...]]:
+        """What `feeder` needs of each specification."""
+        parts: list[tuple[Any, ...]] = []
+        for place, (name, monitor, judge) in enumerate(self._monitors):
+            indices = tuple(names.index(variable) for variable in self.variables[name])
+            alone = indices[0] if len(indices) == 1 else None
+            keep = None if curves is None else curves[place].append
+            parts.append((monitor.update, alone, _pick(indices), judge.bounds, keep))
+        return parts
 
     def reset(self) -> None:
         """Forgets every sample."""
@@ -206,7 +195,7 @@ class Panel:
         self.violated_by = None
 
     def note(self) -> None:
-        """Notes the verdicts that the last sample, or the end of the trace, has decided."""
+        """Records the verdicts that the last sample, or the end of the trace, has decided."""
         for name, _, judge in self._monitors:
             if judge.verdict != 0 and name not in self._decided:
                 self._decided[name] = judge.samples - 1
@@ -214,11 +203,12 @@ class Panel:
                     self.violated_by = name
         self.settled = len(self._decided)
 
-    def finish(self) -> tuple[float, float, int]:
-        """Ends the trace; the bounds, and how many verdicts are decided."""
+    def finish(self) -> tuple[float, float]:
+        """Ends the trace, which settles the bounds; returns the least of each."""
         for _, _, judge in self._monitors:
             judge.finish()
-        return self.lower, self.upper, sum(judge.verdict != 0 for _, _, judge in self._monitors)
+        self.note()
+        return self.lower, self.upper
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification."""
@@ -268,7 +258,7 @@ class Panel:
         self.violated_by = violated_by
 
 
-def pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """The function that takes the elements at some indices."""
     if len(indices) > 1:
         return itemgetter(*indices)

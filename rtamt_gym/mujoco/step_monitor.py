@@ -138,7 +138,7 @@ class StepMonitor:
         self._panel.reset()
         self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
-        self._feed()
+        self._take()
         self._running = True
 
     def step(self) -> float:
@@ -234,7 +234,6 @@ class StepMonitor:
         if self._running:
             self._check_time(self.samples - 1)
         self._panel.finish()
-        self._panel.note()
         self._running = False
         return self.robustness
 
@@ -335,7 +334,7 @@ class StepMonitor:
         """Makes what pickle cannot carry: functions that read this simulation."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
         names = [signal.name for signal in self._signals]
-        self._feed = self._panel.feeder(names, self._reads, self._decide)
+        self._feed = self._panel.feeder(names, self._reads, decide=self._decide)
 
     def _begin(self) -> None:
         if self._panel.samples:
@@ -348,7 +347,7 @@ class StepMonitor:
     def _take(self) -> float:
         """Feeds a sample."""
         try:
-            return self._feed()
+            return self._feed()[0]
         except BaseException:
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
@@ -379,7 +378,7 @@ class StepMonitor:
         self._offer()
 
     def _decide(self) -> None:
-        """Notes new verdicts, but none of a simulation that has left its course."""
+        """Records new verdicts, after a check of the time: what is read at another is no sample."""
         self._check_time(self.samples - 1)
         self._panel.note()
 

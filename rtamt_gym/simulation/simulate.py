@@ -18,7 +18,7 @@ from gymnasium.vector import VectorEnv
 import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.panel import Panel, pick
+from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Course, Floats, RunEnd, Stop
@@ -144,8 +144,7 @@ def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int
     values: Sequence[float] | None = system.start()
     steps = 0
     while values is not None:
-        if record.take(values) > panel.settled:
-            panel.note()
+        record.take(values)
         if system.ended:
             break
         if stop != "end" and panel.violated_by is not None:
@@ -159,7 +158,6 @@ def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int
     if system.ended == "truncated":
         return "truncated"
     panel.finish()
-    panel.note()
     record.amend()
     return "terminated"
 
@@ -175,30 +173,18 @@ class _Recorder:
         self._names = list(dict.fromkeys([*variables, *signals]))
         self._unread = range(len(variables), len(self._names))
         self._samples: list[Sequence[float]] = []
-        self._curves: dict[str, list[tuple[float, float, float]]] = {}
-        self._feeds = []
-        for name, (monitor, judge) in panel.monitors.items():
-            indices = tuple(variables.index(variable) for variable in panel.variables[name])
-            self._curves[name] = []
-            self._feeds.append(
-                (monitor.update, pick(indices), judge.bounds, self._curves[name].append)
-            )
+        self._curves: dict[str, list[Assessment]] = {name: [] for name in panel.monitors}
+        self._feed = panel.feeder(variables, curves=list(self._curves.values()))
 
-    def take(self, values: Sequence[float]) -> int:
-        """Feeds a sample; says how many verdicts are certain."""
+    def take(self, values: Sequence[float]) -> None:
+        """Feeds a sample: a value for every variable, then for every other signal."""
         if self._holds and self._samples:
             last = self._samples[-1]
             values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
-        decided = 0
-        for update, picked, bounds, note in self._feeds:
-            robustness = update(*picked(values))
-            lower, upper = bounds()
-            note((robustness, lower, upper))
-            decided += upper < 0.0 or lower > 0.0
+        self._feed(values)
         for index in self._unread:
             self._check(index, values[index])
         self._samples.append(tuple(values))
-        return decided
 
     def _check(self, index: int, value: object) -> None:
         """Of a value that no monitor reads: as a monitor does."""

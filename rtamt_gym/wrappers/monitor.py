@@ -16,7 +16,7 @@ from gymnasium.utils import RecordConstructorArgs
 from rtamt import EpisodeMonitor, InputError, Specification, SpecificationError, StateError
 from rtamt_gym.checks.arguments import check_choice, check_length
 from rtamt_gym.judges.episodes import record
-from rtamt_gym.judges.panel import Panel, Sample
+from rtamt_gym.judges.panel import Feed, Panel
 from rtamt_gym.judges.specs import (
     InstantMonitor,
     Nan,
@@ -223,9 +223,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             )
         self._panel.reset()
         self._charged = False
-        robustness, lower, upper, decided = self._sample_reset(obs, None, None, info)
-        if decided:
-            self._panel.note()
+        robustness, lower, upper = self._feed_reset(obs, None, None, info)
         info = {
             **info,
             "robustness": robustness,
@@ -259,15 +257,13 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         else:
             obs, reward, terminated, truncated, info = self.env.step(action)
         try:
-            robustness, lower, upper, decided = self._sample(obs, action, reward, info)
+            robustness, lower, upper = self._feed(obs, action, reward, info)
         except BaseException:
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
         if terminated:
-            lower, upper, decided = panel.finish()
-        if decided > panel.settled:
-            panel.note()
+            lower, upper = panel.finish()
         info = {
             **info,
             "robustness": robustness,
@@ -331,14 +327,14 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         """Makes what pickle cannot carry: functions that read this environment."""
         if self._substeps:
             self._inside = SubSteps(self.env, self._signals, self._panel)
-            self._sample: Sample = self._inside.read
-            self._sample_reset: Sample = self._inside.reset
+            self._feed: Feed = self._inside.read
+            self._feed_reset: Feed = self._inside.reset
             return
         names = [signal.name for signal in self._signals]
         reads = [signal.bind(self.env) for signal in self._signals]
         reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
-        self._sample = self._panel.sampler(names, reads)
-        self._sample_reset = self._panel.sampler(names, reset_reads)
+        self._feed = self._panel.feeder(names, reads)
+        self._feed_reset = self._panel.feeder(names, reset_reads)
 
     def _charge(self, upper: float) -> float:
         first = upper < 0.0 and not self._charged
@@ -372,7 +368,7 @@ def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool
     return True
 
 
-_UNPICKLED = frozenset({"_sample", "_sample_reset", "_inside"})
+_UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
 
 
 class _CallableSpec(EnvSpec):

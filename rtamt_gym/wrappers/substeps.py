@@ -9,14 +9,15 @@ then: copies, pickles, resets and other environments never see it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 
 from rtamt import InputError, StateError
-from rtamt_gym.judges.panel import Panel
+from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.signals.selectors import STEP
-from rtamt_gym.signals.signals import Number, Signal
+from rtamt_gym.signals.signals import Read, Signal
 
 __all__ = ["SubSteps", "read_substep_period"]
 
@@ -40,20 +41,17 @@ class SubSteps:
         self._env = env
         self._panel = panel
         self._follow = _follower(env.unwrapped)
-        self._action: Any = None
         self._samples = panel.samples  # of a copy in mid-episode there are some
         names = [signal.name for signal in signals]
         reads = [self._bind(signal) for signal in signals]
-        first = [_constant(signal, read) for signal, read in zip(signals, reads, strict=True)]
-        self._feed = panel.feeder(names, reads, panel.note)
-        self._feed_first = panel.feeder(names, first, panel.note)
+        first = [signal.bind_reset(env) for signal in signals]
+        self._feed = panel.feeder(names, reads)
+        self._feed_first = panel.feeder(names, first)
 
-    def reset(self, *_: object) -> tuple[float, float, float, int]:
-        """Feeds sample 0; least robustness, lower and upper bound, and verdicts decided."""
-        self._action = None
-        self._feed_first()
+    def reset(self, *_: object) -> Assessment:
+        """Feeds sample 0."""
         self._samples = 1
-        return self._panel.read()
+        return self._feed_first(None, None, None, {})
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
         """Makes a step of the environment, and feeds every step of the simulation in it.
@@ -62,8 +60,7 @@ class SubSteps:
             StateError: If there was none.
             InputError: If a signal is nan or cannot be read.
         """
-        self._action = action
-        undo = self._follow(self._feed)
+        undo = self._follow(partial(self._feed, None, action, None, {}))
         try:
             result = self._env.step(action)
         finally:
@@ -76,21 +73,18 @@ class SubSteps:
             )
         return result
 
-    def read(self, *_: object) -> tuple[float, float, float, int]:
-        """What the monitors say now."""
+    def read(self, *_: object) -> Assessment:
+        """The assessment of the samples that the last step has fed."""
         return self._panel.read()
 
-    def _bind(self, signal: Signal) -> Number:
+    def _bind(self, signal: Signal) -> Read:
         if signal.source in STEP and signal.source != "action":
             raise InputError(
                 f"signal {signal.name!r}: {signal} is not known inside of a step, and "
                 "substeps=True takes samples there; read the simulation instead, such as qpos[0], "
                 "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read"
             )
-        read = signal.bind(self._env)
-        if signal.source is None or signal.source == "action":
-            return lambda: read(None, self._action, None, {})
-        return read
+        return signal.bind(self._env)
 
 
 def read_substep_period(env: Env) -> float | None:
@@ -103,15 +97,10 @@ def read_substep_period(env: Env) -> float | None:
     return 1.0 / frequency if frequency else None
 
 
-def _constant(signal: Signal, read: Number) -> Number:
-    """What reads sample 0: the default, where there is one."""
-    default = signal.default
-    return read if default is None else lambda: default
-
-
+_Feed = Callable[[], object]
 _Undo = Callable[[], object]
 
-_Follow = Callable[[Number], _Undo]
+_Follow = Callable[[_Feed], _Undo]
 """Lets every step of a simulation be followed by a call, until what it returns is called."""
 
 
@@ -138,7 +127,7 @@ def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
 class _Loop:
     """`MujocoEnv._step_mujoco_simulation`, one ``mj_step`` at a time."""
 
-    def __init__(self, simulation: Any, feed: Number) -> None:  # noqa: ANN401
+    def __init__(self, simulation: Any, feed: _Feed) -> None:  # noqa: ANN401
         self.feeds = [feed]
         self._simulation = simulation
 
@@ -154,7 +143,7 @@ class _Loop:
         mujoco.mj_rnePostConstraint(model, data)
 
 
-def _follow_mujoco(simulation: Any, feed: Number) -> _Undo:  # noqa: ANN401
+def _follow_mujoco(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
     around = vars(simulation).get("_step_mujoco_simulation")
     if isinstance(around, _Loop):  # of a monitor around this one
         around.feeds.append(feed)
@@ -163,7 +152,7 @@ def _follow_mujoco(simulation: Any, feed: Number) -> _Undo:  # noqa: ANN401
     return lambda: vars(simulation).pop("_step_mujoco_simulation")
 
 
-def _follow_road(simulation: Any, feed: Number) -> _Undo:  # noqa: ANN401
+def _follow_road(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
     road = simulation.road  # every reset makes a new one
     step = road.step
 
