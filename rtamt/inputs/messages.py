@@ -103,8 +103,10 @@ class Messages:
 
     def __init__(self, specification: Specification, names: Collection[str]) -> None:
         self._fields = {name: tuple(_fields(name, specification)) for name in names if "." in name}
-        messages = {f.message for fields in self._fields.values() for f in fields}
-        self.names = frozenset(messages.difference(names))
+        self.names: frozenset[str] = frozenset()
+        if self._fields:
+            messages = {f.message for fields in self._fields.values() for f in fields}
+            self.names = frozenset(messages.difference(names))
 
     def spread(
         self, named: Mapping[str, _T], split: Callable[[Field, _T], object]

@@ -1,19 +1,16 @@
-"""The facade of dense time: a monitor of events, and the evaluation of whole signals."""
+"""Robustness over dense time: a monitor of events, and the evaluation of whole signals."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, Self
+from typing import Literal, Unpack
 
 from rtamt.errors import InputError
 from rtamt.inputs.events import EventReader, Events, EventsLike
-from rtamt.inputs.messages import write_fields
-from rtamt.language.parser import as_specification
-from rtamt.machines.backend import Backend, DenseMachine, choose, dense_machine
-from rtamt.monitors.online import DirectUpdate, Resumable, Spec
-from rtamt.program.dense_lowering import compile_dense
-from rtamt.program.interface import Names, Semantics, as_interface
+from rtamt.machines.backend import DenseMachine, dense_machine
+from rtamt.monitors.online import DirectUpdate, MachineValue, NamedValues, Online, machine_value
+from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
+from rtamt.program.dense_lowering import DenseProgram
 
 __all__ = ["DenseMonitor", "evaluate_dense"]
 
@@ -21,53 +18,50 @@ Interpolation = Literal["previous"]
 
 _UPDATE = """Take in new events, and give the breakpoints that are settled by them.
 
+A call that raises an error leaves the monitor as it was.
+
 Args:
     events: A mapping from variables to a sequence of (time, value), an array of shape (n, 2), or
         `Events`; or the same by keyword, ``update(x=[(0, 1.5)])``. A variable that is absent or
-        whose events are empty has no new ones. Of variables that are fields, such as
+        whose events are empty has no new ones. For variables that are fields, such as
         ``cmd.linear.x``, the message may be given: ``{"cmd": [(time, message)]}``.
 
 Returns:
-    (time, robustness) wherever the robustness becomes another one, before `settled`; each once.
-    The first is where the trace begins.
+    (time, robustness) wherever the robustness changes before `settled`; each once. The first is
+    where the trace begins.
 
 Raises:
     InputError: On an unknown variable, a message without the field, times that do not increase
         (from one call to the next too), a nan, or a term that is not a number (``sqrt(-1)``) at any
-        time of the trace. The monitor is as it was before the call.
-    InputTypeError: On values that are no real numbers; likewise.
+        time of the trace.
+    InputTypeError: On values that are not real numbers.
     StateError: After `finish`.
 """
 
 
-class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
+class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]):
     """Robustness over dense time, from events that need not come at the same times.
 
     Signals are right-continuous step functions: a value lasts until the variable's next event.
-    The robustness is one too, exact, without sampling. The trace begins when the last variable
-    has its first event. What has been said never changes: the robustness of a time is given when
-    all variables have events later than that by `horizon`, whatever the chunks in which they come.
+    The robustness is one too, and exact: nothing is sampled. The trace begins when the last
+    variable has its first event. The robustness of a time is given, once and for all, when every
+    variable has an event later than that by `horizon`, whatever the chunks in which events come.
     Memory holds the events inside the longest windows, and those of variables that run ahead.
 
     Future operators need an end, except a top-level ``always p`` or ``eventually p``: there
     ``update`` gives the least or greatest robustness of p so far. Bounds without a unit are in the
-    specification's (seconds), and so are the times of events. Operators that speak of neighbouring
-    samples (`prev`, `next`, `rise`, `fall`) have no meaning here.
+    specification's (seconds), and so are the times of events. Operators on neighbouring samples
+    (`prev`, `next`, `rise`, `fall`) have no meaning here.
 
     Args:
         spec: Text, a formula, or a parsed specification.
         interpolation: What a signal is between events: ``"previous"``, the last value.
-        backend: ``"auto"`` takes the C++ machine where it was built.
-        semantics: Which robustness is meant: ``"standard"``, or an interface-aware one,
-            ``"output-robustness"``, ``"input-vacuity"``, ``"input-robustness"`` or
-            ``"output-vacuity"``.
-        inputs: Variables that the system reads; a message stands for its fields. None: those that
-            the text declares ``input``. Only interface-aware semantics ask for them.
-        outputs: Variables that the system sets; likewise.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
-        SpecificationError: On text that is no specification, operators that speak of samples, a
-            future without end, or a formula without variables.
+        SpecificationError: On text that is not a specification, operators on neighbouring samples,
+            a future without an end, or a formula without variables.
+        InputError: As for `Monitor`.
 
     Example:
         >>> m = DenseMonitor("always[0:2](speed < 10)")
@@ -82,31 +76,18 @@ class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
     2004; Donze, Ferrere and Maler, "Efficient robust monitoring for STL", CAV 2013.
     """
 
-    __slots__ = {
-        "backend": "Which machine runs.",
-        "interface": "Which robustness is meant.",
-        "program": "What it runs.",
-        "specification": "What it was made from.",
-        "update": _UPDATE,
-    }
+    __slots__ = {"update": _UPDATE}
 
     update: Callable[..., list[tuple[float, float]]]
 
+    @listed_in_signature(Options)
     def __init__(
-        self,
-        spec: Spec,
-        *,
-        interpolation: Interpolation = "previous",
-        backend: Backend = "auto",
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
+        self, spec: Spec, *, interpolation: Interpolation = "previous", **options: Unpack[Options]
     ) -> None:
         _check_interpolation(interpolation)
-        self.specification = as_specification(spec)
-        self.interface = as_interface(self.specification, semantics, inputs, outputs)
-        self.backend = choose(backend)
-        self.program = compile_dense(self.specification, interface=self.interface, online=True)
+        self.specification, self.interface, self.backend, self.program = compiled_dense(
+            type(self), spec, options, online=True
+        )
         program = self.program.program
         observed = tuple(program.outputs.values())
         self._machine = dense_machine(self.backend, self.program, EventReader(program), observed)
@@ -134,40 +115,27 @@ class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
 
     @property
     def values(self) -> dict[str, float]:
-        """The last robustness of every named formula that is settled, each late by its own latency.
+        """The last settled robustness of every named formula, late by its own latency.
 
         nan before there is one; after `finish`, the robustness at the end of the trace.
         """
         return dict(zip(self.program.program.outputs, self._machine.values, strict=True))
 
-    def write(self, messages: Mapping[str, object] | None = None, /, **named: object) -> bool:
-        """Set fields of messages to `values` of the formulas named after them; see `Monitor.write`.
-
-        Raises:
-            InputError: If no formula is named after a field of the message, or the message has no
-                such field. No message is changed.
-            InputTypeError: If a message is of another class than the text declares; likewise.
-        """
-        return write_fields(self.specification, self.values, messages, named)
-
-    @property
-    def settled(self) -> float:
-        """The time before which all has been said: the least of the variables' last - `horizon`.
-
-        -inf until every variable has an event; after `finish`, the end of the trace.
-        """
-        return self._machine.settled
-
-    @property
-    def finished(self) -> bool:
-        """Whether `finish` has ended the trace."""
-        return self._machine.finished
+    settled: MachineValue[float] = machine_value(
+        "settled",
+        "The time before which the robustness has been given: the least of the variables' last "
+        "times, less `horizon`; -inf until every variable has an event; after `finish`, the end.",
+    )
+    finished: MachineValue[bool] = machine_value(
+        "finished", "Whether `finish` has ended the trace."
+    )
 
     def finish(self) -> list[tuple[float, float]]:
-        """End the trace with the first of the variables' last events, and give what is left.
+        """End the trace, and give the breakpoints that are left.
 
-        Windows are cut to the trace. The end is an instant of it: if its robustness is another
-        one than just before, it is the last breakpoint. Calling it again gives nothing.
+        The trace ends at the earliest of the variables' last events, and windows are cut to it. The
+        end is an instant of the trace: it is the last breakpoint if the robustness differs there
+        from that just before. Calling it again gives nothing.
 
         Raises:
             StateError: If a variable has no event.
@@ -179,29 +147,17 @@ class DenseMonitor(DirectUpdate, Resumable[DenseMachine]):
         """Forget every event."""
         self._machine.reset()
 
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
-        make = functools.partial(
-            type(self),
-            backend=self.backend,
-            semantics=self.interface.semantics,
-            inputs=self.interface.inputs,
-            outputs=self.interface.outputs,
-        )
-        return make, (self.specification,), self._machine.state()
-
     def __repr__(self) -> str:
         return f"<DenseMonitor of {self.specification.formula}, horizon {self.horizon:g}>"
 
 
+@listed_in_signature(Options)
 def evaluate_dense(
     spec: Spec,
     signals: Mapping[str, EventsLike],
     *,
     interpolation: Interpolation = "previous",
-    backend: Backend = "auto",
-    semantics: Semantics = "standard",
-    inputs: Names | None = None,
-    outputs: Names | None = None,
+    **options: Unpack[Options],
 ) -> Events:
     """Robustness over a whole trace in dense time.
 
@@ -214,22 +170,19 @@ def evaluate_dense(
         spec: Text, a formula, or a parsed specification.
         signals: For each variable a sequence of (time, value), an array of shape (n, 2), or
             `Events`. Other variables are ignored.
-        interpolation: What a signal is between events: ``"previous"``, the last value.
-        backend: ``"auto"`` takes the C++ machine where it was built.
-        semantics: Which robustness is meant; see `DenseMonitor`.
-        inputs: Variables that the system reads; see `DenseMonitor`.
-        outputs: Variables that the system sets; see `DenseMonitor`.
+        interpolation: As for `DenseMonitor`.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Returns:
-        The robustness, a step function likewise: where it begins, wherever it becomes another
-        one, and at the end if it is another one there. Of instants at which it has another value
-        than just before and after, only the end is represented.
+        The robustness, a step function too: an event where it begins, wherever it changes, and at
+        the end if it changes there. A value that holds at a single instant inside the trace, with
+        another before and after, is left out; at the end it is given.
 
     Raises:
-        SpecificationError: As for `DenseMonitor`, but a future without end is welcome.
+        SpecificationError: As for `DenseMonitor`, except that a future may have no end.
         InputError: On a variable without events, times that do not increase, a nan, a term that
             is not a number, or variables that are never known at the same time.
-        InputTypeError: On values that are no real numbers.
+        InputTypeError: On values that are not real numbers.
 
     Example:
         >>> signals = {"request": [(0, 0), (1, 1), (5, 1)], "grant": [(0, 0), (2.5, 1), (5, 1)]}
@@ -240,9 +193,8 @@ def evaluate_dense(
     Source: see `DenseMonitor`.
     """
     _check_interpolation(interpolation)
-    specification = as_specification(spec)
-    interface = as_interface(specification, semantics, inputs, outputs)
-    program = compile_dense(specification, interface=interface).result_alone()
+    _, _, backend, whole = compiled_dense(evaluate_dense, spec, options, online=False)
+    program = whole.result_alone()
     reader = EventReader(program.program)
     machine = dense_machine(backend, program, reader, ())
     return Events(*machine.run(reader.whole(signals)))

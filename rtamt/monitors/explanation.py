@@ -15,29 +15,28 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from numbers import Real
-from typing import NamedTuple, SupportsIndex, cast
+from typing import NamedTuple, SupportsIndex, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError, InputTypeError
-from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, kind_of
+from rtamt.inputs.samples import Columns, SampleReader, kind_of
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
 from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
 from rtamt.language.table import Operator
-from rtamt.machines.backend import Backend, discrete_machine
+from rtamt.machines.backend import discrete_machine
 from rtamt.machines.offline import run_outputs
 from rtamt.monitors.evaluation import whole_trace
-from rtamt.monitors.online import Spec
+from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.monitors.provenance import Origin, origin_of
-from rtamt.program.interface import Interface, Names, Reading, Semantics, as_interface
-from rtamt.program.lowering import compile_program
-from rtamt.program.timing import Period, as_period, samples
+from rtamt.program.interface import Interface, Reading
+from rtamt.program.timing import Period, samples
 
-__all__ = ["Cause", "Explanation", "Step", "explain"]
+__all__ = ["Cause", "Explanation", "ExplanationStep", "explain"]
 
 Array = NDArray[np.float64]
 
@@ -51,7 +50,7 @@ class Cause(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ExplanationStep:
     """A formula on the way from the specification down to what decided its robustness.
 
     Attributes:
@@ -96,7 +95,7 @@ class Explanation:
         start: Time of the first sample in seconds.
     """
 
-    steps: tuple[Step, ...]
+    steps: tuple[ExplanationStep, ...]
     causes: tuple[Cause, ...]
     period: float | None = None
     start: float = 0.0
@@ -133,7 +132,7 @@ class Explanation:
             lines += _wrapped(f"{at:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
         return "\n".join(lines)
 
-    def _notes(self, step: Step) -> Iterator[str]:
+    def _notes(self, step: ExplanationStep) -> Iterator[str]:
         if step.witness is not None:
             yield f"witness: the right side at {self._at(step.witness)}"
         if step.outside is not None:
@@ -175,6 +174,7 @@ def _wrapped(margin: str, text: str) -> list[str]:
     )
 
 
+@listed_in_signature(SampleOptions)
 def explain(
     spec: Spec,
     data: Columns,
@@ -183,19 +183,15 @@ def explain(
     sample: SupportsIndex = 0,
     start: float = 0.0,
     n: int | None = None,
-    backend: Backend = "auto",
-    nan: NanPolicy = "raise",
-    semantics: Semantics = "standard",
-    inputs: Names | None = None,
-    outputs: Names | None = None,
+    **options: Unpack[SampleOptions],
 ) -> Explanation:
     """Which sub-formulas and samples decided the robustness at one sample of a whole trace.
 
-    The robustness is the value of one predicate at one sample, or its opposite; the way there is
-    the explanation. What decides is a choice where values are equal: that of the first operand,
-    and of the first sample. The robustness stays what it is as long as that value stays and no
-    other value of a predicate crosses it or its opposite; and it follows that value, up to the
-    next such value.
+    The robustness is the value of one predicate at one sample, or its opposite; the explanation is
+    the way there, from the specification down. Where values are equal, the first operand decides,
+    and of its samples the first. The robustness does not change as long as the deciding value stays
+    and no other value of a predicate crosses it or its opposite; and it follows the deciding value
+    up to the next such value.
 
     Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
     samples are; if that decided, the explanation ends with the operator and has no causes.
@@ -203,21 +199,19 @@ def explain(
     Args:
         spec: Text, a formula, or a parsed specification.
         data: As for `evaluate`.
-        period: Seconds between samples; None: bounds are numbers of samples.
-        sample: Whose robustness is explained, from 0.
+        period: As for `Monitor`.
+        sample: The sample whose robustness is explained, from 0.
         start: Time of the first sample in seconds, for the times of the explanation.
         n: The length, for a formula without variables.
-        backend: ``"auto"`` takes the C++ machine where it was built.
-        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
-        semantics: Which robustness, as for `evaluate`.
-        inputs: Likewise.
-        outputs: Likewise.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
+            `Monitor`.
 
     Raises:
-        SpecificationError: As `evaluate` does.
-        InputError: Likewise, if the trace has no such sample, or ``start`` is not finite.
-        InputTypeError: As `evaluate` does, and if ``sample`` is no whole number or ``start`` no
-            number.
+        SpecificationError: As for `evaluate`.
+        InputError: As for `evaluate`, and if the trace has no such sample, or ``start`` is not
+            finite.
+        InputTypeError: As for `evaluate`, and if ``sample`` is not a whole number or ``start`` not
+            a number.
 
     Example:
         >>> trace = {"req": [0, 4, 0, 0, 0], "gnt": [5, 0, 0, 1, 4]}
@@ -237,13 +231,13 @@ def explain(
     "Robustness of temporal logic specifications for continuous-time signals", TCS 2009.
     """
     specification = as_specification(spec)
-    seconds = as_period(period)
     start = _time(start)
     formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
     names = {f"#{i}": formula for i, formula in enumerate(formulas)}  # no formula is named so
     observed = replace(specification, formulas={**specification.formulas, **names})
-    interface = as_interface(specification, semantics, inputs, outputs)
-    program = compile_program(observed, seconds, interface=interface)
+    _, interface, backend, nan, seconds, program = compiled(
+        explain, observed, period, options, online=False
+    )
     reader = SampleReader(program, nan)
     columns, length = whole_trace(reader, data, n)
     at = _place(sample, length)
@@ -289,7 +283,7 @@ def _steps(
     sample: int,
     period: Fraction | None,
     start: float,
-) -> Iterator[Step]:
+) -> Iterator[ExplanationStep]:
     names: dict[Node, str] = {}
     for name, named in specification.formulas.items():
         names.setdefault(named, name)
@@ -304,7 +298,7 @@ def _steps(
                 bounds = samples(formula.interval, period, specification.unit, error)
             operands = [robustness[a] for a in formula.args]
             origin = origin_of(row, bounds, operands, sample)
-        yield Step(
+        yield ExplanationStep(
             formula,
             names.get(formula),
             node_text(formula, {f: n for f, n in names.items() if f is not formula}),

@@ -4,62 +4,54 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping, Sequence
-from typing import cast
+from typing import Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
-from rtamt.inputs.samples import Columns, NanPolicy, SampleReader, array_of_numbers
-from rtamt.language.parser import as_specification
-from rtamt.machines.backend import Backend, discrete_machine
+from rtamt.inputs.samples import Columns, SampleReader, array_of_numbers
+from rtamt.machines.backend import discrete_machine
 from rtamt.machines.offline import Passes
-from rtamt.monitors.online import Spec
-from rtamt.program.interface import Names, Semantics, as_interface
-from rtamt.program.lowering import compile_program
-from rtamt.program.timing import Period, as_period
+from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
+from rtamt.program.timing import Period
 
 __all__ = ["evaluate_many"]
 
 Floats = NDArray[np.float64]
 
 
+@listed_in_signature(SampleOptions)
 def evaluate_many(
     spec: Spec,
     data: Columns,
     period: Period | None = None,
     *,
     lengths: ArrayLike | None = None,
-    backend: Backend = "auto",
-    nan: NanPolicy = "raise",
-    semantics: Semantics = "standard",
-    inputs: Names | None = None,
-    outputs: Names | None = None,
+    **options: Unpack[SampleOptions],
 ) -> Floats:
     """Robustness at every sample of many whole traces.
 
-    Each trace has the values that `evaluate` gives it; the specification is compiled once.
+    Each trace gets the values that `evaluate` gives; the specification is compiled once.
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        data: A mapping of every variable to its values, of shape (traces, samples) (other names are
-            ignored), or an array of shape (traces, samples, variables).
-        period: Seconds between samples; None: bounds are numbers of samples.
-        lengths: How many samples each trace has, 1 or more; what is behind them is never looked at.
-            None: all that there are.
-        backend: As for `evaluate`.
-        nan: As for `evaluate`; a value is held within its trace.
-        semantics: As for `evaluate`.
-        inputs: As for `evaluate`.
-        outputs: As for `evaluate`.
+        data: A mapping of every variable to its values, of shape (traces, samples); other names are
+            ignored. Or an array of shape (traces, samples, variables).
+        period: As for `Monitor`.
+        lengths: How many samples each trace has, 1 or more; values behind them are never read.
+            None: every trace has all samples.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
+            `Monitor`; ``nan="hold"`` keeps a value within its trace.
 
     Returns:
-        An array of shape (traces, samples); nan behind the end of a trace that is shorter.
+        An array of shape (traces, samples); nan behind the end of a shorter trace.
 
     Raises:
-        SpecificationError: As `evaluate` does.
-        InputError: As `evaluate` does, with the trace; on shapes or lengths that do not fit.
-        InputTypeError: On values that are no real numbers, lengths that are no whole numbers.
+        SpecificationError: As for `evaluate`.
+        InputError: As for `evaluate`, with the number of the trace; and on shapes or lengths that
+            do not fit.
+        InputTypeError: On values that are not real numbers, or lengths that are not whole numbers.
 
     Example:
         >>> x = [[5, 4, 3], [1, 9, 9]]
@@ -70,9 +62,7 @@ def evaluate_many(
         array([[ 3.,  3., nan],
                [ 0.,  8.,  8.]])
     """
-    specification = as_specification(spec)
-    interface = as_interface(specification, semantics, inputs, outputs)
-    program = compile_program(specification, as_period(period), interface=interface)
+    _, _, backend, nan, _, program = compiled(evaluate_many, spec, period, options, online=False)
     reader = SampleReader(program, nan)
     columns, shape = _columns(reader, data)
     ends = _ends(lengths, shape)

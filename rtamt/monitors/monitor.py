@@ -1,22 +1,20 @@
-"""The facade: monitors of one signal, sample by sample."""
+"""Monitors of one signal, sample by sample."""
 
 from __future__ import annotations
 
 import enum
-import functools
 import math
-import operator
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol, Self, TypeVar, cast
+from array import array
+from collections.abc import Callable
+from typing import Any, Self, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import StateError
-from rtamt.inputs.messages import write_fields
-from rtamt.inputs.samples import Columns, NanPolicy, SampleReader
+from rtamt.inputs.samples import Columns, SampleReader
+from rtamt.language.specification import Specification
 from rtamt.machines.backend import (
-    Backend,
     DiscreteMachine,
     EpisodeMachine,
     Machine,
@@ -24,82 +22,70 @@ from rtamt.machines.backend import (
     episode_machine,
 )
 from rtamt.monitors.explanation import Explanation, explain
-from rtamt.monitors.history import Recorder
-from rtamt.monitors.online import DirectUpdate, Online, Spec
-from rtamt.program.interface import Names, Semantics
-from rtamt.program.lowering import compile_program
-from rtamt.program.program import Program
+from rtamt.monitors.online import (
+    DirectUpdate,
+    EpisodeValues,
+    Late,
+    MachineValue,
+    NamedValues,
+    Sampled,
+    machine_value,
+)
+from rtamt.monitors.options import SampleOptions, Spec, listed_in_signature
 from rtamt.program.timing import Period
 
-__all__ = ["EpisodeMonitor", "Monitor", "Spec", "Verdict"]
+__all__ = ["EpisodeMonitor", "Monitor", "Verdict"]
 
 
-_UPDATE = """Take in one sample{result}
+_UPDATE = """Take in one sample and give the robustness {when}.
 
 The sample is given by keyword (``update(x=1.0, y=2.0)``), as one mapping, by position in the order
 of ``variables``, or as one 1-D array or list in that order. Integers, booleans and numpy scalars
-are converted; +-inf is legal. Of a variable that is a field, such as ``cmd.linear.x``, the message
+are converted; +-inf is legal. For a variable that is a field, such as ``cmd.linear.x``, the message
 may be given, an object with attributes or a mapping: ``update(cmd=message)``.
+
+A call that raises an error leaves the monitor as it was.
 
 Raises:
     InputError: On a missing or unknown variable, a wrong count or shape, a message without the
-        field, a nan, or a term that is not a number (``sqrt(-1)``). The monitor is as it was before
-        the call.
-    InputTypeError: On a value that is no real number, or a message of another class than the text
-        declares; likewise.
+        field, a nan, or a term that is not a number (``sqrt(-1)``).
+    InputTypeError: On a value that is not a real number, or a message of another class than the
+        text declares.
 """
 
 
 _M = TypeVar("_M", bound=Machine)
 
 
-class _Single(DirectUpdate, Online[_M]):
-    """One signal: samples as arguments."""
+class _Single(DirectUpdate, Sampled[_M]):
+    """A monitor of one signal: a sample is the arguments of ``update``."""
 
     __slots__ = ("_reader",)
 
     update: Callable[..., float]
 
+    @listed_in_signature(SampleOptions)
     def __init__(
-        self,
-        spec: Spec,
-        period: Period | None = None,
-        *,
-        backend: Backend = "auto",
-        nan: NanPolicy = "raise",
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
+        self, spec: Spec, period: Period | None = None, **options: Unpack[SampleOptions]
     ) -> None:
-        super().__init__(
-            spec,
-            period,
-            backend=backend,
-            nan=nan,
-            semantics=semantics,
-            inputs=inputs,
-            outputs=outputs,
-        )
+        super().__init__(spec, period, options)
+        self._reader = SampleReader(self.program, self._nan)
+        self._machine = self._made(self._reader)
         self.update = self._machine.update
 
-    def _made(self) -> _M:
-        self._reader = SampleReader(self.program, self._nan)
-        return self._machine_of(self._reader)
-
-    def _machine_of(self, reader: SampleReader) -> _M:
+    def _made(self, reader: SampleReader) -> _M:
         raise NotImplementedError
 
-    @property
-    def samples(self) -> int:
-        """Samples taken in since the monitor was made or reset."""
-        return self._machine.samples
+    samples: MachineValue[int] = machine_value(
+        "samples", "Samples taken in since the monitor was made or reset."
+    )
 
     def reset(self) -> None:
         """Forget every sample."""
         self._machine.reset()
 
 
-class Monitor(_Single[DiscreteMachine]):
+class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     """Robustness at every sample, late by a known latency.
 
     At sample t, ``update`` gives the robustness at time ``t - latency``: positive, satisfied by
@@ -114,17 +100,20 @@ class Monitor(_Single[DiscreteMachine]):
         spec: Text, a formula, or a parsed specification.
         period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
             the formula are numbers of samples.
-        backend: ``"auto"`` takes the C++ machine where it was built.
-        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
         semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
             ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
-            the text declares ``input``. Only interface-aware semantics ask for them.
-        outputs: Variables that the system sets; likewise.
+            the text declares ``input``. Only interface-aware semantics need them.
+        outputs: Variables that the system sets; a message stands for its fields. None: those that
+            the text declares ``output``. Only interface-aware semantics need them.
+        backend: ``"native"`` runs the machine in C++, ``"python"`` the one in Python; ``"auto"``
+            takes the one in C++ if it was built.
+        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
 
     Raises:
-        SpecificationError: On text that is no specification, bounds that are no whole number of
-            periods, or a future without end.
+        SpecificationError: On text that is not a specification, bounds that are not a whole number
+            of periods, or a future without an end.
+        InputError: On an option that has no such value, or ``backend="native"`` that was not built.
 
     Example:
         >>> m = Monitor("always[0:2](x > 1)")
@@ -136,24 +125,14 @@ class Monitor(_Single[DiscreteMachine]):
     Source: Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL", ATVA 2020.
     """
 
-    __slots__ = {"update": _UPDATE.format(result=" and give the robustness at time t - latency.")}
+    __slots__ = {"update": _UPDATE.format(when="at time t - latency")}
 
-    def _compiled(self) -> Program:
-        return compile_program(
-            self.specification, self._period, interface=self.interface, online=True
-        )
-
-    def _machine_of(self, reader: SampleReader) -> DiscreteMachine:
+    def _made(self, reader: SampleReader) -> DiscreteMachine:
         return discrete_machine(self.backend, self.program, reader, (self.program.result,))
 
     @property
-    def latency(self) -> int:
-        """Samples by which the robustness is late."""
-        return self.program.latency or 0
-
-    @property
     def values(self) -> dict[str, float]:
-        """Current robustness of every named formula, each late by its own latency; nan before."""
+        """The last robustness of every named formula, late by its own latency; nan before that."""
         seen, registers = self._machine.samples, self._machine.registers
         return {
             name: registers[register] if seen > self.latencies[name] else math.nan
@@ -165,46 +144,22 @@ class Monitor(_Single[DiscreteMachine]):
         """Samples by which the value of every named formula is late."""
         return {n: self.program.latencies[r] or 0 for n, r in self.program.outputs.items()}
 
-    def write(self, messages: Mapping[str, object] | None = None, /, **named: object) -> bool:
-        """Set fields of messages to the values of the formulas that are named after them.
-
-        Where the text says ``out.value = always(...)``, ``write(out=message)`` sets the field
-        ``value`` of the message to ``values["out.value"]``: nan before its latency has passed.
-
-        Args:
-            messages: Objects with attributes, or mappings, by name.
-            named: The same by keyword.
-
-        Returns:
-            Whether every value written is a number.
-
-        Raises:
-            InputError: If no formula is named after a field of the message, or the message has no
-                such field (a mapping need not have it). No message is changed.
-            InputTypeError: If a message is of another class than the text declares; likewise.
-
-        Example:
-            >>> monitor, message = Monitor("out.value = always[0:1](x > 0)"), {}
-            >>> for x in (3.0, 1.0):
-            ...     monitor.update(x), monitor.write(out=message), message
-            (nan, False, {'value': nan})
-            (1.0, True, {'value': 1.0})
-        """
-        return write_fields(self.specification, self.values, messages, named)
-
     def update_many(self, block: Columns) -> NDArray[np.float64]:
-        """Take in a block of samples; what `update` gives for each, as an array.
+        """Take in a block of samples and give what `update` gives for each, as an array.
+
+        A call that raises an error takes in no sample of the block.
 
         Args:
-            block: A mapping of every variable to its n values, or of a message to its n (a data
-                frame too), and of nothing else, or an array of shape (n, variables).
+            block: A mapping (or data frame) of every variable to its n values, or of a message to
+                n messages, and of nothing else; or an array of shape (n, variables).
 
         Returns:
             n values; those of the first ``latency`` samples since the reset are nan.
 
         Raises:
-            InputError: As `update` does; then no sample of the block was taken in.
-            InputTypeError: Likewise.
+            InputError: As `update` does, and on columns of different length.
+            InputTypeError: On values that are not real numbers, or messages of another class than
+                the text declares.
         """
         machine = self._machine
         columns, n = self._reader.block(block, machine.samples, machine.inputs)
@@ -212,16 +167,6 @@ class Monitor(_Single[DiscreteMachine]):
 
     def __repr__(self) -> str:
         return f"<Monitor of {self.specification.formula}, latency {self.latency}>"
-
-
-class _MachineValue(Protocol):
-    """A read-only attribute that the machine holds."""
-
-    def __get__(self, monitor: object, owner: object) -> float: ...
-
-
-def _machine_value(name: str, doc: str) -> _MachineValue:
-    return cast("_MachineValue", property(operator.attrgetter(f"_machine.{name}"), doc=doc))
 
 
 class Verdict(enum.IntEnum):
@@ -235,11 +180,11 @@ class Verdict(enum.IntEnum):
     """No continuation can violate the specification: the lower bound is above 0."""
 
 
-# Attributes of an enumeration cost more than the rest of what reads them.
+# Reading an attribute of an enumeration costs more than the rest of `EpisodeMonitor.verdict`.
 _VIOLATED, _UNDECIDED, _SATISFIED = Verdict
 
 
-class EpisodeMonitor(_Single[EpisodeMachine]):
+class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     """The robustness of a whole episode, and its bounds over all continuations, at every sample.
 
     Everything is about time 0 of the episode, as STL defines satisfaction; invariants are written
@@ -258,20 +203,15 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
-            the formula are numbers of samples.
-        backend: ``"auto"`` takes the fastest machine that there is.
-        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
-        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
-            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
-        inputs: Variables that the system reads; a message stands for its fields. None: those that
-            the text declares ``input``. Only interface-aware semantics ask for them.
-        outputs: Variables that the system sets; likewise.
+        period: As for `Monitor`.
         history: Whether to keep the samples for `explain`: 8 bytes a value, until the reset.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
+            `Monitor`.
 
     Raises:
-        SpecificationError: On text that is no specification, bounds that are no whole number of
-            periods, or too many operators without an end inside others.
+        SpecificationError: On text that is not a specification, bounds that are not a whole number
+            of periods, or too many operators without an end inside others.
+        InputError: As for `Monitor`.
 
     Example:
         >>> e = EpisodeMonitor("always[0:100](x > 1)")
@@ -285,51 +225,32 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
     """
 
     __slots__ = {
+        "_history": None,
         "bounds": "Give `lower` and `upper`, in less than half of the time of reading both.",
-        "update": _UPDATE.format(result=" and give the robustness if the episode ended with it.")
+        "update": _UPDATE.format(when="that the episode has if it ends now")
         + "    StateError: After `finish`.\n",
     }
 
     bounds: Callable[[], tuple[float, float]]
 
+    @listed_in_signature(SampleOptions)
     def __init__(
         self,
         spec: Spec,
         period: Period | None = None,
         *,
-        backend: Backend = "auto",
-        nan: NanPolicy = "raise",
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
         history: bool = False,
+        **options: Unpack[SampleOptions],
     ) -> None:
-        super().__init__(
-            spec,
-            period,
-            backend=backend,
-            nan=nan,
-            semantics=semantics,
-            inputs=inputs,
-            outputs=outputs,
-        )
+        super().__init__(spec, period, **options)
         self.bounds = self._machine.bounds
+        self._history: array[float] | None = None
         if history:
-            self._machine = Recorder(self._machine)
-            self.update = self._machine.update
+            self._history = array("d")
+            self.update = _recording(self._machine, self._history)
 
-    def _compiled(self) -> Program:
-        return compile_program(self.specification, self._period, interface=self.interface)
-
-    def _machine_of(self, reader: SampleReader) -> EpisodeMachine:
+    def _made(self, reader: SampleReader) -> EpisodeMachine:
         return episode_machine(self.backend, self.program, reader)
-
-    # Read after every update: attrgetter needs half the time of a property in Python.
-    robustness = _machine_value(
-        "robustness", "Robustness if the episode ended with the last sample; nan before the first."
-    )
-    lower = _machine_value("lower", "The least robustness over all continuations.")
-    upper = _machine_value("upper", "The greatest robustness over all continuations.")
 
     @property
     def verdict(self) -> Verdict:
@@ -337,11 +258,6 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
         if self._machine.upper < 0.0:
             return _VIOLATED
         return _SATISFIED if self._machine.lower > 0.0 else _UNDECIDED
-
-    @property
-    def finished(self) -> bool:
-        """Whether `finish` has ended the trace."""
-        return self._machine.finished
 
     def finish(self) -> float:
         """End the trace with the last sample, and give its robustness.
@@ -356,7 +272,7 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
         return self._machine.finish()
 
     def explain(self) -> Explanation:
-        """Which sub-formulas and samples decided ``robustness``, as `rtamt.explain` says it.
+        """The sub-formulas and samples that decided ``robustness``; see `rtamt.explain`.
 
         Raises:
             StateError: Without ``history=True``, or before the first sample.
@@ -368,24 +284,45 @@ class EpisodeMonitor(_Single[EpisodeMachine]):
             >>> e.explain().causes
             (Cause(variable='x', sample=1, value=0.0),)
         """
-        machine = self._machine
-        if not isinstance(machine, Recorder):
+        if self._history is None:
             msg = "explain() needs the samples of the episode; make the monitor with history=True"
             raise StateError(msg)
-        return explain(
-            self.specification,
-            machine.table,
-            self._period,
-            n=machine.samples,
-            backend=self.backend,
-            semantics=self.interface.semantics,
-            inputs=self.interface.inputs,
-            outputs=self.interface.outputs,
-        )
+        if not self.samples:
+            msg = "explain() needs at least one sample, got none since reset"
+            raise StateError(msg)
+        table = np.array(self._history).reshape(self.samples, len(self.variables))
+        return explain(self.specification, table, n=self.samples, **super()._arguments())
 
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
-        make, *rest = super().__reduce__()
-        return functools.partial(make, history=isinstance(self._machine, Recorder)), *rest
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._machine.reset()
+        if self._history is not None:
+            del self._history[:]
+
+    def _arguments(self) -> dict[str, Any]:
+        return super()._arguments() | {"history": self._history is not None}
+
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Specification], Any]:
+        make, args, state = super().__reduce__()
+        return make, args, (state, b"" if self._history is None else self._history.tobytes())
+
+    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - that of the machine is its own
+        of_machine, history = state
+        super().__setstate__(of_machine)
+        if self._history is not None:
+            self._history[:] = array("d", history)
 
     def __repr__(self) -> str:
         return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
+
+
+def _recording(machine: EpisodeMachine, history: array[float]) -> Callable[..., float]:
+    """The machine's update, which puts every sample that it takes in into the history."""
+    update, keep = machine.update, history.extend
+
+    def recorded(*args: object, **named: object) -> float:
+        robustness = update(*args, **named)
+        keep(machine.inputs)
+        return robustness
+
+    return recorded

@@ -1,35 +1,82 @@
-"""What monitors share: a specification, a machine, snapshots."""
+"""What monitors share: options, copies and pickles, values that are read from the machine."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import operator
+from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar, cast
 
-from rtamt.inputs.samples import NanPolicy
-from rtamt.language.formula import Formula
-from rtamt.language.parser import as_specification
+from rtamt.inputs.messages import write_fields
 from rtamt.language.specification import Specification
-from rtamt.machines.backend import Backend, Stateful, choose
-from rtamt.program.interface import Names, Semantics, as_interface
+from rtamt.machines.backend import Stateful
+from rtamt.monitors.options import Chosen, SampleOptions, Spec, compiled
+from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.interface import Interface
 from rtamt.program.program import Program
-from rtamt.program.timing import Period, as_period
+from rtamt.program.timing import Period
 
-__all__ = ["DirectUpdate", "Online", "Resumable", "Spec"]
-
-Spec = str | Formula | Specification
-"""A specification: text, a formula made of combinators, or a parsed specification."""
+__all__ = [
+    "DirectUpdate",
+    "EpisodeValues",
+    "Late",
+    "MachineValue",
+    "NamedValues",
+    "Online",
+    "Sampled",
+    "machine_value",
+]
 
 _M = TypeVar("_M", bound=Stateful)
+_P = TypeVar("_P", Program, DenseProgram)
+_T_co = TypeVar("_T_co", covariant=True)
+_Numbers = TypeVar("_Numbers")
+_Flags = TypeVar("_Flags")
 
 
-class Resumable(Generic[_M]):
-    """What is copied and pickled as what it is made from and the state of its machine."""
+class MachineValue(Protocol[_T_co]):
+    """A read-only attribute of a monitor that its machine holds."""
 
-    __slots__ = ("_machine",)
+    def __get__(self, monitor: object, owner: object) -> _T_co: ...
+
+
+def machine_value(name: str, doc: str) -> MachineValue[_T_co]:
+    """The attribute of the machine as an attribute of its monitor.
+
+    It is read after every update: an attrgetter needs half the time of a property in Python.
+    """
+    return cast("MachineValue[_T_co]", property(operator.attrgetter(f"_machine.{name}"), doc=doc))
+
+
+class Online(Generic[_M, _P]):
+    """A compiled specification and the machine that runs it.
+
+    Copies and pickles hold the specification, the options and the state of the machine.
+    """
+
+    __slots__ = {
+        "_machine": None,
+        "backend": 'The back-end that runs: ``"native"`` or ``"python"``.',
+        "interface": "The semantics, and the inputs and outputs of the system.",
+        "program": "The compiled program.",
+        "specification": "The parsed specification.",
+    }
 
     _machine: _M
+    backend: Chosen
+    interface: Interface
+    program: _P
+    specification: Specification
+
+    def _arguments(self) -> dict[str, Any]:
+        """The keywords that make another monitor of the specification."""
+        return {
+            "semantics": self.interface.semantics,
+            "inputs": self.interface.inputs,
+            "outputs": self.interface.outputs,
+            "backend": self.backend,
+        }
 
     def __copy__(self) -> Self:
         make, args, state = self.__reduce__()
@@ -40,71 +87,35 @@ class Resumable(Generic[_M]):
     def __deepcopy__(self, memo: object) -> Self:
         return self.__copy__()
 
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
-        raise NotImplementedError
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Specification], Any]:
+        make = functools.partial(type(self), **self._arguments())
+        return make, (self.specification,), self._machine.state()
 
-    def __setstate__(self, state: object) -> None:
+    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - each machine has its own
         self._machine.restore(state)
 
 
-class DirectUpdate:
-    """What has its machine's ``update`` for its own, so that a call is one call."""
+class Sampled(Online[_M, Program]):
+    """A monitor of samples."""
 
-    __slots__ = ()
+    __slots__ = ("_nan", "_period")
 
-    def __init_subclass__(cls, **options: object) -> None:
-        """Refuse a subclass whose ``update`` nobody would call."""
-        super().__init_subclass__(**options)
-        if callable(cls.__dict__.get("update")):
-            msg = (
-                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
-                "its machine; hold a monitor instead of inheriting from it"
-            )
-            raise TypeError(msg)
+    _online: ClassVar = False
 
+    def __init__(self, spec: Spec, period: Period | None, options: SampleOptions) -> None:
+        (
+            self.specification,
+            self.interface,
+            self.backend,
+            self._nan,
+            self._period,
+            self.program,
+        ) = compiled(type(self), spec, period, options, online=self._online)
 
-class Online(Resumable[_M]):
-    """A specification that a machine of some kind runs."""
-
-    __slots__ = (
-        "_nan",
-        "_period",
-        "backend",
-        "interface",
-        "program",
-        "specification",
-    )
-
-    def __init__(
-        self,
-        spec: Spec,
-        period: Period | None,
-        *,
-        backend: Backend,
-        nan: NanPolicy,
-        semantics: Semantics,
-        inputs: Names | None,
-        outputs: Names | None,
-    ) -> None:
-        self.specification = as_specification(spec)
-        self.interface = as_interface(self.specification, semantics, inputs, outputs)
-        self._period = as_period(period)
-        self.backend = choose(backend)
-        self._nan = nan
-        self.program = self._compiled()
-        self._machine = self._made()
-
-    def _compiled(self) -> Program:
-        """The program of the specification."""
-        raise NotImplementedError
-
-    def _made(self) -> _M:
-        """The machine of the back-end."""
-        raise NotImplementedError
-
-    def _arguments(self) -> tuple[Any, ...]:
-        """What the constructor takes by position."""
-        return self.specification, self._period
+    def _arguments(self) -> dict[str, Any]:
+        arguments = super()._arguments()
+        arguments["period"], arguments["nan"] = self._period, self._nan
+        return arguments
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -116,13 +127,94 @@ class Online(Resumable[_M]):
         """Seconds between samples, exactly; None: the bounds are numbers of samples."""
         return self._period
 
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Any, ...], Any]:
-        make = functools.partial(
-            type(self),
-            backend=self.backend,
-            nan=self._nan,
-            semantics=self.interface.semantics,
-            inputs=self.interface.inputs,
-            outputs=self.interface.outputs,
-        )
-        return make, self._arguments(), self._machine.state()
+
+class Late:
+    """A monitor whose robustness is late by the latency of its program."""
+
+    __slots__ = ()
+
+    program: Program
+    _online: ClassVar = True
+
+    @property
+    def latency(self) -> int:
+        """Samples by which the robustness is late."""
+        return self.program.latency or 0
+
+
+class EpisodeValues(Generic[_Numbers, _Flags]):
+    """The robustness and the bounds of an episode; of many, arrays with a value for each lane."""
+
+    __slots__ = ()
+
+    robustness: MachineValue[_Numbers] = machine_value(
+        "robustness",
+        "Robustness (of each lane) if the episode ended now; nan before the first sample.",
+    )
+    lower: MachineValue[_Numbers] = machine_value(
+        "lower", "The least robustness (of each lane) over all continuations."
+    )
+    upper: MachineValue[_Numbers] = machine_value(
+        "upper", "The greatest robustness (of each lane) over all continuations."
+    )
+    finished: MachineValue[_Flags] = machine_value(
+        "finished", "Whether `finish` has ended the episode (of each lane)."
+    )
+
+
+class NamedValues:
+    """The robustness of the formulas that have names."""
+
+    __slots__ = ()
+
+    specification: Specification
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The robustness of every named formula."""
+        raise NotImplementedError
+
+    def write(self, messages: Mapping[str, object] | None = None, /, **named: object) -> bool:
+        """Set fields of messages to the values of the formulas that are named after them.
+
+        Where the text says ``out.value = always(...)``, ``write(out=message)`` sets the field
+        ``value`` of the message to ``values["out.value"]``, which is nan as long as it is unknown.
+
+        Args:
+            messages: Objects with attributes, or mappings, by name.
+            named: The same by keyword.
+
+        Returns:
+            Whether every value written is a number.
+
+        Raises:
+            InputError: If no formula is named after a field of the message, or the message has no
+                such field (a mapping need not have it). No message is changed.
+            InputTypeError: If a message is of another class than the text declares. No message is
+                changed.
+
+        Example:
+            >>> from rtamt import Monitor
+            >>> monitor, message = Monitor("out.value = always[0:1](x > 0)"), {}
+            >>> for x in (3.0, 1.0):
+            ...     monitor.update(x), monitor.write(out=message), message
+            (nan, False, {'value': nan})
+            (1.0, True, {'value': 1.0})
+        """
+        return write_fields(self.specification, self.values, messages, named)
+
+
+class DirectUpdate:
+    """A monitor whose ``update`` is the method of its machine, so that a call is one call."""
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: object) -> None:
+        """Refuse a subclass with an ``update`` of its own, which would never be called."""
+        super().__init_subclass__(**options)
+        if callable(cls.__dict__.get("update")):
+            msg = (
+                f"{cls.__name__}.update would never be called: a monitor's update is the method of "
+                "its machine; hold a monitor instead of inheriting from it"
+            )
+            raise TypeError(msg)

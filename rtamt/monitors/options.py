@@ -1,0 +1,142 @@
+"""The options that monitors and evaluations share, and the program that they ask for."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Literal, TypedDict, TypeVar, cast
+
+from rtamt.errors import nearest
+from rtamt.inputs.samples import NanPolicy
+from rtamt.language.formula import Formula
+from rtamt.language.parser import as_specification
+from rtamt.language.specification import Specification
+from rtamt.machines.backend import Backend, choose
+from rtamt.program.dense_lowering import DenseProgram, compile_dense
+from rtamt.program.interface import Interface, Names, Semantics, as_interface
+from rtamt.program.lowering import compile_program
+from rtamt.program.program import Program
+from rtamt.program.timing import Period, as_period
+
+__all__ = [
+    "Chosen",
+    "Options",
+    "SampleOptions",
+    "Spec",
+    "compiled",
+    "compiled_dense",
+    "listed_in_signature",
+]
+
+Spec = str | Formula | Specification
+"""A specification: text, a formula made of combinators, or a parsed specification."""
+
+
+class Options(TypedDict, total=False):
+    """The options of every monitor and evaluation; `rtamt.Monitor` says what they mean."""
+
+    semantics: Semantics
+    inputs: Names | None
+    outputs: Names | None
+    backend: Backend
+
+
+class SampleOptions(Options, total=False):
+    """The options of monitors and evaluations of samples."""
+
+    nan: NanPolicy
+
+
+_DEFAULTS: SampleOptions = {
+    "semantics": "standard",
+    "inputs": None,
+    "outputs": None,
+    "backend": "auto",
+    "nan": "raise",
+}
+
+_F = TypeVar("_F", bound=Callable[..., object])
+
+
+Chosen = Literal["native", "python"]
+
+
+def compiled(
+    caller: Callable[..., object],
+    spec: Spec,
+    period: Period | None,
+    options: SampleOptions,
+    *,
+    online: bool,
+) -> tuple[Specification, Interface, Chosen, NanPolicy, Fraction | None, Program]:
+    """Check the options of a monitor or an evaluation of samples, and compile its specification.
+
+    Args:
+        caller: What was called with the options, for the error of an unknown one.
+        spec: Text, a formula, or a parsed specification.
+        period: Seconds between samples; None: bounds are numbers of samples.
+        options: The keywords of the call.
+        online: Whether a future without an end is refused; see `Program.online`.
+
+    Returns:
+        Specification, interface, chosen back-end, nan policy, period in seconds, program.
+    """
+    specification, interface, backend, nan = _checked(caller, spec, options, SampleOptions)
+    seconds = as_period(period)
+    program = compile_program(specification, seconds, interface=interface, online=online)
+    return specification, interface, backend, nan, seconds, program
+
+
+def compiled_dense(
+    caller: Callable[..., object], spec: Spec, options: Options, *, online: bool
+) -> tuple[Specification, Interface, Chosen, DenseProgram]:
+    """Check the options of a monitor or an evaluation of events, and compile its specification.
+
+    The arguments mean what they mean to `compiled`.
+
+    Returns:
+        Specification, interface, chosen back-end, program.
+    """
+    specification, interface, backend, _ = _checked(caller, spec, options, Options)
+    program = compile_dense(specification, interface=interface, online=online)
+    return specification, interface, backend, program
+
+
+def listed_in_signature(options: type) -> Callable[[_F], _F]:
+    """List each option in the signature of a function that takes them as ``**options``.
+
+    `inspect.signature` and `help` then show the options with their defaults, one by one.
+    """
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    listed = [
+        inspect.Parameter(
+            name, keyword, default=cast("Any", _DEFAULTS)[name], annotation=kind.__forward_arg__
+        )
+        for name, kind in options.__annotations__.items()
+    ]
+
+    def decorate(function: _F) -> _F:
+        signature = inspect.signature(function)
+        *others, _ = signature.parameters.values()
+        cast("Any", function).__signature__ = signature.replace(parameters=[*others, *listed])
+        return function
+
+    return decorate
+
+
+def _checked(
+    caller: Callable[..., object], spec: Spec, options: SampleOptions | Options, kind: type
+) -> tuple[Specification, Interface, Chosen, NanPolicy]:
+    given = _DEFAULTS
+    if options:
+        if not options.keys() <= kind.__annotations__.keys():
+            unknown = next(name for name in options if name not in kind.__annotations__)
+            names = inspect.signature(caller).parameters
+            hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
+            msg = f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}"
+            raise TypeError(msg)
+        given = {**_DEFAULTS, **options}
+    specification = as_specification(spec)
+    interface = as_interface(specification, given["semantics"], given["inputs"], given["outputs"])
+    return specification, interface, choose(given["backend"]), given["nan"]

@@ -1,0 +1,79 @@
+"""The options that all monitors and evaluations share: what is shown, and what is refused."""
+
+import inspect
+import pydoc
+from collections.abc import Callable
+
+import pytest
+
+import rtamt
+from rtamt import Monitor
+
+EVENTS = {"x": [(0, 1.0), (1, 2.0)]}
+CALLS: dict[Callable[..., object], tuple[object, ...]] = {
+    rtamt.Monitor: ("x > 0",),
+    rtamt.EpisodeMonitor: ("x > 0",),
+    rtamt.VectorMonitor: ("x > 0", 2),
+    rtamt.VectorEpisodeMonitor: ("x > 0", 2),
+    rtamt.DenseMonitor: ("x > 0",),
+    rtamt.evaluate: ("x > 0", {"x": [1, 2]}),
+    rtamt.evaluate_many: ("x > 0", {"x": [[1, 2]]}),
+    rtamt.evaluate_dense: ("x > 0", EVENTS),
+    rtamt.explain: ("x > 0", {"x": [1, 2]}),
+}
+DEFAULTS = {
+    "semantics": "standard",
+    "inputs": None,
+    "outputs": None,
+    "backend": "auto",
+    "nan": "raise",
+}
+DENSE = (rtamt.DenseMonitor, rtamt.evaluate_dense)
+calls = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
+
+
+@calls
+def test_signature_and_help_show_every_option(call: Callable[..., object]) -> None:
+    parameters = inspect.signature(call).parameters
+    expected = {k: v for k, v in DEFAULTS.items() if call not in DENSE or k != "nan"}
+    shown = {k: p.default for k, p in parameters.items() if k in DEFAULTS}
+    assert shown == expected
+    assert all(parameters[name].kind is inspect.Parameter.KEYWORD_ONLY for name in shown)
+    assert all(p.kind is not inspect.Parameter.VAR_KEYWORD for p in parameters.values())
+    assert "backend: 'Backend' = 'auto'" in pydoc.plain(pydoc.render_doc(call))
+
+
+@calls
+def test_the_defaults_that_are_shown_are_those_that_are_used(call: Callable[..., object]) -> None:
+    defaults = {k: v for k, v in DEFAULTS.items() if k in inspect.signature(call).parameters}
+    given, without = call(*CALLS[call], **defaults), call(*CALLS[call])
+    assert str(given) == str(without)
+
+
+@calls
+def test_an_unknown_option_is_refused_with_the_nearest(call: Callable[..., object]) -> None:
+    with pytest.raises(TypeError) as caught:
+        call(*CALLS[call], semantic="standard")
+    assert str(caught.value) == (
+        f"{call.__name__}() got an unexpected keyword argument 'semantic'; "
+        "did you mean 'semantics'?"
+    )
+
+
+def test_the_nearest_may_be_any_argument_of_the_call() -> None:
+    with pytest.raises(TypeError, match=r"^EpisodeMonitor\(\) got .* did you mean 'history'\?$"):
+        rtamt.EpisodeMonitor("x > 0", histroy=True)  # type: ignore[call-arg]
+    with pytest.raises(TypeError) as caught:
+        rtamt.DenseMonitor("x > 0", qux=1)  # type: ignore[call-arg]
+    assert str(caught.value) == (
+        "DenseMonitor() got an unexpected keyword argument 'qux'; "
+        "its arguments are spec, interpolation, semantics, inputs, outputs, backend"
+    )
+
+
+def test_a_subclass_is_refused_by_its_own_name() -> None:
+    class Named(Monitor):
+        pass
+
+    with pytest.raises(TypeError, match=r"^Named\(\) got an unexpected keyword argument 'nam'"):
+        Named("x > 0", nam="hold")  # type: ignore[call-arg]
