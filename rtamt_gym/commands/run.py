@@ -96,13 +96,13 @@ def run(options: argparse.Namespace) -> int:
     signals = _read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
     env = make(options.env_id, options.max_steps)
-    policies = POLICIES[options.policy](env.action_space)
+    make_policy = POLICIES[options.policy](env.action_space)
     runs = [
         simulate(
             env,
             specs,
             signals,
-            policy=policies(seed),
+            policy=make_policy(seed),
             seed=seed,
             period=options.period,
             stop="end" if options.on_violation == "report" else "violation",

@@ -1,1 +1,1 @@
-"""One simulation of any kind under specifications: what runs, the record, its picture and file."""
+"""Runs a simulation of any kind under specifications; the run's record, picture and file."""

@@ -1,8 +1,7 @@
-"""`Fmus`: functional mock-up units for co-simulation, connected, as a system for `simulate`."""
+"""`Fmus`: connected functional mock-up units for co-simulation, as a system for `simulate`."""
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
 import tempfile
@@ -20,50 +19,56 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.simulation.fmi_instance import Instance, Reader, Writer, kind_of
-from rtamt_gym.simulation.systems import SystemEnd, named_signals
+from rtamt_gym.simulation.systems import Signals, System, exact, named_signals, whole_steps
 
 __all__ = ["Fmus"]
 
 _Path = str | os.PathLike[str]
 
 _Source = str | float | Callable[[float], float]
-"""What an input receives: the value of another variable, a number, or a function of time."""
+"""What an input receives: the value of the variable named, a number, or a function of time."""
 
-_Give = int | Callable[[float], float]
-"""What an input is given: a number of the outputs that are connected, or a function of time."""
+_InputSource = int | Callable[[float], float]
+"""The source of an input during a run: the index of a connected output, or a function of time."""
 
 
-class _Place(NamedTuple):
-    """A variable: its name with that of its FMU, the number of its FMU, and its description."""
+class _Variable(NamedTuple):
+    """A variable of one of the FMUs.
+
+    Attributes:
+        name: The name of its FMU, a dot, its own name.
+        fmu: The index of its FMU.
+        entry: Its entry in the model description.
+    """
 
     name: str
     fmu: int
-    variable: Any
+    entry: Any
 
 
-class Fmus:
-    """FMUs for co-simulation, connected: what Simulink, Modelica tools and others export.
+class Fmus(System):
+    """Connected FMUs for co-simulation, as Simulink, Modelica tools and others export them.
 
-    All FMUs step from one communication point to the next; then outputs are handed to the inputs
-    that they are connected to. The order of the FMUs means nothing, and an output that depends on
-    an input at once is late by a communication step. FMI 2.0 and 3.0, single numbers only.
+    All FMUs step from one communication point to the next; then the outputs are copied to the
+    inputs that they are connected to. The order of the FMUs does not matter. An output that depends
+    on an input without delay lags by one communication step. FMI 2.0 and 3.0, single numbers only.
 
-    A variable is called ``"plant.level"``: the name of its FMU, a dot, its own name. Where there is
-    one FMU, its variables go by their own names as well.
+    The name of a variable is ``"plant.level"``: the name of its FMU, a dot, its own name. If there
+    is only one FMU, the variable's own name will do.
 
     Args:
-        fmus: The path of an FMU; or of several, which are named after their files; or several with
-            their names.
-        inputs: For input variables what they receive: another variable, a number, or a function of
-            time. Others keep the value that their FMU gives them.
+        fmus: The path of an FMU; or several paths, whose FMUs are named after their files; or a
+            mapping from names to paths.
+        inputs: What input variables receive: another variable, a number, or a function of time.
+            Other inputs keep the value that their FMU gives them.
         parameters: Numbers for parameters, and for other variables that have a start value.
         step: Seconds between communication points. None: the period of the samples, which is the
-            step size that the FMUs were exported with unless `simulate` is told another.
+            step size that the FMUs were exported with unless `simulate` is given another.
 
     Raises:
-        InputError: If a file is no FMU for co-simulation of FMI 2.0 or 3.0, if there is no such
-            variable (names the nearest), or if one cannot be read, set or connected.
-        InputTypeError: On what is no path, no name, no number.
+        InputError: If a file is not an FMU for co-simulation of FMI 2.0 or 3.0, if a variable does
+            not exist (names the nearest), or if one cannot be read, set or connected.
+        InputTypeError: If an argument is not of the types above.
 
     Example:
         A controller and its plant::
@@ -95,52 +100,41 @@ class Fmus:
     ) -> None:
         self._paths = _named(fmus)
         self.name = ", ".join(self._paths)
-        self.limit: int | None = None
-        self.ended: SystemEnd = ""
         self._step = None if step is None else check_number("step", step, 0.0)
         self._described = [_describe(path) for path in self._paths.values()]
-        self._places: dict[str, _Place] = {}
+        experiments = [described.defaultExperiment for described in self._described]
+        sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
+        self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
+        self._variables: dict[str, _Variable] = {}
         for i, (name, described) in enumerate(zip(self._paths, self._described, strict=True)):
-            for variable in described.modelVariables:
-                place = _Place(f"{name}.{variable.name}", i, variable)
-                self._places[place.name] = place
+            for entry in described.modelVariables:
+                variable = _Variable(f"{name}.{entry.name}", i, entry)
+                self._variables[variable.name] = variable
                 if len(self._paths) == 1:
-                    self._places[variable.name] = place
-        self._start_values: list[tuple[_Place, float]] = []
+                    self._variables[entry.name] = variable
+        self._start_values: list[tuple[_Variable, float]] = []
         for name, value in (parameters or {}).items():
-            place = self._parameter(name)
-            self._start_values.append((place, _fit(place, value)))
-        self._wires: list[tuple[_Place, _Place | Callable[[float], float]]] = []
+            variable = self._parameter(name)
+            self._start_values.append((variable, _fit(variable, value)))
+        self._wires: list[tuple[_Variable, _Variable | Callable[[float], float]]] = []
         for name, source in (inputs or {}).items():
             self._connect(self._input(name), source)
         self._folders: list[Path] = []
         self._instances: list[Instance] = []
 
-    @property
-    def period(self) -> float | None:
-        """The step, else the one that all FMUs were exported with."""
-        experiments = [described.defaultExperiment for described in self._described]
-        sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
-        return self._step or (sizes.pop() if len(sizes) == 1 else None)
-
-    def bind(
-        self,
-        variables: Sequence[str],
-        signals: Mapping[str, Any] | None,
-        period: Fraction | None,
-    ) -> None:
-        """Finds the variables, and how many communication steps make a period."""
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Finds the variables and counts the communication steps in a period."""
         self._reads = [self._find(name) for name in named_signals(variables, signals)]
         period = period or Fraction(1)
-        self._h = period if self._step is None else _exactly(self._step)
-        self._substeps = _multiple(period, self._h, "period", "communication step")
+        self._h = period if self._step is None else exact(self._step)
+        self._substeps = whole_steps(period, self._h, "period", "communication step")
         for name, described in zip(self._paths, self._described, strict=True):
             if fixed := described.coSimulation.fixedInternalStepSize:
-                inner = _exactly(float(fixed))
-                _multiple(self._h, inner, "communication step", f"fixed step of {name!r},")
+                inner = exact(float(fixed))
+                whole_steps(self._h, inner, "communication step", f"fixed step of {name!r},")
 
     def start(self) -> Sequence[float]:
-        """Loads and initializes the FMUs; their values at time 0."""
+        """Loads and initializes the FMUs; returns the sample at time 0."""
         self.ended = ""
         self._count = 0
         self._now = 0.0
@@ -151,10 +145,10 @@ class Fmus:
             self._instances.append(Instance(name, described, folder))
         for i, instance in enumerate(self._instances):
             instance.enter([(v, value) for (_, fmu, v), value in self._start_values if fmu == i])
-        sources = [source for _, source in self._wires if isinstance(source, _Place)]
+        sources = [source for _, source in self._wires if isinstance(source, _Variable)]
         self._outputs = self._reader(list(dict.fromkeys(sources)))
-        self._feeds = self._feeders(list(dict.fromkeys(sources)))
-        for _ in self._instances:  # as often as it takes to hand a value on through all FMUs
+        self._connections = self._connected(list(dict.fromkeys(sources)))
+        for _ in self._instances:  # a value may pass through all FMUs
             self._exchange()
         for instance in self._instances:
             instance.exit()
@@ -175,16 +169,16 @@ class Fmus:
                 return None
             self._count += 1
             self._now = self._count * numerator / denominator  # exact, and faster than a Fraction
-            if self._feeds:
+            if self._connections:
                 self._exchange()
         return self._read()
 
     def close(self) -> None:
-        """Frees the FMUs; what was unpacked stays for the next run."""
-        with ExitStack() as stack:  # all of them, also where one fails to end
+        """Frees the FMUs; their unpacked files stay for the next run."""
+        with ExitStack() as stack:  # frees the others if one fails
             while self._instances:
                 stack.callback(self._instances.pop(0).close)
-        for bound in ("_outputs", "_feeds", "_read"):
+        for bound in ("_outputs", "_connections", "_read"):
             self.__dict__.pop(bound, None)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -200,18 +194,18 @@ class Fmus:
             fmpy.extract(path, folder)
         self._folders = folders
 
-    def _reader(self, places: Sequence[_Place]) -> Reader:
-        """The function that reads variables of several FMUs."""
+    def _reader(self, variables: Sequence[_Variable]) -> Reader:
+        """The function that reads variables, which may belong to several FMUs."""
         parts = []
         for i, instance in enumerate(self._instances):
-            at = [k for k, place in enumerate(places) if place.fmu == i]
+            at = [k for k, variable in enumerate(variables) if variable.fmu == i]
             if at:
-                parts.append((at, instance.reader([places[k].variable for k in at])))
+                parts.append((at, instance.reader([variables[k].entry for k in at])))
         if len(parts) == 1:
             return parts[0][1]
 
         def read() -> list[float]:
-            values = [0.0] * len(places)
+            values = [0.0] * len(variables)
             for at, part in parts:
                 for k, value in zip(at, part(), strict=True):
                     values[k] = value
@@ -219,35 +213,35 @@ class Fmus:
 
         return read
 
-    def _feeders(self, sources: Sequence[_Place]) -> list[tuple[Writer, list[_Give]]]:
-        """For every FMU with connected inputs, what writes them, and what it is given."""
-        feeders = []
+    def _connected(self, outputs: Sequence[_Variable]) -> list[tuple[Writer, list[_InputSource]]]:
+        """For each FMU with connected inputs: the function that writes them, and their sources."""
+        connections = []
         for i, instance in enumerate(self._instances):
             mine = [(target, source) for target, source in self._wires if target.fmu == i]
             if mine:
-                write = instance.writer([target.variable for target, _ in mine])
-                gives = [
-                    sources.index(source) if isinstance(source, _Place) else source
+                write = instance.writer([target.entry for target, _ in mine])
+                sources = [
+                    outputs.index(source) if isinstance(source, _Variable) else source
                     for _, source in mine
                 ]
-                feeders.append((write, gives))
-        return feeders
+                connections.append((write, sources))
+        return connections
 
     def _exchange(self) -> None:
-        """Hands outputs to inputs."""
+        """Copies outputs to the inputs that they are connected to."""
         outputs, now = self._outputs(), self._now
-        for write, gives in self._feeds:
-            write([outputs[give] if isinstance(give, int) else give(now) for give in gives])
+        for write, sources in self._connections:
+            write([outputs[of] if isinstance(of, int) else of(now) for of in sources])
 
-    def _connect(self, target: _Place, source: object) -> None:
+    def _connect(self, target: _Variable, source: object) -> None:
         if isinstance(source, str):
-            place = self._find(source)
-            if kind_of(target.variable) is int and kind_of(place.variable) is float:
+            variable = self._find(source)
+            if kind_of(target.entry) is int and kind_of(variable.entry) is float:
                 raise InputError(
-                    f"input {target.name!r} takes whole numbers, and {place.name!r} is a "
-                    f"{place.variable.type}"
+                    f"input {target.name!r} takes whole numbers, and {variable.name!r} is a "
+                    f"{variable.entry.type}"
                 )
-            self._wires.append((target, place))
+            self._wires.append((target, variable))
         elif callable(source):
             self._wires.append((target, source))
         elif isinstance(source, Real):
@@ -258,49 +252,49 @@ class Fmus:
                 f"of time, got {source!r}"
             )
 
-    def _find(self, name: str) -> _Place:
-        """The variable of a name; a single number."""
-        if name not in self._places:
-            outputs = [place.name for place in self._all() if place.variable.causality == "output"]
+    def _find(self, name: str) -> _Variable:
+        """The variable of a name, which holds a single number."""
+        if name not in self._variables:
+            outputs = [v.name for v in self._all() if v.entry.causality == "output"]
             raise InputError(
                 f"no variable {name!r} in {self.name}"
-                + (nearest(name, self._places) or f"; the outputs are {listing(outputs)}")
+                + (nearest(name, self._variables) or f"; the outputs are {listing(outputs)}")
             )
-        place = self._places[name]
-        if kind_of(place.variable) is None:
-            raise InputError(f"{name!r} is a {place.variable.type}, expected a number")
-        if place.variable.dimensions:
+        variable = self._variables[name]
+        if kind_of(variable.entry) is None:
+            raise InputError(f"{name!r} is a {variable.entry.type}, expected a number")
+        if variable.entry.dimensions:
             raise InputError(f"{name!r} is an array, expected a single number")
-        return place
+        return variable
 
-    def _input(self, name: str) -> _Place:
-        place = self._find(name)
-        if place.variable.causality != "input":
-            inputs = [place.name for place in self._all() if place.variable.causality == "input"]
+    def _input(self, name: str) -> _Variable:
+        variable = self._find(name)
+        if variable.entry.causality != "input":
+            inputs = [v.name for v in self._all() if v.entry.causality == "input"]
             raise InputError(
                 f"expected an input, got {name!r}, which is of causality "
-                f"{place.variable.causality!r}; the inputs are {listing(inputs)}"
+                f"{variable.entry.causality!r}; the inputs are {listing(inputs)}"
             )
-        return place
+        return variable
 
-    def _parameter(self, name: str) -> _Place:
-        place = self._find(name)
-        variable = place.variable
-        if variable.causality == "input":
+    def _parameter(self, name: str) -> _Variable:
+        variable = self._find(name)
+        entry = variable.entry
+        if entry.causality == "input":
             raise InputError(f"{name!r} is an input: give it in inputs=")
-        if variable.variability == "constant" or variable.initial not in {"exact", "approx"}:
+        if entry.variability == "constant" or entry.initial not in {"exact", "approx"}:
             raise InputError(
                 f"expected a variable with a start value, got {name!r}, which is of causality "
-                f"{variable.causality!r} and calculated"
+                f"{entry.causality!r} and calculated"
             )
-        return place
+        return variable
 
-    def _all(self) -> list[_Place]:
-        return list(dict.fromkeys(self._places.values()))
+    def _all(self) -> list[_Variable]:
+        return list(dict.fromkeys(self._variables.values()))
 
 
 def _named(fmus: object) -> dict[str, Path]:
-    """The paths by name."""
+    """The paths of the FMUs by name."""
     if isinstance(fmus, str | os.PathLike):
         fmus = [fmus]
     if not isinstance(fmus, Mapping):
@@ -321,7 +315,7 @@ def _named(fmus: object) -> dict[str, Path]:
 
 
 def _describe(path: Path) -> Any:  # noqa: ANN401 - FMPy is not typed
-    """The model description of an FMU."""
+    """Reads the model description of an FMU."""
     try:
         described = fmpy.read_model_description(path)
     except OSError:
@@ -337,36 +331,15 @@ def _describe(path: Path) -> Any:  # noqa: ANN401 - FMPy is not typed
     return described
 
 
-def _fit(place: _Place, value: object) -> float:
-    """The number as the variable takes it."""
+def _fit(variable: _Variable, value: object) -> float:
+    """The value as a number of the variable's type."""
     if not isinstance(value, Real):
-        raise InputTypeError(f"expected a number for {place.name!r}, got {value!r}")
+        raise InputTypeError(f"expected a number for {variable.name!r}, got {value!r}")
     number = float(value)
-    if kind_of(place.variable) is float:
+    if kind_of(variable.entry) is float:
         return number
     if not number.is_integer():
         raise InputError(
-            f"expected a whole number for {place.name!r}, a {place.variable.type}, got {value!r}"
+            f"expected a whole number for {variable.name!r}, a {variable.entry.type}, got {value!r}"
         )
     return int(number)
-
-
-def _exactly(seconds: float) -> Fraction:
-    return Fraction(seconds).limit_denominator(10**12)
-
-
-def _multiple(whole: Fraction, part: Fraction, what: str, of: str) -> int:
-    """How many parts make the whole.
-
-    Raises:
-        InputError: If it is no whole number.
-    """
-    count = whole / part
-    if count.denominator != 1:
-        less, more = math.floor(count) * part, math.ceil(count) * part
-        ways = f"{float(less):g} s or {float(more):g} s" if less else f"{float(more):g} s"
-        raise InputError(
-            f"the {what} {float(whole):g} s is not a multiple of the {of} {float(part):g} s "
-            f"({float(count):g} steps); use {ways}"
-        )
-    return count.numerator

@@ -1,4 +1,4 @@
-"""An FMU that runs: what FMI 2.0 and 3.0 call differently is the same here."""
+"""An FMU that runs, with the same methods for FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TYPES: Final[Mapping[str, tuple[str, type[Any]]]] = {
     "Enumeration": ("Integer", ctypes.c_int),
     "Boolean": ("Boolean", ctypes.c_int),
 }
-"""Of FMI 2.0: what the functions that read and write a type are called, and the type in C."""
+"""FMI 2.0: for each type, the word in the names of its functions, and the type in C."""
 
 _TYPES_3: Final[Mapping[str, tuple[str, type[Any]]]] = {
     "Float32": ("Float32", ctypes.c_float),
@@ -34,14 +34,14 @@ _TYPES_3: Final[Mapping[str, tuple[str, type[Any]]]] = {
     **{f"Int{n}": (f"Int{n}", getattr(ctypes, f"c_int{n}")) for n in (8, 16, 32, 64)},
     **{f"UInt{n}": (f"UInt{n}", getattr(ctypes, f"c_uint{n}")) for n in (8, 16, 32, 64)},
 }
-"""The same of FMI 3.0."""
+"""FMI 3.0: for each type, the word in the names of its functions, and the type in C."""
 
-_LAST_WORDS: Final = 3
-"""Messages of an FMU that an error repeats."""
+_MESSAGES: Final = 3
+"""The number of an FMU's latest messages that an error repeats."""
 
 
 def kind_of(variable: Any) -> type[float | int] | None:  # noqa: ANN401 - FMPy is not typed
-    """What a variable holds: float, int, or no number."""
+    """The type of a variable's value: float, int, or None if it is not a number."""
     if variable.type in {"Real", "Float32", "Float64"}:
         return float
     return int if variable.type in _TYPES or variable.type in _TYPES_3 else None
@@ -51,20 +51,21 @@ class Instance:
     """An instance of an FMU for co-simulation.
 
     Attributes:
-        ended: Whether it wants the simulation to end.
+        ended: Whether it asks for the simulation to end.
 
     Args:
-        name: What messages call it.
+        name: Its name, for messages.
         described: Its model description.
-        folder: Where it was unpacked.
+        folder: The folder that it was unpacked to.
 
     Raises:
-        InputError: If its library cannot be loaded, as where it has none for this platform.
+        InputError: If its library cannot be loaded, for example because it has none for this
+            platform.
     """
 
     def __init__(self, name: str, described: Any, folder: Path) -> None:  # noqa: ANN401
         self._name = name
-        self._said: list[str] = []
+        self._messages: list[str] = []
         self._now = 0.0
         self._steps = False
         self._dead = False
@@ -75,10 +76,12 @@ class Instance:
                 str(folder), described, fmi_type="CoSimulation", logger=self._listen
             )
         except Exception as error:  # FMPy has no class of its own for what it refuses
-            raise InputError(f"cannot load the FMU {name!r}: {error}{self._words()}") from error
+            raise InputError(
+                f"cannot load the FMU {name!r}: {error}{self._last_messages()}"
+            ) from error
 
     def enter(self, start_values: Sequence[tuple[Any, float]]) -> None:
-        """Sets start values and enters the initialization."""
+        """Sets start values and begins the initialization."""
         variables = [variable for variable, _ in start_values]
         self.writer(variables)([value for _, value in start_values])
         if self._version == 2:
@@ -91,29 +94,29 @@ class Instance:
         self._steps = True
 
     def step(self, now: float, size: float) -> bool:
-        """Goes on by a communication step; False if the FMU has ended before the end of it.
+        """Makes a communication step; returns False if the FMU ended before the end of the step.
 
         Raises:
             StateError: If it fails.
         """
         self._now = now
         try:
-            told = self._fmu.doStep(now, size)
+            answer = self._fmu.doStep(now, size)
         except FMICallException as error:
             discarded = self._version == 2 and error.status == fmi2Discard
             if discarded and self._fmu.getBooleanStatus(fmi2Terminated):
                 self.ended = True
                 return False
             self._fail(error)
-        if told is None:  # FMI 2.0 says nothing more
+        if answer is None:  # as in FMI 2.0
             return True
-        _, self.ended, _, last = told
-        return not self.ended or bool(last >= now + 0.5 * size)
+        _, self.ended, _, reached = answer
+        return not self.ended or bool(reached >= now + 0.5 * size)
 
     def reader(self, variables: Sequence[Any]) -> Reader:
         """The function that reads variables, one call into the FMU for each type."""
         groups = self._groups("Get", variables)
-        if len(groups) == 1:  # what comes by far most often
+        if len(groups) == 1:  # by far the most frequent case
             (call, arguments, values, _) = groups[0]
 
             def read_one_type() -> Sequence[float]:
@@ -149,10 +152,10 @@ class Instance:
         return write
 
     def close(self) -> None:
-        """Ends and frees the instance, as far as its state allows.
+        """Terminates the instance if its state allows it, and frees it.
 
         Raises:
-            StateError: If it fails to end; it is freed nevertheless.
+            StateError: If it fails to terminate; it is freed nevertheless.
         """
         try:
             if self._steps:
@@ -164,7 +167,7 @@ class Instance:
     def _groups(
         self, verb: str, variables: Sequence[Any]
     ) -> list[tuple[Callable[..., object], tuple[Any, ...], Any, list[int]]]:
-        """Variables of one type: the function, its arguments, the values among them, and where."""
+        """For each type: its function, the arguments, the values in them, the indices."""
         types = _TYPES if self._version == 2 else _TYPES_3
         groups: dict[tuple[str, type[Any]], list[int]] = {}
         for k, variable in enumerate(variables):
@@ -188,12 +191,12 @@ class Instance:
         self._steps = False
         self._dead = error.status == fmi2Fatal  # of FMI 3.0 as well
         raise StateError(
-            f"FMU {self._name!r} failed at {self._now:g} s: {error}{self._words()}"
+            f"FMU {self._name!r} failed at {self._now:g} s: {error}{self._last_messages()}"
         ) from error
 
-    def _listen(self, *message: Any) -> None:  # noqa: ANN401 - as the version of FMI has it
-        self._said.append(message[-1].decode(errors="replace"))
+    def _listen(self, *message: Any) -> None:  # noqa: ANN401 - not the same in FMI 2.0 and 3.0
+        self._messages.append(message[-1].decode(errors="replace"))
 
-    def _words(self) -> str:
-        said = "; ".join(self._said[-_LAST_WORDS:])
-        return f" It said: {said}" if said else ""
+    def _last_messages(self) -> str:
+        last = "; ".join(self._messages[-_MESSAGES:])
+        return f" It said: {last}" if last else ""

@@ -1,27 +1,27 @@
-"""A MuJoCo model and its controller as a system that `simulate` runs."""
+"""A MuJoCo model with its controller, as a system that `simulate` runs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
 import mujoco  # type: ignore[import-untyped]
 
-from rtamt import InputError, InputTypeError, StateError
+from rtamt import InputTypeError, StateError
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
 from rtamt_gym.signals.selectors import MUJOCO
-from rtamt_gym.signals.signals import SignalLike, parse_signals
-from rtamt_gym.simulation.systems import Policy, SystemEnd
+from rtamt_gym.signals.signals import parse_signals
+from rtamt_gym.simulation.systems import Policy, Signals, System, exact, whole_steps
 
 __all__ = ["Model"]
 
 _STATE = frozenset({"time", "qpos", "qvel", "act", "ctrl"})
-"""What `mj_step` leaves as it is after the step; all else is derived, and late by a step."""
+"""What `mj_step` updates last; it derives everything else from the state before the step."""
 
 
-class Model:
-    """A model, its data as they are now, and who sets ``data.ctrl`` before every ``mj_step``."""
+class Model(System):
+    """A model, its data, and the policy that sets ``data.ctrl`` before every ``mj_step``."""
 
     needs_period = True
     endless = True
@@ -34,39 +34,26 @@ class Model:
                 f"{policy!r}"
             )
         self.name = model.names.partition(b"\0")[0].decode()
-        self.period: float | None = float(model.opt.timestep)
-        self.limit: int | None = None
-        self.ended: SystemEnd = ""
+        self.period = float(model.opt.timestep)
         self._model = model
         self._data = data
         self._policy = policy
 
-    def bind(
-        self,
-        variables: Sequence[str],
-        signals: Mapping[str, SignalLike] | None,
-        period: Fraction | None,
-    ) -> None:
-        """Binds the selectors, and finds out how many steps make a period."""
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Binds the selectors and counts the steps in a period."""
         parsed = parse_signals(signals or {}, variables, MUJOCO, spare=True)
         self._reads = [bind_signal(signal, self._model, self._data) for signal in parsed]
         self._derives = not all(signal.source in _STATE for signal in parsed)
-        timestep = Fraction(self._model.opt.timestep).limit_denominator(10**12)
-        steps = (period or timestep) / timestep
-        if steps.denominator != 1:
-            raise InputError(
-                f"period {float(steps * timestep):g} s is not a multiple of the timestep "
-                f"{float(timestep):g} s of {self.name} ({float(steps):g} steps)"
-            )
-        self._steps = steps.numerator
+        timestep, of = exact(self._model.opt.timestep), f"timestep of {self.name},"
+        self._steps = whole_steps(period or timestep, timestep, "period", of)
 
     def start(self) -> list[float]:
-        """Derives all that depends on the state."""
+        """Derives everything that depends on the state."""
         derive(self._model, self._data)
         return [read() for read in self._reads]
 
     def advance(self) -> list[float]:
-        """Makes the steps of a period; derives what the signals need of the new state."""
+        """Makes the steps of a period; then derives what the signals need from the new state."""
         model, data = self._model, self._data
         for _ in range(self._steps):
             if self._policy is not None:
@@ -83,4 +70,4 @@ class Model:
         return [read() for read in self._reads]
 
     def close(self) -> None:
-        """Model and data are the caller's."""
+        """Leaves model and data as they are: they belong to the caller."""

@@ -1,4 +1,4 @@
-"""Environments by their id, and policies that need no training: for the command line."""
+"""Environments by their id and policies that need no training, for the command line."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from gymnasium import spaces
 from rtamt import InputError
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["POLICIES", "Policies", "import_highway", "make"]
+__all__ = ["POLICIES", "SeededPolicy", "import_highway", "make"]
 
-Policies = Callable[[int], Policy]
-"""The policy of an episode of a seed."""
+SeededPolicy = Callable[[int], Policy]
+"""Makes the policy of an episode from the seed of the episode."""
 
 
 def make(env_id: str, max_steps: int | None = None) -> gym.Env[Any, Any]:
-    """The environment of an id; those of highway-env are found without an import.
+    """Makes the environment of an id; the user need not import highway-env first.
 
     Args:
-        env_id: As `gymnasium.make` takes it.
-        max_steps: Time limit in steps; None is the environment's own.
+        env_id: The id that `gymnasium.make` takes.
+        max_steps: Time limit in steps; None: the environment's own.
 
     Raises:
-        InputError: If there is no such environment, or it cannot be made; names the nearest.
+        InputError: If there is no such environment (names the nearest), or it cannot be made.
     """
     name = env_id.rpartition(":")[2].rpartition("-v")[0]
     if ":" not in env_id and not _known(name) and find_spec("highway_env"):
@@ -45,7 +45,7 @@ def make(env_id: str, max_steps: int | None = None) -> gym.Env[Any, Any]:
 
 def import_highway() -> None:
     """Registers the environments of highway-env."""
-    # pygame greets on stdout otherwise.
+    # Without this, pygame prints a greeting on stdout.
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     import_module("highway_env")
 
@@ -54,15 +54,15 @@ def _known(name: str) -> bool:
     return any(spec.id.rpartition("-v")[0] == name for spec in gym.registry.values())
 
 
-def _random(space: spaces.Space[Any]) -> Policies:
-    def policies(seed: int) -> Policy:
+def _random(space: spaces.Space[Any]) -> SeededPolicy:
+    def make_policy(seed: int) -> Policy:
         space.seed(seed)
         return lambda _obs: space.sample()
 
-    return policies
+    return make_policy
 
 
-def _zero(space: spaces.Space[Any]) -> Policies:
+def _zero(space: spaces.Space[Any]) -> SeededPolicy:
     match space:
         case spaces.Box():
             action: Any = np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
@@ -75,8 +75,8 @@ def _zero(space: spaces.Space[Any]) -> Policies:
     return lambda _seed: lambda _obs: action
 
 
-POLICIES: Mapping[str, Callable[[spaces.Space[Any]], Policies]] = {
+POLICIES: Mapping[str, Callable[[spaces.Space[Any]], SeededPolicy]] = {
     "random": _random,
     "zero": _zero,
 }
-"""Policies that need no training, by name."""
+"""Policies that need no training, by name: what makes them for a space of actions."""

@@ -1,4 +1,4 @@
-"""`simulate`: one simulation of any kind under specifications, to the first certain violation."""
+"""`simulate`: runs one simulation of any kind under specifications."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Course, Floats, RunEnd, Stop
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.systems import Environment, Policy, SampleSource, System
+from rtamt_gym.simulation.systems import Environment, Policy, SampleSource, System, exact
 
 __all__ = ["simulate"]
 
@@ -42,7 +42,7 @@ def simulate(
     nan: Nan = "raise",
     label: str = "",
 ) -> Run:
-    """Runs a simulation under specifications, stops it when all is said, and records every sample.
+    """Runs a simulation under specifications until a violation is certain; records every sample.
 
     | system | ``signals`` | ``policy`` |
     |---|---|---|
@@ -52,46 +52,46 @@ def simulate(
     | a function from time to sample | keys of the sample | |
     | an iterable of samples, or a generator function | keys of the sample | |
 
-    A sample is a mapping of names to numbers. Variables of the last three that are not in
-    ``signals`` read what has their own name.
+    A sample is a mapping from names to numbers. For the last three systems, a variable that is not
+    in ``signals`` reads the value of its own name.
 
-    Sample 0 is the state before the first step: an environment's observation at reset, what a
-    MuJoCo model's data holds now, an FMU's outputs after its initialization. A system that ends by
-    itself has a complete trace, and its verdicts are final; one that is cut short, by a time limit
-    or by ``duration``, could have gone on: a verdict that is open then stays UNDECIDED. Write
+    Sample 0 is the state before the first step: an environment's observation at reset, the present
+    state of a MuJoCo model's data, an FMU's outputs after its initialization. If a system ends by
+    itself, the trace is complete and the verdicts are final. If it is cut short by a time limit or
+    by ``duration``, it could have gone on, so an open verdict stays UNDECIDED. Write
     ``always[0:10]`` for a verdict after 10 s.
 
     Args:
-        system: What runs.
+        system: The simulation to run, one of those above.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
             or several with their names.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
-        policy: Who acts. It is given the observation, or model and data; a function that wants more
-            of an environment takes it from around: ``lambda obs: act(env.unwrapped)``.
-        seed: Of an environment's reset.
-        period: Time between samples, in seconds or as text with a unit. None: as the system says;
-            where it says nothing, ``1`` with bounds in the default unit counts steps.
-        duration: Simulated time to run at most, in seconds (in steps without a period). None: until
+        policy: The function that acts. Its arguments are the observation, or model and data. For
+            more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``.
+        seed: The seed of an environment's reset.
+        period: Time between samples, in seconds or as text with a unit. None: the system's own. For
+            a system without one, ``1`` makes bounds in the default unit count steps.
+        duration: The longest simulated time, in seconds (in steps without a period). None: until
             the system ends by itself. A model, an FMU or a function of time never does; with
             ``math.inf`` they run until they are stopped.
-        stop: ``"violation"``: at the first certain violation; ``"decided"``: also as soon as every
-            verdict is certain; ``"end"``: not at all.
-        view: ``"episode"``: a formula speaks of the run from sample 0 on; ``"step"``: of every
+        stop: When to stop. ``"violation"``: at the first certain violation; ``"decided"``: also
+            once every verdict is certain; ``"end"``: not before the end.
+        view: ``"episode"``: a formula is about the run from sample 0 on; ``"step"``: about every
             instant.
         nan: ``"raise"`` refuses a signal that is nan; ``"hold"`` keeps its last value, in the
             record too.
-        label: Who acts, for tables and pictures.
+        label: A name for tables and pictures that tells who acted.
 
     Returns:
         The signals, the robustness with its bounds and verdicts at every sample, and why it ended.
 
     Raises:
-        SpecificationError: If a specification is wrong, speaks of the first sample only, has a
-            bound that is not a multiple of the period, or needs a period and has none.
-        InputError: If a variable cannot be read, the system lacks a policy, a period or a duration,
-            or a signal is nan.
-        InputTypeError: If the system is none of those above.
+        SpecificationError: If a specification is wrong, reads the first sample only, has a bound
+            that is not a multiple of the period, or needs a period and has none.
+        InputError: If a variable cannot be read, a policy, a period or a duration is missing, or a
+            signal is nan.
+        InputTypeError: If the system is not one of those above.
 
     Example:
         >>> import gymnasium as gym
@@ -140,7 +140,7 @@ def simulate(
 
 
 def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int | None) -> RunEnd:
-    """Feeds samples until there is no more to feed; says why there is not."""
+    """Feeds samples to the monitors until the run is over; returns why it is."""
     values: Sequence[float] | None = system.start()
     steps = 0
     while values is not None:
@@ -225,7 +225,7 @@ class _Recorder:
 
 
 def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System:  # noqa: ANN401
-    """The adapter of what a caller wants to run."""
+    """The caller's simulation as a `System`."""
     if isinstance(system, gym.Env):
         return Environment(system, policy, seed)
     if isinstance(system, VectorEnv):
@@ -270,11 +270,11 @@ _MUJOCO = {"MjModel", "MjData"}
 def _period(
     specs: Mapping[str, rtamt.Specification], period: float | str | None, system: System
 ) -> float | str | None:
-    """The period given, else that of the system.
+    """The period given, else that of the system, else None.
 
     Raises:
-        InputError: If neither is there and the system cannot run without.
-        SpecificationError: If neither is there and a specification has a bound.
+        InputError: If it is None and the system cannot run without a period.
+        SpecificationError: If it is None and a specification has a bound.
     """
     if period is None:
         period = system.period
@@ -292,10 +292,10 @@ def _period(
 
 
 def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:
-    """The steps after which a run is cut short; None: never.
+    """The number of steps after which a run is cut short, or None.
 
     Raises:
-        InputError: If it might go on for ever, or the duration is no time.
+        InputError: If it might go on for ever, or the duration is not positive.
     """
     if duration is None:
         if system.endless:
@@ -306,6 +306,5 @@ def _most(duration: float | None, period: Fraction | None, system: System) -> in
         return None
     if duration == math.inf:
         return None
-    # A float duration may lie a little below a whole number of periods.
-    seconds = Fraction(check_number("duration", duration, 0.0)).limit_denominator(10**12)
-    return int(seconds / (period or 1))
+    # A duration that is a float may lie a little below a whole number of periods.
+    return int(exact(check_number("duration", duration, 0.0)) / (period or 1))

@@ -1,8 +1,9 @@
-"""What `simulate` can run: environments, MuJoCo models, Python functions, all as one protocol."""
+"""The systems that `simulate` can run: their protocol, and those that need no simulator."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from inspect import isgeneratorfunction
@@ -20,20 +21,26 @@ __all__ = [
     "Policy",
     "Sample",
     "SampleSource",
+    "Signals",
     "System",
     "SystemEnd",
+    "exact",
     "named_signals",
+    "whole_steps",
 ]
 
 Policy = Callable[..., Any]
-"""Of an environment, the action for an observation; of a MuJoCo model, a function of model and data
-that sets ``data.ctrl``, as ``mjcb_control`` does."""
+"""Gives the action for an observation of an environment; for a MuJoCo model, a function of model
+and data that sets ``data.ctrl``, as ``mjcb_control`` does."""
 
 Sample = Mapping[str, Any]
 """Numbers by name."""
 
+Signals = Mapping[str, SignalLike] | None
+"""What variables read, and what else is recorded, by name."""
+
 SystemEnd = Literal["", "terminated", "truncated"]
-"""Not yet; for good; by a time limit of its own."""
+"""How a system has ended by itself: not yet, for good, or by a time limit of its own."""
 
 
 @runtime_checkable
@@ -41,48 +48,40 @@ class System(Protocol):
     """A simulation that gives samples, one period apart.
 
     Attributes:
-        name: What tables and pictures call it.
-        period: Seconds between samples, as the system itself says; None: it does not say.
-        needs_period: Whether it cannot run without one.
-        limit: Steps after which it ends by itself; None: not known.
+        name: Its name in tables and pictures.
+        period: Its own time between samples in seconds, or None.
+        needs_period: Whether it cannot run without a period.
+        limit: The number of steps after which it ends by itself; None if that is not known.
         endless: Whether it may go on for ever.
         ended: How it has ended by itself; an empty string while it has not.
     """
 
     name: str
-    period: float | None
-    needs_period: bool
-    limit: int | None
-    endless: bool
-    ended: SystemEnd
+    period: float | None = None
+    needs_period: bool = False
+    limit: int | None = None
+    endless: bool = False
+    ended: SystemEnd = ""
 
-    def bind(
-        self,
-        variables: Sequence[str],
-        signals: Mapping[str, SignalLike] | None,
-        period: Fraction | None,
-    ) -> None:
-        """Finds out how the variables are read, and the signals that are none, to be recorded.
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Prepares to read the variables, and then the signals that are not variables.
 
         Raises:
             RtamtError: If a variable cannot be read, or the system cannot run with this period.
         """
 
     def start(self) -> Sequence[float]:
-        """Sample 0: the variables before the first step, then the signals that are none."""
+        """Starts the simulation; returns sample 0, the values before the first step."""
 
     def advance(self) -> Sequence[float] | None:
-        """The sample after one more step; None if there is none, for the system has ended."""
+        """Makes one step; returns the sample after it, or None if the system ended before."""
 
     def close(self) -> None:
-        """Gives back what `start` has taken; also after an error."""
+        """Releases what `start` has taken; called after an error too."""
 
 
-class Environment:
-    """A Gymnasium environment and who acts in it."""
-
-    needs_period = False
-    endless = False
+class Environment(System):
+    """A Gymnasium environment and the policy that acts in it."""
 
     def __init__(self, env: gym.Env[Any, Any], policy: Policy | None, seed: int | None) -> None:
         if policy is None:
@@ -99,7 +98,6 @@ class Environment:
         self.name = env.spec.id if env.spec else type(env.unwrapped).__name__
         self.period = read_period(env)
         self.limit = env.spec.max_episode_steps if env.spec else None
-        self.ended: SystemEnd = ""
         self._env = env
         self._policy = policy
         self._seed = seed
@@ -108,8 +106,8 @@ class Environment:
     def bind(
         self,
         variables: Sequence[str],
-        signals: Mapping[str, SignalLike] | None,
-        period: Fraction | None,  # noqa: ARG002 - an environment steps as it does
+        signals: Signals,
+        period: Fraction | None,  # noqa: ARG002 - an environment's step has a length of its own
     ) -> None:
         """Binds the selectors."""
         parsed = parse_signals(signals or {}, variables, spare=True)
@@ -131,11 +129,11 @@ class Environment:
         return [read(self._obs, action, reward, info) for read in self._reads]
 
     def close(self) -> None:
-        """The environment is the caller's."""
+        """Leaves the environment open: it belongs to the caller."""
 
 
-class SampleSource:
-    """Samples from a function of time, from a generator function, or from an iterable."""
+class SampleSource(System):
+    """A function of time, a generator function, or an iterable that gives samples."""
 
     def __init__(
         self,
@@ -143,28 +141,20 @@ class SampleSource:
         | Callable[[], Iterator[Sample]]
         | Iterable[Sample],
     ) -> None:
-        self.period: float | None = None
-        self.limit: int | None = None
         self.needs_period = self.endless = callable(source) and not isgeneratorfunction(source)
-        self.ended: SystemEnd = ""
         name = getattr(source, "__name__", "function").replace("<lambda>", "function")
         self.name = name if callable(source) else "samples"
         self._source: Any = source
         self._samples: Iterator[Sample | None] = iter(())
         self._count = 0
 
-    def bind(
-        self,
-        variables: Sequence[str],
-        signals: Mapping[str, SignalLike] | None,
-        period: Fraction | None,
-    ) -> None:
-        """Notes which names are read."""
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Keeps the names to read."""
         self._reads = named_signals(variables, signals)
         self._period = period
 
     def start(self) -> list[float]:
-        """The first sample."""
+        """Takes the first sample."""
         self.ended = ""
         source = self._source
         if self.endless:
@@ -179,7 +169,7 @@ class SampleSource:
         return first
 
     def advance(self) -> list[float] | None:
-        """The next sample."""
+        """Takes the next sample."""
         sample = next(self._samples, None)
         if sample is None:
             self.ended = "terminated"
@@ -201,24 +191,25 @@ class SampleSource:
         return values
 
     def close(self) -> None:
-        """Closes a generator, which may hold files."""
+        """Closes a generator, which may hold open files."""
         if isinstance(self._samples, Generator):
             self._samples.close()
 
 
 def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:
-    """What is read where values have names: every variable its own, if nothing else is said.
+    """The names to read from a system whose values have names.
 
     Args:
-        variables: Names that the specifications read.
-        signals: For some of them another name; and what else to record.
+        variables: The variables of the specifications; each reads the value of its own name unless
+            ``signals`` gives another.
+        signals: Names that variables read, and names of further values to record.
 
     Returns:
-        A name for every variable, then for every signal that is none.
+        A name for every variable, then for every signal that is not a variable.
 
     Raises:
-        InputError: If a signal might be meant for a variable that has none.
-        InputTypeError: If ``signals`` is no mapping of names to names.
+        InputError: If a signal has nearly the name of a variable that has no signal.
+        InputTypeError: If ``signals`` is not a mapping from names to names.
     """
     given = {} if signals is None else signals
     if not isinstance(given, Mapping):
@@ -235,3 +226,26 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
         if not isinstance(read, str):
             raise InputTypeError(f"signal {name!r}: expected a name, got {read!r}")
     return [given.get(name, name) for name in dict.fromkeys([*variables, *given])]
+
+
+def exact(seconds: float) -> Fraction:
+    """The fraction that a float stands for: 1/10 for 0.1."""
+    return Fraction(seconds).limit_denominator(10**12)
+
+
+def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:
+    """The number of steps in a whole, both in seconds.
+
+    Raises:
+        InputError: If the whole is not a multiple of the step. The message calls the whole
+            ``what`` and the step ``of``, and names the nearest multiples.
+    """
+    count = whole / step
+    if count.denominator != 1:
+        less, more = math.floor(count) * step, math.ceil(count) * step
+        ways = f"{float(less):g} s or {float(more):g} s" if less else f"{float(more):g} s"
+        raise InputError(
+            f"the {what} {float(whole):g} s is not a multiple of the {of} {float(step):g} s "
+            f"({float(count):g} steps); use {ways}"
+        )
+    return count.numerator

@@ -334,7 +334,7 @@ def test_fmus_are_freed_even_if_one_fails_to_end(
 
     def instantiate(self: Instance, *_: object) -> None:
         vars(self).update(
-            _name="tank", _said=[], _now=0.0, _steps=True, _dead=False, _fmu=Restive()
+            _name="tank", _messages=[], _now=0.0, _steps=True, _dead=False, _fmu=Restive()
         )
 
     system = Fmus({"a": folder / "tank.fmu", "b": folder / "tank.fmu"})

@@ -288,7 +288,10 @@ Z = {"level": "qpos[2]"}
             (model(), LOW, Z),
             {"period": 0.005, "duration": 1},
             InputError,
-            "period 0.005 s is not a multiple of the timestep 0.002 s of ball (2.5 steps)",
+            (
+                "the period 0.005 s is not a multiple of the timestep of ball, 0.002 s "
+                "(2.5 steps); use 0.004 s or 0.006 s"
+            ),
         ),
     ],
 )
