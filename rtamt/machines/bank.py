@@ -1,38 +1,27 @@
-"""The reference machines in lockstep: a list of single ones, which take a sample all or none."""
+"""The Python machines in lockstep: a list of single ones, which take a sample all or none."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Iterable, Sequence
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
-from rtamt.machines.episode.machine import EpisodeMachine
-from rtamt.machines.terms import Registers
-from rtamt.machines.windows import State
+from rtamt.machines.discrete import PythonDiscreteMachine
+from rtamt.machines.episode.machine import PythonEpisodeMachine
+from rtamt.machines.state import StateFields
+from rtamt.machines.terms import PythonSampleMachine
+from rtamt.program.program import Program
 
-__all__ = ["Bank", "EpisodeBank"]
-
-
-class _Machine(Protocol):
-    samples: int
-    inputs: list[float]
-
-    @property
-    def result(self) -> float: ...
-    def terms(self, values: list[float]) -> Registers: ...
-    def take(self, terms: Registers, values: list[float]) -> None: ...
-    def reset(self) -> None: ...
-    def state(self) -> State: ...
-    def restore(self, state: State) -> None: ...
+__all__ = ["PythonDiscreteBank", "PythonEpisodeBank"]
 
 
-_M = TypeVar("_M", bound=_Machine)
+_M = TypeVar("_M", bound=PythonSampleMachine)
 
 
-class Bank(Generic[_M]):
+class _PythonBank(StateFields, Generic[_M]):
     """Machines of one program, each with a time of its own.
 
     Args:
@@ -40,7 +29,9 @@ class Bank(Generic[_M]):
         reader: Turns arguments into samples, and refuses them.
     """
 
-    def __init__(self, machines: Sequence[_M], reader: LaneReader) -> None:
+    STATE = ("_machines",)
+
+    def __init__(self, machines: Iterable[_M], reader: LaneReader) -> None:
         self._machines = list(machines)
         self._reader = reader
 
@@ -67,15 +58,6 @@ class Bank(Generic[_M]):
         for lane in self._chosen(self._reader.mask(mask)):
             self._machines[lane].reset()
 
-    def state(self) -> State:
-        """What `restore` needs to continue from here."""
-        return [machine.state() for machine in self._machines]
-
-    def restore(self, state: State) -> None:
-        """Continue from where ``state`` was taken."""
-        for machine, saved in zip(self._machines, state, strict=True):
-            machine.restore(saved)
-
     def _require_open(self, lanes: Sequence[int]) -> None:
         """Refuse lanes that take no samples any more."""
 
@@ -89,8 +71,21 @@ class Bank(Generic[_M]):
         return np.array([getattr(machine, name) for machine in self._machines], dtype=np.float64)
 
 
-class EpisodeBank(Bank[EpisodeMachine]):
-    """Bounds of an episode in every lane."""
+class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
+    """Machines on samples in lockstep."""
+
+    def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
+        machines = (PythonDiscreteMachine(program, reader.lane(i), ()) for i in range(num))
+        super().__init__(machines, reader)
+
+
+class PythonEpisodeBank(_PythonBank[PythonEpisodeMachine]):
+    """Machines that bound the robustness of an episode, in lockstep."""
+
+    def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
+        super().__init__(
+            (PythonEpisodeMachine(program, reader.lane(i)) for i in range(num)), reader
+        )
 
     @property
     def robustness(self) -> Floats:

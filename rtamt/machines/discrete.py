@@ -1,4 +1,4 @@
-"""The reference machine on samples: readable, and the definition that the C++ is tested against."""
+"""The machine on samples in Python: the definition that the C++ machine is tested against."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.terms import Registers, Step, Terms, map_step
-from rtamt.machines.windows import DelayLine, FoldedWindow, State, make_window
+from rtamt.machines.terms import Operation, PythonSampleMachine, Registers, map_operation
+from rtamt.machines.windows import DelayLine, FoldedWindow, make_window
 from rtamt.program.algebra import FOLDS, Element
 from rtamt.program.program import Const, Load, Map, Program, Window
 from rtamt.program.schedule import Delay, Scheduled, schedule
 
-__all__ = ["Machine"]
+__all__ = ["PythonDiscreteMachine"]
 
 
-class Machine:
+class PythonDiscreteMachine(PythonSampleMachine):
     """Runs a program whose every register has a latency, one sample after the other.
 
     At sample t the register r holds its value of time t - latency(r). A window takes in the
@@ -32,37 +32,34 @@ class Machine:
         observed: Registers whose values `run` returns.
     """
 
+    STATE = ("samples", "inputs", "registers", "_end", "_parts")
+
     def __init__(self, program: Program, reader: SampleReader, observed: Sequence[int]) -> None:
-        self.program = program
-        self.reader = reader
+        super().__init__(program, reader)
         self.observed = tuple(observed)
-        self.samples = 0
         self._end = math.inf  # the trace has the times 0 <= time < end
-        self.inputs: list[float] = []
         self._late = program.latency or 0
         self._result = program.result
-        self._terms = Terms(program, reader.refuse)
-        self._initial = self._terms.initial
-        self._steps: list[Step] = []
+        self.registers = self._terms.initial
+        self._operations: list[Operation] = []
         self._parts: list[DelayLine | FoldedWindow] = []
         for slot, scheduled in schedule(program):
             if slot >= program.terms:
-                self._initial += [0.0] * (slot + 1 - len(self._initial))
-                self._steps.append(self._compiled(slot, scheduled))
-        self.registers = self._initial[:]
+                self.registers += [0.0] * (slot + 1 - len(self.registers))
+                self._operations.append(self._compiled(slot, scheduled))
+        self._initial = self.state()
 
-    def _compiled(self, out: int, scheduled: Scheduled) -> Step:
+    def _compiled(self, out: int, scheduled: Scheduled) -> Operation:
         match scheduled:
             case Load() | Const():
                 msg = f"register {out} is an input behind the terms"
                 raise AssertionError(msg)
             case Map(function, args):
-                return map_step(out, function, args)
-            case Window(name, lo, hi, args):
-                fold = FOLDS[name]
-                window = make_window(fold, None if lo is None or hi is None else hi - lo + 1)
+                return map_operation(out, function, args)
+            case Window(name, _, _, args):
+                window = make_window(FOLDS[name], scheduled.length)
                 self._parts.append(window)
-                return self._window(out, window, fold.identity, args)
+                return self._window(out, window, FOLDS[name].identity, args)
             case Delay(length, operand):
                 line = DelayLine(length)
                 self._parts.append(line)
@@ -72,24 +69,24 @@ class Machine:
 
     def _window(
         self, out: int, window: FoldedWindow, identity: Element, args: tuple[int, ...]
-    ) -> Step:
+    ) -> Operation:
         push = window.push
         start = self.program.start(out)
         if len(args) == 1:
             (a,) = args
 
-            def step(r: Registers) -> None:
+            def operation(r: Registers) -> None:
                 here = 0 <= self.samples - start < self._end
                 r[out] = push((r[a],) if here else identity)[0]
 
         else:
             p, q = args
 
-            def step(r: Registers) -> None:
+            def operation(r: Registers) -> None:
                 here = 0 <= self.samples - start < self._end
                 r[out] = push((r[p], r[q]) if here else identity)[1]
 
-        return step
+        return operation
 
     def update(self, *args: object, **named: object) -> float:
         """Take in one sample; the robustness of time t - latency, nan before there is one."""
@@ -97,17 +94,13 @@ class Machine:
         self.take(self.terms(values), values)
         return self.result
 
-    def terms(self, values: list[float]) -> Registers:
-        """The terms of the next sample, refused if one is nan; touches no state."""
-        return self._terms(values, self.samples)
-
     def take(self, terms: Registers, values: list[float]) -> None:
         """Take in a sample whose terms are known."""
         registers = self.registers
         known = self.program.terms
         registers[:known] = terms[:known]
-        for step in self._steps:
-            step(registers)
+        for operation in self._operations:
+            operation(registers)
         self.inputs = values
         self.samples += 1
 
@@ -153,29 +146,9 @@ class Machine:
                 self.take(self.registers, self.inputs)
                 yield
 
-    def reset(self) -> None:
-        """Forget every sample."""
-        self.samples = 0
-        self._end = math.inf
-        self.inputs = []
-        self.registers = self._initial[:]
-        for part in self._parts:
-            part.reset()
 
-    def state(self) -> State:
-        """What `restore` needs to continue from here."""
-        return [self.samples, self.inputs[:], self.registers[:], [p.state() for p in self._parts]]
-
-    def restore(self, state: State) -> None:
-        """Continue from where ``state`` was taken."""
-        self.samples, inputs, registers, parts = state
-        self.inputs, self.registers = list(inputs), list(registers)
-        for part, saved in zip(self._parts, parts, strict=True):
-            part.restore(saved)
-
-
-def _delay(out: int, line: DelayLine, operand: int) -> Step:
-    def step(r: Registers) -> None:
+def _delay(out: int, line: DelayLine, operand: int) -> Operation:
+    def operation(r: Registers) -> None:
         r[out] = line.push(r[operand])
 
-    return step
+    return operation

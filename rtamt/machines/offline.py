@@ -9,31 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.protocols import DiscreteMachine
 from rtamt.program.algebra import FOLDS
 from rtamt.program.program import Instruction, Load, Program, Window, latencies_of
 
-__all__ = ["Passes", "RunMachine", "run_offline", "run_outputs"]
+__all__ = ["Passes", "run_offline", "run_outputs"]
 
 Array = NDArray[np.float64]
 
 
-class RunMachine(Protocol):
-    """A machine as `Passes` needs it."""
-
-    def run(self, columns: Sequence[Array], n: int, *, final: bool) -> list[Array]:
-        """The observed registers at times 0 to n - 1."""
-
-    def reset(self) -> None:
-        """Forget every sample."""
-
-
-MakeMachine = Callable[[Program, SampleReader, Sequence[int]], RunMachine]
+MakeMachine = Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
 
 
 class Passes:
@@ -50,7 +40,7 @@ class Passes:
         self, program: Program, reader: SampleReader, machine: MakeMachine, n: int
     ) -> None:
         program = program.clamped(n)
-        self._backwards: list[tuple[RunMachine, RunMachine]] = []
+        self._backwards: list[tuple[DiscreteMachine, DiscreteMachine]] = []
         while None in program.latencies:
             # Everything before the first window without end has a latency.
             cut = next(
@@ -105,14 +95,14 @@ def run_outputs(
     return Passes(program, reader, machine, n).run(columns, n)
 
 
-def _run(machine: RunMachine, columns: Sequence[Array], n: int) -> list[Array]:
+def _run(machine: DiscreteMachine, columns: Sequence[Array], n: int) -> list[Array]:
     machine.reset()
     return machine.run(columns, n, final=True)
 
 
 def _part(
     program: Program, reader: SampleReader, machine: MakeMachine, registers: Sequence[int]
-) -> RunMachine:
+) -> DiscreteMachine:
     """The machine of some registers."""
     names = {str(i): r for i, r in enumerate(registers)}
     part = program.restricted(registers[0], names)
@@ -120,7 +110,7 @@ def _part(
     return machine(part, checked, [part.outputs[str(i)] for i in range(len(registers))])
 
 
-def _mirrored(program: Program, machine: MakeMachine, window: Window) -> RunMachine:
+def _mirrored(program: Program, machine: MakeMachine, window: Window) -> DiscreteMachine:
     """The machine that folds the operands of a window without end over reversed time."""
     width = len(window.args)
     inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(width))

@@ -1,17 +1,20 @@
-"""The first part of every machine: the arithmetic over the present sample."""
+"""The arithmetic over the present sample, with which every machine begins."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, NoReturn, TypeVar, assert_never
+from typing import Any, Generic, NoReturn, TypeVar, assert_never
 
+from rtamt.inputs.samples import SampleReader
+from rtamt.machines.state import StateFields
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.program import Const, Load, Map, Program, Window
 
-__all__ = ["Registers", "Step", "Terms", "map_step"]
+__all__ = ["Operation", "PythonSampleMachine", "Registers", "Terms", "map_operation"]
 
 Registers = list[float]
-Step = Callable[[Registers], None]
+Operation = Callable[[Registers], None]
+"""Computes one register from others."""
 
 
 _Place = TypeVar("_Place", int, float)
@@ -28,7 +31,7 @@ class Terms(Generic[_Place]):
     def __init__(self, program: Program, refuse: Callable[[list[float], _Place], NoReturn]) -> None:
         self._refuse: Callable[[list[float], _Place], NoReturn] = refuse
         self._loads: list[tuple[int, int]] = []
-        self._steps: list[Step] = []
+        self._operations: list[Operation] = []
         self._constants: Registers = [0.0] * program.terms
         for out, instruction in enumerate(program.instructions[: program.terms]):
             match instruction:
@@ -37,7 +40,7 @@ class Terms(Generic[_Place]):
                 case Const(value):
                     self._constants[out] = value
                 case Map(function, args):
-                    self._steps.append(map_step(out, function, args))
+                    self._operations.append(map_operation(out, function, args))
                 case Window():
                     msg = f"register {out} is a window among the terms"
                     raise AssertionError(msg)
@@ -58,27 +61,57 @@ class Terms(Generic[_Place]):
         registers = self._constants[:]
         for out, variable in self._loads:
             registers[out] = values[variable]
-        for step in self._steps:
-            step(registers)
+        for operation in self._operations:
+            operation(registers)
         for value in registers:
             if value != value:  # noqa: PLR0124 - nan
                 self._refuse(values, place)
         return registers
 
 
-def map_step(out: int, function: str, args: tuple[int, ...]) -> Step:
-    """What a MAP does to the registers."""
+def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:
+    """The operation of a MAP, which writes the register ``out``."""
     apply = FUNCTIONS[function].apply
     if len(args) == 1:
         (a,) = args
 
-        def step(r: Registers) -> None:
+        def operation(r: Registers) -> None:
             r[out] = apply(r[a])
 
     else:
         a, b = args
 
-        def step(r: Registers) -> None:
+        def operation(r: Registers) -> None:
             r[out] = apply(r[a], r[b])
 
-    return step
+    return operation
+
+
+class PythonSampleMachine(StateFields):
+    """What the Python machines on samples share."""
+
+    program: Program
+    _initial: list[Any]  # a snapshot of the new machine
+
+    def __init__(self, program: Program, reader: SampleReader) -> None:
+        self.program = program
+        self.reader = reader
+        self.samples = 0
+        self.inputs: list[float] = []
+        self._terms: Terms[int] = Terms(program, reader.refuse)
+
+    def terms(self, values: list[float]) -> Registers:
+        """The terms of the next sample, refused if one is nan; changes nothing."""
+        return self._terms(values, self.samples)
+
+    def take(self, terms: Registers, values: list[float]) -> None:
+        """Take in a sample whose terms are known."""
+        raise NotImplementedError
+
+    @property
+    def result(self) -> float:
+        """What `update` returns."""
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        self.restore(self._initial)

@@ -7,10 +7,9 @@ of fixed length): four combinations a push in the worst case, whatever the lengt
 
 from __future__ import annotations
 
-from typing import Any, Protocol
-
 import numpy as np
 
+from rtamt.machines.state import StateFields
 from rtamt.program.algebra import Arrays, Element, LatticeFold
 
 __all__ = [
@@ -19,89 +18,57 @@ __all__ = [
     "LatestWindow",
     "RunningWindow",
     "SlidingWindow",
-    "State",
     "fold_all",
     "make_window",
     "padded",
     "slide",
 ]
 
-State = list[Any]
-"""What a snapshot holds."""
 
+class FoldedWindow(StateFields):
+    """The fold of the elements that a window covers; before the first, of identities."""
 
-class FoldedWindow(Protocol):
-    """The fold of the elements that a window covers."""
+    __slots__ = ()
 
     def push(self, x: Element) -> Element:
         """Take in the next element; the fold of the window that ends with it."""
-
-    def reset(self) -> None:
-        """Forget everything: as if only identities had come."""
-
-    def state(self) -> State:
-        """What `restore` needs."""
-
-    def restore(self, state: State) -> None:
-        """Become what `state` was taken from."""
+        raise NotImplementedError
 
 
 def make_window(fold: LatticeFold, length: int | None) -> FoldedWindow:
-    """The fold over the last ``length`` elements; None: over all of them."""
+    """The window over the last ``length`` elements; None: over all of them."""
     if length is None:
         return RunningWindow(fold)
     return LatestWindow() if length == 1 else SlidingWindow(fold, length)
 
 
-class LatestWindow:
+class LatestWindow(FoldedWindow):
     """A window of one element."""
 
     __slots__ = ()
+    STATE = ()
 
     def push(self, x: Element) -> Element:
-        """The element itself."""
         return x
 
-    def reset(self) -> None:
-        """Nothing to forget."""
 
-    def state(self) -> State:
-        """Nothing to keep."""
-        return []
+class RunningWindow(FoldedWindow):
+    """A window over everything so far."""
 
-    def restore(self, state: State) -> None:
-        """Nothing to restore."""
-
-
-class RunningWindow:
-    """The fold of everything so far."""
-
-    __slots__ = ("_fold", "_total")
+    __slots__ = ("_combine", "_total")
+    STATE = ("_total",)
 
     def __init__(self, fold: LatticeFold) -> None:
-        self._fold = fold
+        self._combine = fold.combine
         self._total = fold.identity
 
     def push(self, x: Element) -> Element:
-        """The fold of everything up to x."""
-        self._total = self._fold.combine(self._total, x)
+        self._total = self._combine(self._total, x)
         return self._total
 
-    def reset(self) -> None:
-        """Forget everything."""
-        self._total = self._fold.identity
 
-    def state(self) -> State:
-        """The fold so far."""
-        return [self._total]
-
-    def restore(self, state: State) -> None:
-        """Take over the fold."""
-        (self._total,) = state
-
-
-class SlidingWindow:
-    """The fold of the last ``length`` elements, in blocks of half that length.
+class SlidingWindow(FoldedWindow):
+    """A window over the last ``length`` elements, in blocks of half that length.
 
     The window is the end of the block before the last one (its suffix folds stand in ``_front``),
     the whole last block (its fold is ``_middle``) and the block being filled (``_prefix``). While
@@ -121,23 +88,19 @@ class SlidingWindow:
         "_prefix",
         "_suffix",
     )
+    STATE = ("_offset", "_front", "_back", "_middle", "_prefix", "_suffix")
 
     def __init__(self, fold: LatticeFold, length: int) -> None:
         self._combine = fold.combine
         self._identity = fold.identity
         self._block = length // 2
         self._odd = length % 2
-        self.reset()
-
-    def reset(self) -> None:
-        """Fill the window with identities."""
         self._offset = 0
         self._front: list[Element] = [self._identity] * self._block
         self._back: list[Element] = [self._identity] * self._block
         self._middle = self._prefix = self._suffix = self._identity
 
     def push(self, x: Element) -> Element:
-        """Take in x; the fold of the last ``length`` elements."""
         combine, front, offset = self._combine, self._front, self._offset
         last = self._block - 1
         if self._odd:
@@ -158,21 +121,12 @@ class SlidingWindow:
             self._offset = offset + 1
         return result
 
-    def state(self) -> State:
-        """Both blocks and the three folds."""
-        folds = (self._middle, self._prefix, self._suffix)
-        return [self._offset, self._front[:], self._back[:], *folds]
 
-    def restore(self, state: State) -> None:
-        """Take over blocks and folds."""
-        self._offset, front, back, self._middle, self._prefix, self._suffix = state
-        self._front, self._back = list(front), list(back)
-
-
-class DelayLine:
+class DelayLine(StateFields):
     """A stream, ``length`` samples late."""
 
     __slots__ = ("_place", "_ring")
+    STATE = ("_place", "_ring")
 
     def __init__(self, length: int) -> None:
         self._ring = [0.0] * length
@@ -185,20 +139,6 @@ class DelayLine:
         self._ring[place] = x
         self._place = (place + 1) % len(self._ring)
         return late
-
-    def reset(self) -> None:
-        """Forget everything."""
-        self._ring = [0.0] * len(self._ring)
-        self._place = 0
-
-    def state(self) -> State:
-        """The values on their way."""
-        return [self._place, self._ring[:]]
-
-    def restore(self, state: State) -> None:
-        """Take over the values on their way."""
-        self._place, ring = state
-        self._ring = list(ring)
 
 
 def slide(fold: LatticeFold, elements: Arrays, width: int) -> Arrays:

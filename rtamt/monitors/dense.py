@@ -7,7 +7,8 @@ from typing import Literal, Unpack
 
 from rtamt.errors import InputError
 from rtamt.inputs.events import EventReader, Events, EventsLike
-from rtamt.machines.backend import DenseMachine, dense_machine
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.protocols import DenseMachine
 from rtamt.monitors.online import DirectUpdate, MachineValue, NamedValues, Online, machine_value
 from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
 from rtamt.program.dense_lowering import DenseProgram
@@ -90,7 +91,8 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         )
         program = self.program.program
         observed = tuple(program.outputs.values())
-        self._machine = dense_machine(self.backend, self.program, EventReader(program), observed)
+        make = BACKENDS[self.backend].dense_machine
+        self._machine = make(self.program, EventReader(program), observed)
         self.update = self._machine.update
 
     @property
@@ -196,7 +198,7 @@ def evaluate_dense(
     _, _, backend, whole = compiled_dense(evaluate_dense, spec, options, online=False)
     program = whole.result_alone()
     reader = EventReader(program.program)
-    machine = dense_machine(backend, program, reader, ())
+    machine = BACKENDS[backend].dense_machine(program, reader, ())
     return Events(*machine.run(reader.whole(signals)))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import Unpack
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from rtamt.errors import InputError
 from rtamt.inputs.samples import Columns, SampleReader
-from rtamt.machines.backend import discrete_machine
+from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_offline
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
@@ -57,7 +56,7 @@ def evaluate(
     _, _, backend, nan, _, program = compiled(evaluate, spec, period, options, online=False)
     reader = SampleReader(program, nan)
     columns, length = whole_trace(reader, data, n)
-    machine = functools.partial(discrete_machine, backend)
+    machine = BACKENDS[backend].discrete_machine
     return run_offline(program, reader, machine, columns, length)
 
 

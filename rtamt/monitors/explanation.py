@@ -28,7 +28,7 @@ from rtamt.language.parser import as_specification
 from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
 from rtamt.language.table import Operator
-from rtamt.machines.backend import discrete_machine
+from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_outputs
 from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
@@ -242,7 +242,7 @@ def explain(
     columns, length = whole_trace(reader, data, n)
     at = _place(sample, length)
     program = program.restricted(program.result, {n: program.outputs[n] for n in names})
-    machine = functools.partial(discrete_machine, backend)
+    machine = BACKENDS[backend].discrete_machine
     values = run_outputs(program, reader, machine, columns, length)
     robustness: dict[Node, Array] = {f: values[name] for name, f in names.items()}
     steps = tuple(_steps(specification, interface, robustness, at, seconds, start))

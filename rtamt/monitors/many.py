@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import Unpack, cast
 
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
 from rtamt.inputs.samples import Columns, SampleReader, array_of_numbers
-from rtamt.machines.backend import discrete_machine
+from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import Passes
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
@@ -69,7 +68,7 @@ def evaluate_many(
     robustness = np.full(shape, np.nan)
     if not len(ends):
         return robustness
-    machine = functools.partial(discrete_machine, backend)
+    machine = BACKENDS[backend].discrete_machine
     alone = program.restricted(program.result, {"": program.result})
     passes = Passes(alone, reader, machine, max(ends))
     checked = [not np.isnan(column).any() for column in columns]

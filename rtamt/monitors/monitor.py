@@ -14,13 +14,8 @@ from numpy.typing import NDArray
 from rtamt.errors import StateError
 from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.language.specification import Specification
-from rtamt.machines.backend import (
-    DiscreteMachine,
-    EpisodeMachine,
-    Machine,
-    discrete_machine,
-    episode_machine,
-)
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.protocols import DiscreteMachine, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.online import (
     DirectUpdate,
@@ -54,7 +49,7 @@ Raises:
 """
 
 
-_M = TypeVar("_M", bound=Machine)
+_M = TypeVar("_M", bound=SampleMachine)
 
 
 class _Single(DirectUpdate, Sampled[_M]):
@@ -128,7 +123,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     __slots__ = {"update": _UPDATE.format(when="at time t - latency")}
 
     def _made(self, reader: SampleReader) -> DiscreteMachine:
-        return discrete_machine(self.backend, self.program, reader, (self.program.result,))
+        return BACKENDS[self.backend].discrete_machine(self.program, reader, (self.program.result,))
 
     @property
     def values(self) -> dict[str, float]:
@@ -250,7 +245,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             self.update = _recording(self._machine, self._history)
 
     def _made(self, reader: SampleReader) -> EpisodeMachine:
-        return episode_machine(self.backend, self.program, reader)
+        return BACKENDS[self.backend].episode_machine(self.program, reader)
 
     @property
     def verdict(self) -> Verdict:

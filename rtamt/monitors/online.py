@@ -10,8 +10,9 @@ from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar, cast
 
 from rtamt.inputs.messages import write_fields
 from rtamt.language.specification import Specification
-from rtamt.machines.backend import Stateful
-from rtamt.monitors.options import Chosen, SampleOptions, Spec, compiled
+from rtamt.machines.backend import BackendName
+from rtamt.machines.protocols import Stateful
+from rtamt.monitors.options import SampleOptions, Spec, compiled
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.interface import Interface
 from rtamt.program.program import Program
@@ -64,7 +65,7 @@ class Online(Generic[_M, _P]):
     }
 
     _machine: _M
-    backend: Chosen
+    backend: BackendName
     interface: Interface
     program: _P
     specification: Specification

@@ -5,14 +5,14 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Literal, TypedDict, TypeVar, cast
+from typing import Any, TypedDict, TypeVar, cast
 
 from rtamt.errors import nearest
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
-from rtamt.machines.backend import Backend, choose
+from rtamt.machines.backend import Backend, BackendName, choose
 from rtamt.program.dense_lowering import DenseProgram, compile_dense
 from rtamt.program.interface import Interface, Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program
@@ -20,7 +20,6 @@ from rtamt.program.program import Program
 from rtamt.program.timing import Period, as_period
 
 __all__ = [
-    "Chosen",
     "Options",
     "SampleOptions",
     "Spec",
@@ -59,9 +58,6 @@ _DEFAULTS: SampleOptions = {
 _F = TypeVar("_F", bound=Callable[..., object])
 
 
-Chosen = Literal["native", "python"]
-
-
 def compiled(
     caller: Callable[..., object],
     spec: Spec,
@@ -69,7 +65,7 @@ def compiled(
     options: SampleOptions,
     *,
     online: bool,
-) -> tuple[Specification, Interface, Chosen, NanPolicy, Fraction | None, Program]:
+) -> tuple[Specification, Interface, BackendName, NanPolicy, Fraction | None, Program]:
     """Check the options of a monitor or an evaluation of samples, and compile its specification.
 
     Args:
@@ -90,7 +86,7 @@ def compiled(
 
 def compiled_dense(
     caller: Callable[..., object], spec: Spec, options: Options, *, online: bool
-) -> tuple[Specification, Interface, Chosen, DenseProgram]:
+) -> tuple[Specification, Interface, BackendName, DenseProgram]:
     """Check the options of a monitor or an evaluation of events, and compile its specification.
 
     The arguments mean what they mean to `compiled`.
@@ -127,7 +123,7 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
 
 def _checked(
     caller: Callable[..., object], spec: Spec, options: SampleOptions | Options, kind: type
-) -> tuple[Specification, Interface, Chosen, NanPolicy]:
+) -> tuple[Specification, Interface, BackendName, NanPolicy]:
     given = _DEFAULTS
     if options:
         if not options.keys() <= kind.__annotations__.keys():

@@ -10,13 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.lanes import LaneReader
-from rtamt.machines.backend import (
-    DiscreteBank,
-    EpisodeBank,
-    LaneMachine,
-    discrete_bank,
-    episode_bank,
-)
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.protocols import Bank, DiscreteBank, EpisodeBank
 from rtamt.monitors.online import (
     EpisodeValues,
     Late,
@@ -29,7 +24,7 @@ from rtamt.program.timing import Period
 
 __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
 
-_B = TypeVar("_B", bound=LaneMachine)
+_B = TypeVar("_B", bound=Bank)
 
 
 class _Lockstep(Sampled[_B]):
@@ -125,7 +120,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
     __slots__ = ()
 
     def _made(self, reader: LaneReader) -> DiscreteBank:
-        return discrete_bank(self.backend, self.program, self.num, reader)
+        return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
 
     def __repr__(self) -> str:
         what = f"{self.num} lanes of {self.specification.formula}"
@@ -166,7 +161,7 @@ class VectorEpisodeMonitor(
     __slots__ = ()
 
     def _made(self, reader: LaneReader) -> EpisodeBank:
-        return episode_bank(self.backend, self.program, self.num, reader)
+        return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(
         "verdict", "What is certain about each lane: -1 violated, 1 satisfied, 0 undecided."

@@ -18,9 +18,9 @@ from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.lowering import ProgramBuilder
-from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.program import Program
 
-__all__ = ["DenseProgram", "compile_dense", "encoded_dense"]
+__all__ = ["DenseProgram", "compile_dense"]
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
@@ -148,28 +148,3 @@ def _tick(specification: Specification) -> Fraction:
         return Fraction(1)
     scale = math.lcm(*(b.denominator for b in bounds))
     return Fraction(math.gcd(*(int(b * scale) for b in bounds)), scale)
-
-
-@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
-def encoded_dense(dense: DenseProgram) -> tuple[tuple[object, ...], ...]:
-    """The instructions as the tuples that the C++ machine reads; a row for each register.
-
-    ``(kind, name, first operand, second operand, value, lo, hi)``: bounds that are none are -inf
-    and inf, and where there is no second operand the first stands twice.
-    """
-    program = dense.program
-    rows: list[tuple[object, ...]] = []
-    for instruction in program.instructions:
-        match instruction:
-            case Load(variable):
-                index = program.variables.index(variable)
-                rows.append(("LOAD", variable, index, 0, 0.0, 0.0, 0.0))
-            case Const(value):
-                rows.append(("CONST", "", 0, 0, value, 0.0, 0.0))
-            case Map(function, args):
-                rows.append(("MAP", function, args[0], args[-1], 0.0, 0.0, 0.0))
-            case Window(fold, lo, hi, args):
-                first = -math.inf if lo is None else dense.time(lo)
-                last = math.inf if hi is None else dense.time(hi)
-                rows.append(("WINDOW", fold, args[0], args[-1], 0.0, first, last))
-    return tuple(rows)

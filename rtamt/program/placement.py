@@ -7,13 +7,11 @@ times, as a stream.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, replace
-from typing import assert_never
+from dataclasses import dataclass
 
 from rtamt.errors import SpecificationError
 from rtamt.program.polarity import positive
-from rtamt.program.program import Const, Load, Map, Program, Window
-from rtamt.program.schedule import encoded
+from rtamt.program.program import Map, Program, Window
 
 __all__ = ["MAX_UNKNOWNS", "Placement", "place"]
 
@@ -21,7 +19,7 @@ MAX_UNKNOWNS = 6
 """Windows without end that may stand inside other temporal operators."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Placement:
     """A program and where its registers are read.
 
@@ -36,37 +34,6 @@ class Placement:
     tops: tuple[int, ...]
     streams: tuple[int, ...]
     unknowns: tuple[int, ...]
-
-    @functools.cached_property
-    def encoded_terms(self) -> tuple[tuple[object, ...], ...]:
-        """The terms, as `rtamt.program.schedule.encoded` writes them."""
-        known = self.program.terms
-        terms = replace(
-            self.program,
-            instructions=self.program.instructions[:known],
-            latencies=self.program.latencies[:known],
-        )
-        return encoded(terms)
-
-    @functools.cached_property
-    def encoded_formulas(self) -> tuple[tuple[object, ...], ...]:
-        """What stands behind the terms: ``(kind, name, first operand, second operand, lo, hi)``.
-
-        Where there is no second operand the first stands twice; bounds may be None.
-        """
-        rows: list[tuple[object, ...]] = []
-        for register in range(self.program.terms, len(self.program.instructions)):
-            match self.program.instructions[register]:
-                case Map(function, args):
-                    rows.append(("MAP", function, args[0], args[-1], None, None))
-                case Window(fold, lo, hi, args):
-                    rows.append(("WINDOW", fold, args[0], args[-1], lo, hi))
-                case Load() | Const():
-                    msg = f"register {register} is an input behind the terms"
-                    raise AssertionError(msg)
-                case _ as never:
-                    assert_never(never)
-        return tuple(rows)
 
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity

@@ -67,6 +67,11 @@ class Window:
     hi: int | None
     args: tuple[int, ...]
 
+    @property
+    def length(self) -> int | None:
+        """How many samples it covers; None is without end."""
+        return None if self.lo is None or self.hi is None else self.hi - self.lo + 1
+
 
 Instruction = Load | Const | Map | Window
 

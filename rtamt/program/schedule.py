@@ -1,15 +1,14 @@
-"""What a machine on samples executes: a program with its delay lines written out."""
+"""The order in which a machine on samples executes a program, delay lines included."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rtamt.program.program import Const, Instruction, Load, Map, Program, Window
 
-__all__ = ["Delay", "Scheduled", "encoded", "schedule"]
+__all__ = ["Delay", "Scheduled", "schedule"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,30 +46,3 @@ def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
                 yield register, replace(instruction, args=tuple(args))
             case _ as never:
                 assert_never(never)
-
-
-@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
-def encoded(program: Program) -> tuple[tuple[object, ...], ...]:
-    """The schedule as the tuples that the C++ machine reads; names cross as text.
-
-    ``(slot, kind, name, first operand, second operand, value, length, start)``: the length of an
-    unbounded window is 0, and where there is no second operand the first stands twice.
-    """
-    rows: list[tuple[object, ...]] = []
-    for slot, step in schedule(program):
-        match step:
-            case Load(variable):
-                row = ("LOAD", variable, program.variables.index(variable), 0, 0.0, 0, 0)
-            case Const(value):
-                row = ("CONST", "", 0, 0, value, 0, 0)
-            case Map(function, args):
-                row = ("MAP", function, args[0], args[-1], 0.0, 0, 0)
-            case Window(fold, lo, hi, args):
-                length = 0 if lo is None or hi is None else hi - lo + 1
-                row = ("WINDOW", fold, args[0], args[-1], 0.0, length, program.start(slot))
-            case Delay(length, operand):
-                row = ("DELAY", "", operand, operand, 0.0, length, 0)
-            case _ as never:
-                assert_never(never)
-        rows.append((slot, *row))
-    return tuple(rows)

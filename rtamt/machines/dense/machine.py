@@ -11,25 +11,24 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.events import Column, EventReader, EventsLike
 from rtamt.machines.dense.streams import (
+    Breakpoint,
     Joint,
     MapNode,
-    Node,
-    Part,
-    Step,
     Stream,
+    StreamNode,
     just_after,
 )
 from rtamt.machines.dense.windows import SuffixNode, WindowNode
+from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers, Terms
-from rtamt.machines.windows import State
 from rtamt.program.algebra import FOLDS
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.program import Const, Load, Map, Window
 
-__all__ = ["Machine"]
+__all__ = ["PythonDenseMachine"]
 
 
-class Machine:
+class PythonDenseMachine(StateFields):
     """Runs a program on events, in chunks of any size, each variable at its own pace.
 
     The trace begins when the last variable does; it is known up to the first of the variables'
@@ -43,12 +42,17 @@ class Machine:
         observed: Registers whose values `values` lists.
     """
 
-    finished: bool
-    _first: list[float]
-    _last: list[float]
-    _begin: float
-    _end: float
-    _waits: tuple[float, Registers] | None
+    STATE = (
+        "finished",
+        "_first",
+        "_last",
+        "_begin",
+        "_end",
+        "_waits",
+        "_inputs",
+        "_streams",
+        "_nodes",
+    )
 
     def __init__(self, dense: DenseProgram, reader: EventReader, observed: Sequence[int]) -> None:
         program = dense.program
@@ -60,10 +64,14 @@ class Machine:
         self._streams = [Stream() for _ in program.instructions]
         self._nodes = [self._node(dense, r) for r in range(self._known, len(self._streams))]
         self._inputs = Joint(len(program.variables))
-        self._parts: list[Part] = [self._inputs, *self._streams, *self._nodes]
-        self.reset()
+        width = len(program.variables)
+        self.finished = False
+        self._first, self._last = [math.inf] * width, [-math.inf] * width
+        self._begin, self._end = math.inf, -math.inf
+        self._waits: tuple[float, Registers] | None = None
+        self._initial = self.state()
 
-    def _node(self, dense: DenseProgram, register: int) -> Node:
+    def _node(self, dense: DenseProgram, register: int) -> StreamNode:
         out = self._streams[register]
         match dense.program.instructions[register]:
             case Load() | Const():
@@ -90,14 +98,14 @@ class Machine:
         """The observed registers just before they are unknown; after `finish`, at the end."""
         return [self._streams[r].value for r in self._observed]
 
-    def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> list[Step]:
+    def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> list[Breakpoint]:
         """Take in new events; the steps of the result that are settled by them."""
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
         return self._take(self.reader.read(given, self._last))
 
-    def _take(self, columns: Sequence[Column]) -> list[Step]:
+    def _take(self, columns: Sequence[Column]) -> list[Breakpoint]:
         first = [
             min((old, *times[:1].tolist()))
             for old, (times, _) in zip(self._first, columns, strict=True)
@@ -145,13 +153,13 @@ class Machine:
                 stream.push(time, terms[register])
             stream.frontier = frontier
 
-    def _settled_steps(self) -> list[Step]:
+    def _settled_steps(self) -> list[Breakpoint]:
         settled = self._streams[self._result].new
         for stream in self._streams:
             stream.new = []
         return settled
 
-    def finish(self) -> list[Step]:
+    def finish(self) -> list[Breakpoint]:
         """End the trace with the first variable; the steps that are left, its end included."""
         if self.finished:
             return []
@@ -171,25 +179,4 @@ class Machine:
         return np.array(times), np.array(values)
 
     def reset(self) -> None:
-        """Forget every event."""
-        width = len(self.reader.variables)
-        self.finished = False
-        self._first, self._last = [math.inf] * width, [-math.inf] * width
-        self._begin, self._end = math.inf, -math.inf
-        self._waits = None
-        for part in self._parts:
-            part.reset()
-
-    def state(self) -> State:
-        """What `restore` needs to continue from here."""
-        times = [self._first[:], self._last[:], self._begin, self._end]
-        parts = [part.state() for part in self._parts]
-        return [self.finished, times, self._waits, parts]
-
-    def restore(self, state: State) -> None:
-        """Continue from where ``state`` was taken."""
-        self.finished, times, self._waits, parts = state
-        first, last, self._begin, self._end = times
-        self._first, self._last = list(first), list(last)
-        for part, saved in zip(self._parts, parts, strict=True):
-            part.restore(saved)
+        self.restore(self._initial)

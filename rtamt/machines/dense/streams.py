@@ -14,14 +14,14 @@ import math
 import operator
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Protocol
+from typing import ClassVar
 
-from rtamt.machines.windows import State
+from rtamt.machines.state import StateFields
 from rtamt.program.algebra import FUNCTIONS
 
-__all__ = ["Joint", "MapNode", "Node", "Part", "Step", "Stream", "just_after"]
+__all__ = ["Breakpoint", "Joint", "MapNode", "Stream", "StreamNode", "just_after"]
 
-Step = tuple[float, float]
+Breakpoint = tuple[float, float]
 Values = tuple[float, ...]
 
 
@@ -30,7 +30,7 @@ def just_after(time: float) -> float:
     return math.nextafter(time, math.inf)
 
 
-class Stream:
+class Stream(StateFields):
     """What is known of a register.
 
     Attributes:
@@ -40,13 +40,14 @@ class Stream:
     """
 
     __slots__ = ("frontier", "new", "value")
+    STATE = ("new", "frontier", "value")
 
-    new: list[Step]
-    frontier: float
-    value: float
+    new: list[Breakpoint]
 
     def __init__(self) -> None:
-        self.reset()
+        self.new = []
+        self.frontier = -math.inf
+        self.value = math.nan
 
     def push(self, time: float, value: float) -> None:
         """Take in the value from a time on; a step only if it is another one."""
@@ -54,33 +55,18 @@ class Stream:
             self.new.append((time, value))
             self.value = value
 
-    def reset(self) -> None:
-        """Forget every step."""
-        self.new = []
-        self.frontier = -math.inf
-        self.value = math.nan
 
-    def state(self) -> State:
-        """Frontier and value; between calls nothing is new."""
-        return [self.frontier, self.value]
-
-    def restore(self, state: State) -> None:
-        """Take them over."""
-        self.frontier, self.value = state
-
-
-class Joint:
+class Joint(StateFields):
     """Steps of several streams that wait to be read together."""
 
     __slots__ = ("_now", "_waiting")
-
-    _now: list[float]
+    STATE = ("_now", "_waiting")
 
     def __init__(self, width: int) -> None:
-        self._waiting: list[deque[Step]] = [deque() for _ in range(width)]
-        self.reset()
+        self._waiting: list[deque[Breakpoint]] = [deque() for _ in range(width)]
+        self._now = [math.nan] * width
 
-    def extend(self, steps: Sequence[Iterable[Step]]) -> None:
+    def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
         """Take in new steps of every stream."""
         for waiting, new in zip(self._waiting, steps, strict=True):
             waiting.extend(new)
@@ -115,80 +101,47 @@ class Joint:
                 now[i] = value
             yield time, tuple(now)
 
-    def reset(self) -> None:
-        """Forget every step."""
-        for waiting in self._waiting:
-            waiting.clear()
-        self._now = [math.nan] * len(self._waiting)
 
-    def state(self) -> State:
-        """The steps that wait, and the values before them."""
-        return [[list(waiting) for waiting in self._waiting], self._now[:]]
-
-    def restore(self, state: State) -> None:
-        """Take them over."""
-        waiting, now = state
-        self._waiting = [deque(steps) for steps in waiting]
-        self._now = list(now)
-
-
-def _labelled(i: int, steps: Iterable[Step]) -> Iterator[tuple[float, int, float]]:
+def _labelled(i: int, steps: Iterable[Breakpoint]) -> Iterator[tuple[float, int, float]]:
     return ((time, i, value) for time, value in steps)
 
 
-class Part(Protocol):
-    """What holds steps."""
-
-    def reset(self) -> None:
-        """Forget every step."""
-
-    def state(self) -> State:
-        """What `restore` needs."""
-
-    def restore(self, state: State) -> None:
-        """Become what ``state`` was taken from."""
-
-
-class Node(Part, Protocol):
+class StreamNode(StateFields):
     """Makes the stream of one register out of others."""
 
-    def advance(self, begin: float, known: float) -> None:
-        """Go on as far as the operands are known; the trace is known up to a time."""
+    STATE: ClassVar[tuple[str, ...]] = ("_joint",)
 
-    def finish(self, begin: float, end: float) -> None:
-        """Go on to the end of the trace; the operands are known there."""
-
-
-class MapNode:
-    """A function of the operands' values at one time."""
-
-    def __init__(self, function: str, args: Sequence[Stream], out: Stream) -> None:
-        self._apply = FUNCTIONS[function].apply
+    def __init__(self, args: Sequence[Stream], out: Stream) -> None:
         self._args, self._out = args, out
         self._joint = Joint(len(args))
 
+    def advance(self, begin: float, known: float) -> None:
+        """Go on as far as the operands are known; the trace is known up to a time."""
+        raise NotImplementedError
+
+    def finish(self, begin: float, end: float) -> None:
+        """Go on to the end of the trace; the operands are known there."""
+        raise NotImplementedError
+
+    def _collect(self) -> None:
+        self._joint.extend([arg.new for arg in self._args])
+
+
+class MapNode(StreamNode):
+    """A function of the operands' values at one time."""
+
+    def __init__(self, function: str, args: Sequence[Stream], out: Stream) -> None:
+        super().__init__(args, out)
+        self._apply = FUNCTIONS[function].apply
+
     def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
-        """Make a step at every step of an operand."""
         self._run(min(arg.frontier for arg in self._args))
 
     def finish(self, begin: float, end: float) -> None:  # noqa: ARG002
-        """Likewise, the end included."""
         self._run(just_after(end))
 
     def _run(self, before: float) -> None:
-        self._joint.extend([arg.new for arg in self._args])
+        self._collect()
         while (time := self._joint.next) < before:
             self._out.push(time, self._apply(*self._joint.take()))
         self._out.frontier = before
-
-    def reset(self) -> None:
-        """Forget every step."""
-        self._joint.reset()
-
-    def state(self) -> State:
-        """The steps that wait."""
-        return self._joint.state()
-
-    def restore(self, state: State) -> None:
-        """Take them over."""
-        self._joint.restore(state)

@@ -6,14 +6,14 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from rtamt.machines.dense.streams import Joint, Stream, just_after
-from rtamt.machines.windows import State
+from rtamt.machines.dense.streams import Stream, StreamNode, just_after
+from rtamt.machines.state import StateFields
 from rtamt.program.algebra import Element, LatticeFold
 
 __all__ = ["SuffixNode", "WindowNode"]
 
 
-class WindowNode:
+class WindowNode(StreamNode):
     """The fold of all steps that a window meets.
 
     The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and
@@ -22,26 +22,27 @@ class WindowNode:
     except for windows that begin after s: those are empty from ``end - lo`` on.
     """
 
+    STATE = (*StreamNode.STATE, "_inside", "_begun")
+
     def __init__(
         self, fold: LatticeFold, lo: float, hi: float, args: Sequence[Stream], out: Stream
     ) -> None:
+        super().__init__(args, out)
         self._lo, self._hi = lo, hi
-        self._args, self._out = args, out
         self._empty = fold.identity[-1]
-        self._joint = Joint(len(args))
         self._inside = Total(fold) if math.isinf(lo) else Queue(fold, lo)
         self._begun = False
 
     def advance(self, begin: float, known: float) -> None:
         """Go on to where steps may still come."""
-        self._joint.extend([arg.new for arg in self._args])
+        self._collect()
         before = min(known, min(arg.frontier for arg in self._args) - self._hi)
         self._run(begin, before)
         self._out.frontier = before
 
     def finish(self, begin: float, end: float) -> None:
         """Go on to the end; windows that begin later are empty."""
-        self._joint.extend([arg.new for arg in self._args])
+        self._collect()
         after = just_after(end)
         if self._lo > 0:
             empty = max(begin, end - self._lo)
@@ -65,36 +66,20 @@ class WindowNode:
             self._out.push(now, inside.value)
             self._begun = True
 
-    def reset(self) -> None:
-        """Forget every step."""
-        self._joint.reset()
-        self._inside.reset()
-        self._begun = False
 
-    def state(self) -> State:
-        """The steps that wait, and those inside the window."""
-        return [self._joint.state(), self._inside.state(), self._begun]
-
-    def restore(self, state: State) -> None:
-        """Take them over."""
-        joint, inside, self._begun = state
-        self._joint.restore(joint)
-        self._inside.restore(inside)
-
-
-class Total:
+class Total(StateFields):
     """The fold of all steps so far, for windows that nothing leaves."""
 
+    STATE = ("_total",)
     leaves = math.inf
-    _total: Element
 
     def __init__(self, fold: LatticeFold) -> None:
-        self._fold = fold
-        self.reset()
+        self._combine = fold.combine
+        self._total = fold.identity
 
     def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
         """Take in the next step."""
-        self._total = self._fold.combine(self._total, x)
+        self._total = self._combine(self._total, x)
 
     def pop(self) -> None:
         """Nothing leaves."""
@@ -105,20 +90,8 @@ class Total:
         """The fold."""
         return self._total[-1]
 
-    def reset(self) -> None:
-        """Forget every step."""
-        self._total = self._fold.identity
 
-    def state(self) -> State:
-        """The fold."""
-        return [self._total]
-
-    def restore(self, state: State) -> None:
-        """Take it over."""
-        (self._total,) = state
-
-
-class Queue:
+class Queue(StateFields):
     """The fold of the steps inside a window, first in, first out, in two stacks.
 
     ``_older`` holds the folds of its steps with all younger ones of it; when it is used up, the
@@ -126,15 +99,15 @@ class Queue:
     incremental sliding-window aggregation", VLDB 2015).
     """
 
-    _begins: deque[float]
-    _older: list[Element]
-    _younger: list[Element]
-    _total: Element
+    STATE = ("_begins", "_older", "_younger", "_total")
 
     def __init__(self, fold: LatticeFold, lo: float) -> None:
         self._combine, self._identity = fold.combine, fold.identity
         self._lo = lo
-        self.reset()
+        self._begins: deque[float] = deque()
+        self._older: list[Element] = []
+        self._younger: list[Element] = []
+        self._total = self._identity
 
     def push(self, begin: float, x: Element) -> None:
         """Take in the next step."""
@@ -163,35 +136,17 @@ class Queue:
         """When the oldest step leaves; it ends where the next one, which has come, begins."""
         return self._begins[1] - self._lo if len(self._begins) > 1 else math.inf
 
-    def reset(self) -> None:
-        """Forget every step."""
-        self._begins = deque()
-        self._older = []
-        self._younger = []
-        self._total = self._identity
 
-    def state(self) -> State:
-        """The steps."""
-        return [list(self._begins), self._older[:], self._younger[:], self._total]
-
-    def restore(self, state: State) -> None:
-        """Take them over."""
-        begins, older, younger, self._total = state
-        self._begins = deque(begins)
-        self._older, self._younger = list(older), list(younger)
-
-
-class SuffixNode:
+class SuffixNode(StreamNode):
     """The fold of all steps from s + lo to the end of the trace: known when that has come."""
 
     def __init__(self, fold: LatticeFold, lo: float, args: Sequence[Stream], out: Stream) -> None:
+        super().__init__(args, out)
         self._fold, self._lo = fold, lo
-        self._args, self._out = args, out
-        self._joint = Joint(len(args))
 
     def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
         """Collect the steps."""
-        self._joint.extend([arg.new for arg in self._args])
+        self._collect()
 
     def finish(self, begin: float, end: float) -> None:
         """Fold the steps from the last to the first; one leaves where the next one begins."""
@@ -209,15 +164,3 @@ class SuffixNode:
         for time, value in values.items():
             self._out.push(time, value)
         self._out.frontier = just_after(end)
-
-    def reset(self) -> None:
-        """Forget every step."""
-        self._joint.reset()
-
-    def state(self) -> State:
-        """The steps."""
-        return self._joint.state()
-
-    def restore(self, state: State) -> None:
-        """Take them over."""
-        self._joint.restore(state)

@@ -1,4 +1,4 @@
-"""The reference machine of `EpisodeMonitor`: the whole episode's robustness and its bounds.
+"""The machine of `EpisodeMonitor` in Python: the whole episode's robustness and its bounds.
 
 The value at time 0 is wanted in three worlds: ``NOW``, in which the episode ended with the last
 sample, and ``LOWER`` and ``UPPER``, in which it goes on for ever and every predicate is -inf or
@@ -33,21 +33,20 @@ from rtamt.machines.episode.streams import (
     WORLDS,
     Constant,
     Endless,
-    Keeper,
     Pointwise,
+    Polynomials,
     Predicate,
     Running,
     Sliding,
     Stream,
 )
 from rtamt.machines.episode.top import TopFold
-from rtamt.machines.terms import Registers, Terms
-from rtamt.machines.windows import State
+from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import place
 from rtamt.program.program import Const, Load, Map, Program, Window
 
-__all__ = ["EpisodeMachine", "refuse_finish", "refuse_update"]
+__all__ = ["PythonEpisodeMachine", "refuse_finish", "refuse_update"]
 
 
 def refuse_update() -> NoReturn:
@@ -62,17 +61,24 @@ def refuse_finish() -> NoReturn:
     raise StateError(msg)
 
 
-class EpisodeMachine:
+class PythonEpisodeMachine(PythonSampleMachine):
     """Runs a program, future without end included, and bounds its value at time 0."""
+
+    STATE = (
+        "samples",
+        "inputs",
+        "finished",
+        "_first",
+        "robustness",
+        "lower",
+        "upper",
+        "_keepers",
+    )
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
         placement = place(program)
-        self.program = placement.program
-        self.reader = reader
-        self.samples = 0
-        self.inputs: list[float] = []
+        super().__init__(placement.program, reader)
         self.finished = False
-        self._terms = Terms(self.program, reader.refuse)
         self._first: Registers = []
         self._tops = placement.tops
         self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
@@ -87,17 +93,21 @@ class EpisodeMachine:
                 self._folds[register] = TopFold(
                     FOLDS[instruction.fold], instruction.lo, instruction.hi, streams
                 )
-        self._keepers: list[Keeper] = [*self._streams.values(), *self._folds.values()]
+        self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
         self._values_of_unknowns = np.zeros((3, len(self._axes)))
-        self.reset()
+        for stream in self._streams.values():
+            stream.look(-1, self._values_of_unknowns)
+        self._conclude(-1)
+        self._initial = self.state()
 
     def _made(self, register: int) -> Stream:
         instruction = self.program.instructions[register]
+        corners = (2,) * len(self._axes)
         if isinstance(instruction, Const):
-            return Constant(instruction.value)
+            return Constant(corners, instruction.value)
         if register < self.program.terms:
-            return Predicate(register)
+            return Predicate(corners, register)
         match instruction:
             case Map(function, args):
                 return Pointwise(FOLDS[function], [self._streams[a] for a in args])
@@ -121,10 +131,6 @@ class EpisodeMachine:
         values = self.reader.read(args, named, self.samples, self.inputs)
         self.take(self.terms(values), values)
         return self.robustness
-
-    def terms(self, values: list[float]) -> Registers:
-        """The terms of the next sample, refused if one is nan; touches no state."""
-        return self._terms(values, self.samples)
 
     def take(self, terms: Registers, values: list[float]) -> None:
         """Take in a sample whose terms are known."""
@@ -190,30 +196,3 @@ class EpisodeMachine:
         if self.lower <= 0.0 <= self.upper:
             self.lower = self.upper = self.robustness
         return self.robustness
-
-    def reset(self) -> None:
-        """Forget every sample."""
-        self.samples = 0
-        self.inputs = []
-        self.finished = False
-        self._first = []
-        self._values_of_unknowns = np.zeros((3, len(self._axes)))
-        for keeper in self._keepers:
-            keeper.reset(len(self._axes))
-        for stream in self._streams.values():
-            stream.look(-1, self._values_of_unknowns)
-        self._conclude(-1)
-
-    def state(self) -> State:
-        """What `restore` needs to continue from here."""
-        bounds = (self.robustness, self.lower, self.upper)
-        kept = [keeper.state() for keeper in self._keepers]
-        return [self.samples, self.inputs[:], self.finished, self._first[:], *bounds, kept]
-
-    def restore(self, state: State) -> None:
-        """Continue from where ``state`` was taken."""
-        self.samples, inputs, self.finished, first, *bounds, kept = state
-        self.inputs, self._first = list(inputs), list(first)
-        self.robustness, self.lower, self.upper = bounds
-        for keeper, saved in zip(self._keepers, kept, strict=True):
-            keeper.restore(saved)

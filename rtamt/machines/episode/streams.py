@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers
 from rtamt.machines.windows import fold_all, padded, slide
 from rtamt.program.algebra import Arrays, LatticeFold
@@ -25,7 +26,6 @@ __all__ = [
     "Array",
     "Constant",
     "Endless",
-    "Keeper",
     "Operands",
     "Pointwise",
     "Polynomials",
@@ -50,26 +50,13 @@ def in_world(settled: Array, unknowns: Array) -> Array:
     return settled
 
 
-class Keeper(Protocol):
-    """What holds settled values, which speak of the unknowns."""
-
-    def substitute(self, axis: int, value: Array) -> None:
-        """Replace an unknown by its value one sample later."""
-
-    def reset(self, unknowns: int) -> None:
-        """Forget every sample."""
-
-    def state(self) -> list[Any]:
-        """What ``restore`` needs."""
-
-    def restore(self, state: list[Any]) -> None:
-        """Become what ``state`` was taken from."""
-
-
-class Polynomials:
+class Polynomials(StateFields):
     """Arrays of settled values, an axis of length 2 an unknown in front."""
 
-    kept: Arrays = ()
+    STATE: ClassVar[tuple[str, ...]] = ("kept",)
+
+    def __init__(self, kept: Arrays) -> None:
+        self.kept = kept
 
     def substitute(self, axis: int, value: Array) -> None:
         """Replace an unknown by its value one sample later."""
@@ -83,19 +70,25 @@ class Stream(Polynomials):
     """A register that is read at all times.
 
     Attributes:
+        corners: The shape in front of settled values, a 2 for each unknown.
         late: Samples into the future that a value depends on, unknowns aside.
         past: Samples after the last one at which a value still depends on what was seen.
         keep: Settled values that the readers need.
         last: Time of the last settled value, -1 before there is one.
     """
 
-    def __init__(self, late: int, past: int) -> None:
+    STATE: ClassVar[tuple[str, ...]] = ("kept", "last")
+
+    def __init__(self, corners: tuple[int, ...], late: int, past: int) -> None:
+        super().__init__((np.zeros((*corners, 0)),))
+        self.corners = corners
         self.late = late
         self.past = past
         self.keep = 1
         self.last = -1
-        self.open: list[Array] = []
-        self.tail: list[float] = []
+        # Of every world; `look` finds them anew after every sample.
+        self.open = [_NOTHING] * 3
+        self.tail = [math.nan, -INF, INF]
 
     def settle(self, t: int) -> Array | None:
         """The value of time t - late, where it exists."""
@@ -135,31 +128,12 @@ class Stream(Polynomials):
             parts.append(np.full(beyond, self.tail[world]))
         return np.concatenate(parts)
 
-    def reset(self, unknowns: int) -> None:
-        """Forget every sample."""
-        self.kept = (np.zeros((2,) * unknowns + (0,)),)
-        self.last = -1
-        self.open = [_NOTHING] * 3
-        self.tail = [math.nan, -INF, INF]
-
-    def state(self) -> list[Any]:
-        """The settled values and the time of the last."""
-        return [self.last, *self.kept]
-
-    def restore(self, state: list[Any]) -> None:
-        """Take over the settled values."""
-        self.last, *kept = state
-        self.kept = tuple(kept)
-
-    def _corners(self) -> tuple[int, ...]:
-        return self.kept[0].shape[:-1]
-
 
 class Predicate(Stream):
     """A term read as a formula: settled at once, unknown at every unseen sample."""
 
-    def __init__(self, register: int) -> None:
-        super().__init__(0, 0)
+    def __init__(self, corners: tuple[int, ...], register: int) -> None:
+        super().__init__(corners, 0, 0)
         self._register = register
         self._now = math.nan
 
@@ -168,23 +142,19 @@ class Predicate(Stream):
         self._now = terms[self._register]
 
     def _settled(self, time: int) -> Array:  # noqa: ARG002 - it is always the present
-        return np.full(self._corners(), self._now)
+        return np.full(self.corners, self._now)
 
 
 class Constant(Stream):
     """The same value at every time, seen or not."""
 
-    def __init__(self, value: float) -> None:
-        super().__init__(0, 0)
+    def __init__(self, corners: tuple[int, ...], value: float) -> None:
+        super().__init__(corners, 0, 0)
         self._value = value
+        self.tail = [value] * 3
 
     def _settled(self, time: int) -> Array:  # noqa: ARG002 - the same at every time
-        return np.full(self._corners(), self._value)
-
-    def reset(self, unknowns: int) -> None:
-        """Forget every sample."""
-        super().reset(unknowns)
-        self.tail = [self._value] * 3
+        return np.full(self.corners, self._value)
 
 
 class Operands:
@@ -193,6 +163,7 @@ class Operands:
     def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
         self.fold = fold
         self.streams = streams
+        self.corners = streams[0].corners
         self.late = max(s.late for s in streams)
         self.past = max(s.past for s in streams)
 
@@ -201,12 +172,15 @@ class Operands:
         for s in self.streams:
             s.keep = max(s.keep, late - s.late - oldest + 1)
 
+    def identities(self, count: int) -> Arrays:
+        """As many settled elements that change no fold."""
+        return tuple(np.full((*self.corners, count), e) for e in self.fold.identity)
+
     def settled(self, begin: int, end: int) -> Arrays:
         """The settled elements of times begin to end; identities before time 0."""
         first = max(0, begin)
         if first > end:
-            corners = self.streams[0].kept[0].shape[:-1]
-            return tuple(np.full((*corners, end - begin + 1), e) for e in self.fold.identity)
+            return self.identities(end - begin + 1)
         elements = tuple(s.settled(first, end) for s in self.streams)
         return padded(self.fold, elements, first - begin, 0)
 
@@ -230,7 +204,7 @@ class _Windowed(Stream):
     """A stream of folds."""
 
     def __init__(self, operands: Operands, late: int, past: int) -> None:
-        super().__init__(late, past)
+        super().__init__(operands.corners, late, past)
         self.operands = operands
         self.fold = operands.fold
 
@@ -302,12 +276,14 @@ class Pointwise(Sliding):
 class Running(_Windowed):
     """The fold over all offsets up to hi."""
 
+    STATE = (*_Windowed.STATE, "_total")
+
     def __init__(self, fold: LatticeFold, hi: int, streams: Sequence[Stream]) -> None:
         operands = Operands(fold, streams)
         super().__init__(operands, max(0, operands.late + hi), operands.past - hi)
         operands.hold(self.late, hi)
         self._hi = hi
-        self._total = Polynomials()
+        self._total = Polynomials(operands.identities(1))
 
     def _settled(self, time: int) -> Array:
         newest = self.operands.settled(time + self._hi, time + self._hi)
@@ -330,21 +306,6 @@ class Running(_Windowed):
         """Replace an unknown in the settled values and in the fold."""
         super().substitute(axis, value)
         self._total.substitute(axis, value)
-
-    def reset(self, unknowns: int) -> None:
-        """Forget every sample."""
-        super().reset(unknowns)
-        shape = (2,) * unknowns + (1,)
-        self._total.kept = tuple(np.full(shape, e) for e in self.fold.identity)
-
-    def state(self) -> list[Any]:
-        """The settled values and the fold."""
-        return [super().state(), self._total.kept]
-
-    def restore(self, state: list[Any]) -> None:
-        """Take over values and fold."""
-        settled, self._total.kept = state
-        super().restore(settled)
 
 
 class Endless(_Windowed):

@@ -7,9 +7,6 @@ folded.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import numpy as np
 
 from rtamt.machines.episode.streams import NOW, Array, Operands, Polynomials, Stream, in_world
 from rtamt.machines.windows import fold_all
@@ -26,6 +23,7 @@ class TopFold(Polynomials):
     ) -> None:
         self._operands = Operands(fold, streams)
         self._operands.hold(self._operands.late, 0)
+        super().__init__(self._operands.identities(1))
         self.fold = fold
         self._begin = max(0, lo or 0)
         self._end = hi
@@ -53,16 +51,3 @@ class TopFold(Polynomials):
         if self._end is None or self._end > last:
             total = self.fold.combine_arrays(total, operands.tail(world))
         return total[-1].item()
-
-    def reset(self, unknowns: int) -> None:
-        """Forget every sample."""
-        shape = (2,) * unknowns + (1,)
-        self.kept = tuple(np.full(shape, e) for e in self.fold.identity)
-
-    def state(self) -> list[Any]:
-        """The fold."""
-        return list(self.kept)
-
-    def restore(self, state: list[Any]) -> None:
-        """Take over the fold."""
-        self.kept = tuple(state)

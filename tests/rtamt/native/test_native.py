@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from rtamt import Monitor
-from rtamt.program.schedule import encoded
+from rtamt.program.encoding import encoded_discrete
 
 if TYPE_CHECKING:
     from rtamt._native import DiscreteMachine
@@ -54,7 +54,7 @@ def test_update_of_another_type_is_refused() -> None:
 def arguments(**changes: object) -> dict[str, object]:
     program = monitor().program
     made = {
-        "rows": encoded(program),
+        "rows": encoded_discrete(program).rows,
         "terms": program.terms,
         "variables": program.variables,
         "result": program.result,

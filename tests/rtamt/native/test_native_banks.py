@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-import rtamt
 from rtamt import VectorEpisodeMonitor, VectorMonitor
+from rtamt.machines.backend import BACKENDS
 
 native: Any = pytest.importorskip("rtamt._native")
 
@@ -72,11 +72,9 @@ def test_a_bank_and_its_reader_are_collected_in_a_circle(kind: type[Vector]) -> 
     reader = Reader()
     program = kind(TEXT, 2).program
     if kind is VectorMonitor:
-        reader.bank = rtamt.machines.backend.discrete_bank(
-            "native", program, 2, cast("Any", reader)
-        )
+        reader.bank = BACKENDS["native"].discrete_bank(program, 2, cast("Any", reader))
     else:
-        reader.bank = rtamt.machines.backend.episode_bank("native", program, 2, cast("Any", reader))
+        reader.bank = BACKENDS["native"].episode_bank(program, 2, cast("Any", reader))
     gone = weakref.ref(reader)
     del reader
     gc.collect()
@@ -92,9 +90,9 @@ def test_a_reader_that_refuses_nothing_is_noticed() -> None:
         def refuse_finish(self, _: int) -> None: ...
 
     program = VectorMonitor("sqrt(x) > 0", 1).program
-    made = rtamt.machines.backend.discrete_bank("native", program, 1, cast("Any", Reader()))
+    made = BACKENDS["native"].discrete_bank(program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^the reader did not refuse a term that is nan$"):
         made.update(np.array([[-1.0]]))
-    episodes = rtamt.machines.backend.episode_bank("native", program, 1, cast("Any", Reader()))
+    episodes = BACKENDS["native"].episode_bank(program, 1, cast("Any", Reader()))
     with pytest.raises(RuntimeError, match=r"^the reader did not refuse the call$"):
         episodes.finish()

@@ -15,7 +15,8 @@ import pytest
 
 from rtamt import DenseMonitor, Events, StateError
 from rtamt.language.parser import as_specification
-from rtamt.program.dense_lowering import compile_dense, encoded_dense
+from rtamt.program.dense_lowering import compile_dense
+from rtamt.program.encoding import encoded_dense
 
 if TYPE_CHECKING:
     from rtamt._native import DenseMachine
@@ -38,7 +39,7 @@ def machine(spec: str = SPEC) -> DenseMachine:
 def arguments(**changes: object) -> dict[str, object]:
     program = compile_dense(as_specification(SPEC), online=True)
     made = {
-        "rows": encoded_dense(program),
+        "rows": encoded_dense(program).rows,
         "terms": program.program.terms,
         "variables": program.program.variables,
         "result": program.program.result,

@@ -14,7 +14,7 @@ from typing import cast
 import pytest
 
 from rtamt import EpisodeMonitor
-from rtamt.machines.backend import Snapshot
+from rtamt.machines.protocols import Snapshot
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 

@@ -1,0 +1,42 @@
+"""The machines in C++, made from encoded programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
+from rtamt.inputs.events import EventReader
+from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import SampleReader
+from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.encoding import encoded_dense, encoded_discrete, encoded_episode
+from rtamt.program.program import Program
+
+__all__ = ["dense_machine", "discrete_bank", "discrete_machine", "episode_bank", "episode_machine"]
+
+
+def discrete_machine(
+    program: Program, reader: SampleReader, observed: Sequence[int]
+) -> _native.DiscreteMachine:
+    late = [
+        (register, program.latencies[register] or 0) for register in (program.result, *observed)
+    ]
+    return _native.DiscreteMachine(*encoded_discrete(program), late, reader)
+
+
+def episode_machine(program: Program, reader: SampleReader) -> _native.EpisodeMachine:
+    return _native.EpisodeMachine(*encoded_episode(program), reader)
+
+
+def dense_machine(
+    program: DenseProgram, reader: EventReader, observed: Sequence[int]
+) -> _native.DenseMachine:
+    return _native.DenseMachine(*encoded_dense(program), observed, reader)
+
+
+def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:
+    return _native.DiscreteBank(*encoded_discrete(program), program.latency or 0, num, reader)
+
+
+def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
+    return _native.EpisodeBank(*encoded_episode(program), num, reader)
