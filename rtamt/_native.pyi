@@ -1,4 +1,4 @@
-# The machines in C++; the definition that they are tested against is rtamt.machines.discrete.
+# The machines in C++; rtamt.machines.protocols says what their methods do.
 
 from collections.abc import Mapping, Sequence
 

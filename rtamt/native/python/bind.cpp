@@ -87,7 +87,7 @@ NB_MODULE(_native, m) {
     m.doc() = "The machines of rtamt in C++.";
 
     nb::class_<BoundDiscrete>(m, "DiscreteMachine", nb::type_slots(slots<DiscreteMachine>),
-                      "Runs a program on samples, as rtamt.machines.discrete.DiscreteMachine does.\n\n"
+                      "Runs a program on samples, as rtamt.machines.protocols.DiscreteMachine says.\n\n"
                       "Args:\n"
                       "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                       "    terms: How many of its instructions are arithmetic over the sample.\n"

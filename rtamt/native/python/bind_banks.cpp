@@ -246,7 +246,7 @@ void construct_episodes(BoundEpisodeBank* self, const nb::sequence& terms,
 
 void bind_banks(nb::module_& m) {
     bind<DiscreteBank>(m, "DiscreteBank",
-               "Runs a program on samples of many lanes, as rtamt.machines.bank.DiscreteBank does.\n\n"
+               "Runs a program on samples of many lanes, as rtamt.machines.protocols.DiscreteBank says.\n\n"
                "Args:\n"
                "    rows: The program, as rtamt.program.schedule.encoded writes it.\n"
                "    terms: How many of its instructions are arithmetic over the sample.\n"
@@ -259,7 +259,7 @@ void bind_banks(nb::module_& m) {
              nb::arg("result"), nb::arg("latency"), nb::arg("num"), nb::arg("reader"));
 
     bind<EpisodeBank>(m, "EpisodeBank",
-                      "Bounds the robustness of many episodes, as rtamt.machines.bank.EpisodeBank does.\n\n"
+                      "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBank says.\n\n"
                       "Args:\n"
                       "    terms, formulas, tops, streams, variables: As for EpisodeMachine.\n"
                       "    num: How many lanes.\n"

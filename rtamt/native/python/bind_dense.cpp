@@ -316,7 +316,7 @@ PyType_Slot dense_slots[] = {
 void bind_dense(nb::module_& m) {
     nb::class_<BoundDense>(
         m, "DenseMachine", nb::type_slots(dense_slots),
-        "Runs a program on events over dense time, as rtamt.machines.dense.machine.DenseMachine does.\n\n"
+        "Runs a program on events over dense time, as rtamt.machines.protocols.DenseMachine says.\n\n"
         "Args:\n"
         "    rows: The program, as rtamt.program.dense_lowering.encoded_dense writes it.\n"
         "    terms: How many of its instructions are arithmetic over the present values.\n"

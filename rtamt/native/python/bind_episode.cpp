@@ -87,7 +87,7 @@ PyType_Slot episode_slots[] = {
 void bind_episode(nb::module_& m) {
     nb::class_<BoundEpisode>(
         m, "EpisodeMachine", nb::type_slots(episode_slots),
-        "Bounds the robustness of an episode, as rtamt.machines.episode.machine.EpisodeMachine does.\n\n"
+        "Bounds the robustness of an episode, as rtamt.machines.protocols.EpisodeMachine says.\n\n"
         "Args:\n"
         "    terms: The first instructions, as rtamt.program.schedule.encoded writes them.\n"
         "    formulas: The others, as rtamt.program.placement writes them.\n"

@@ -26,7 +26,7 @@ inline std::vector<Row> rows_of(const nb::sequence& encoded) {
     return rows;
 }
 
-// As rtamt/placement.py writes them.
+// Rows as rtamt/program/encoding.py names their fields.
 inline std::vector<episode::Formula> formulas_of(const nb::sequence& encoded) {
     std::vector<episode::Formula> formulas;
     formulas.reserve(nb::len(encoded));
