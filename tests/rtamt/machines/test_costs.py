@@ -1,0 +1,134 @@
+"""An update costs the same in any window and at any time; a whole trace costs its length."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from steps import StepCounter, counting_machines
+
+import rtamt
+from rtamt.machines import backend as backends
+
+Backend = Literal["native", "python"]
+
+FORMULAS = (
+    "always((a > 1) implies eventually[0:5](b > 0))",
+    "always((a > 1) implies ((a > -1) until[2:20] (b > 1)))",
+    "eventually always[0:20](a + b > -2) or (a > -1) since (b > 1)",
+)
+DENSE = (
+    "always((a > 1) implies eventually[0:20](b < 0))",
+    "(a > -1) until[5:20] (b > 1)",
+    "(a > -1) since (b > 1)",
+    "eventually[3:inf] always (a > -1)",
+)
+
+
+@pytest.fixture(scope="module")
+def count(backend: Backend) -> Iterator[StepCounter]:
+    """Counts the steps of the back-end's machines."""
+    if backend == "python":
+        yield StepCounter()
+        return
+    machines = counting_machines()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(backends, "_native", machines)
+        yield StepCounter(machines)
+
+
+def noise(n: int) -> NDArray[np.float64]:
+    return np.random.default_rng(7).standard_normal((n, 2))
+
+
+def events(n: int) -> dict[str, rtamt.Events]:
+    """Events at irregular times, one in a unit of time on average."""
+    times = np.cumsum(np.random.default_rng(5).uniform(0.5, 1.5, n))
+    return {name: rtamt.Events(times, v) for name, v in zip("ab", noise(n).T, strict=True)}
+
+
+def pairs(column: rtamt.Events) -> list[tuple[float, float]]:
+    return list(zip(column.times.tolist(), column.values.tolist(), strict=True))
+
+
+def test_the_machines_of_the_back_end_are_counted(count: StepCounter, backend: Backend) -> None:
+    monitors = [rtamt.Monitor(text, backend=backend) for text in ("a > 0", "always[0:5](a > 0)")]
+    short, long = (count(m.update, 1.0) for m in monitors)
+    assert 0 < short < long
+
+
+@pytest.mark.parametrize("text", ["historically[0:{}](a + b > -2)", "(a > -2) since[0:{}] (b > 1)"])
+def test_the_worst_update_costs_the_same_in_any_window(
+    text: str, count: StepCounter, backend: Backend
+) -> None:
+    rows = noise(2_200).tolist()
+
+    def worst(window: int) -> int:
+        monitor = rtamt.Monitor(text.format(window), backend=backend)
+        monitor.update_many(rows[:1_100])
+        return max(count(monitor.update, *row) for row in rows[1_100:])
+
+    assert worst(999) <= 1.1 * worst(9)
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_an_episode_update_costs_the_same_late_as_early(
+    text: str, count: StepCounter, backend: Backend
+) -> None:
+    monitor = rtamt.EpisodeMonitor(text, backend=backend)
+
+    def feed(rows: list[list[float]]) -> None:
+        for row in rows:
+            monitor.update(*row)
+
+    rows = noise(1_000).tolist()
+    feed(rows[:100])
+    early = count(feed, rows[100:200])
+    feed(rows[200:900])
+    assert count(feed, rows[900:]) <= 1.1 * early
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_a_whole_trace_costs_its_length(text: str, count: StepCounter, backend: Backend) -> None:
+    spec = rtamt.parse(text)
+    short, long = (count(rtamt.evaluate, spec, noise(n), backend=backend) for n in (500, 2_000))
+    assert long <= 4 * 1.1 * short
+
+
+@pytest.mark.parametrize("text", DENSE)
+def test_a_whole_trace_of_events_costs_their_number(
+    text: str, count: StepCounter, backend: Backend
+) -> None:
+    spec = rtamt.parse(text)
+    short, long = (
+        count(rtamt.evaluate_dense, spec, events(n), backend=backend) for n in (500, 2_000)
+    )
+    assert long <= 4 * 1.1 * short
+
+
+def test_an_event_costs_the_same_in_any_window(count: StepCounter, backend: Backend) -> None:
+    rows = pairs(events(2_000)["a"])
+
+    def spent(window: int) -> int:
+        monitor = rtamt.DenseMonitor(f"always[0:{window}](a > -2)", backend=backend)
+        monitor.update({"a": rows[:1_000]})
+        return sum(count(monitor.update, {"a": [row]}) for row in rows[1_000:])
+
+    assert spent(500) <= 1.1 * spent(20)
+
+
+def test_an_event_costs_the_same_while_a_variable_runs_ahead(
+    count: StepCounter, backend: Backend
+) -> None:
+    trace = events(4_000)
+    ahead, late = pairs(trace["a"]), pairs(trace["b"])[:100]
+
+    def spent(lead: int) -> int:
+        monitor = rtamt.DenseMonitor("always[0:1](a + b > -2)", backend=backend)
+        monitor.update({"a": ahead[:lead]})
+        return sum(count(monitor.update, {"b": [row]}) for row in late)
+
+    assert spent(4_000) <= 1.1 * spent(200)
