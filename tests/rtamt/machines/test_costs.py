@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 from typing import Literal
 
@@ -75,7 +76,7 @@ def test_the_worst_update_costs_the_same_in_any_window(
 
 
 @pytest.mark.parametrize("text", FORMULAS)
-def test_an_episode_update_costs_the_same_late_as_early(
+def test_an_episode_costs_and_holds_the_same_late_as_early(
     text: str, count: StepCounter, backend: Backend
 ) -> None:
     monitor = rtamt.EpisodeMonitor(text, backend=backend)
@@ -86,9 +87,10 @@ def test_an_episode_update_costs_the_same_late_as_early(
 
     rows = noise(1_000).tolist()
     feed(rows[:100])
-    early = count(feed, rows[100:200])
+    early, held = count(feed, rows[100:200]), len(pickle.dumps(monitor))
     feed(rows[200:900])
     assert count(feed, rows[900:]) <= 1.1 * early
+    assert len(pickle.dumps(monitor)) <= 1.1 * held
 
 
 @pytest.mark.parametrize("text", FORMULAS)
