@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from steps import StepCounter, counting_machines
 
 import rtamt
-from rtamt.machines import backend as backends
 
 Backend = Literal["native", "python"]
 
@@ -37,7 +36,7 @@ def count(backend: Backend) -> Iterator[StepCounter]:
         return
     machines = counting_machines()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(backends, "_native", machines)
+        patch.setattr("rtamt.machines.native._native", machines)
         yield StepCounter(machines)
 
 

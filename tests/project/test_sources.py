@@ -1,0 +1,39 @@
+"""What holds of every source file."""
+
+import ast
+from itertools import chain
+from pathlib import Path
+
+from paths import ROOT
+
+CLOCKS = {"time", "timeit", "datetime"}
+
+
+def imported(path: Path) -> set[str]:
+    """The top-level names of what a file imports."""
+    found = chain.from_iterable(
+        [node.module or ""]
+        if isinstance(node, ast.ImportFrom)
+        else [alias.name for alias in node.names]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    )
+    return {name.split(".")[0] for name in found}
+
+
+def test_no_test_reads_a_clock() -> None:
+    tests = [path for path in (ROOT / "tests").rglob("*.py") if "bench" not in path.parts]
+    assert tests
+    assert [path for path in tests if CLOCKS & imported(path)] == []
+
+
+def test_no_file_written_by_hand_has_more_than_400_lines() -> None:
+    written = [
+        path
+        for folder in ("rtamt", "rtamt_gym", "examples")
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in {".py", ".pyi", ".hpp", ".cpp"} and "generated" not in path.parts
+    ]
+    assert written
+    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in written}
+    assert {path: length for path, length in lengths.items() if length > 400} == {}
