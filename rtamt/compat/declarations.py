@@ -13,7 +13,7 @@ from rtamt.compat.options import Language, Semantics, StlIOType
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
 from rtamt.language.parser import parse_as
-from rtamt.language.specification import Specification
+from rtamt.language.specification import PRIMITIVES, Specification
 from rtamt.machines.backend import Backend
 from rtamt.program.interface import Semantics as SemanticsName
 
@@ -252,8 +252,6 @@ class AbstractSpecification:
         return 0.0
 
     def _new(self, var_type: str) -> object:
-        from rtamt.language.grammar.diagnosis import PRIMITIVES  # loads the parser
-
         if var_type in self.modules:
             module = self.modules[var_type]
             if not hasattr(module, var_type):

@@ -224,8 +224,7 @@ def variable(name: str) -> Term:
     if not all(part.isidentifier() and part.isascii() for part in name.split(".")):
         msg = f"expected a name of letters, digits, '_' and dots, got '{name}'"
         raise SpecificationError(msg)
-    if name in OPERATORS.reserved:
-        msg = f"'{name}' is a word of the language and cannot name a variable"
+    if msg := OPERATORS.refusal(name):
         raise SpecificationError(msg)
     return interned(Term, None, leaf=name)
 

@@ -10,7 +10,7 @@ from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError
 
-__all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact"]
+__all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact", "no_unit"]
 
 UNITS: dict[str, Fraction] = {
     "s": Fraction(1),
@@ -22,6 +22,11 @@ UNITS: dict[str, Fraction] = {
 """Time units in seconds."""
 
 Exact = int | float | str | Decimal | Fraction
+
+
+def no_unit(text: object) -> str:
+    """The reason to refuse what is not a unit."""
+    return f"expected a unit out of {', '.join(UNITS)}, got {text!r}"
 
 
 def exact(value: Exact, what: str) -> Fraction:
@@ -86,8 +91,7 @@ class Interval:
             msg = f"expected a bound of at least {least}, got {decimal_text(wrong)}"
             raise SpecificationError(msg)
         if self.unit is not None and self.unit not in UNITS:
-            msg = f"expected a unit out of {', '.join(UNITS)}, got '{self.unit}'"
-            raise SpecificationError(msg)
+            raise SpecificationError(no_unit(self.unit))
         decimal_text(self.begin)
         if self.end is not None:
             decimal_text(self.end)

@@ -14,7 +14,7 @@ from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError
 from rtamt.language.formula import Formula, Term, variable
-from rtamt.language.interval import UNITS, Exact, exact
+from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
 
 __all__ = ["as_specification", "load", "parse", "parse_as"]
@@ -88,8 +88,7 @@ def parse_as(
         msg = f"expected the text of a specification, got {type(text).__name__} {text!r}"
         raise InputTypeError(msg)
     if unit not in UNITS:
-        msg = f"expected a unit out of {', '.join(UNITS)}, got {unit!r}"
-        raise SpecificationError(msg)
+        raise SpecificationError(no_unit(unit))
     for name in constants:
         variable(name)  # what can be read as a name, and is no word of the language
     given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import cast
 
@@ -12,7 +13,6 @@ from rtamt.language.table import Operator
 __all__ = ["node_text", "number_text"]
 
 _NO_NAMES: Mapping[Node, str] = {}
-_TIGHT = 1 + max(row.precedence for row in OPERATORS.values())
 
 
 def number_text(value: float) -> str:
@@ -71,5 +71,5 @@ def _row(node: Node) -> Operator | None:
     return node.args[0].op if node.op is OPERATORS["value"] else node.op
 
 
-def _strength(row: Operator | None) -> int:
-    return _TIGHT if row is None else row.precedence
+def _strength(row: Operator | None) -> float:
+    return math.inf if row is None else row.precedence

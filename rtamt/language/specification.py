@@ -6,6 +6,7 @@ the same, however they are spelt.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -18,10 +19,17 @@ from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.formula import Formula
 from rtamt.language.interval import UNITS, Interval
 from rtamt.language.node import Node
+from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text, number_text
 from rtamt.language.table import Bounds
 
-__all__ = ["Declaration", "Specification"]
+__all__ = ["PRIMITIVES", "Declaration", "Specification"]
+
+PRIMITIVES = (
+    *("bool", "int", "uint", "long", "float", "double", "float32", "float64"),
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+)
+"""Types of variables and constants that need no import. All values are doubles in the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +190,12 @@ class Specification:
             names.setdefault(formula, name)
         if [self.formula] != list(self.formulas.values())[-1:]:
             lines.append(node_text(self.formula, names))
-        # A line that begins with "-" would continue the one before it.
-        return lines[0] + "".join((";\n" if x[0] == "-" else "\n") + x for x in lines[1:])
+        text = lines[0]
+        for before, line in itertools.pairwise(lines):
+            # "-" would continue the line before it, and "(" make a call of a variable named "min".
+            calls = line[0] == "(" and before.split()[-1].lstrip("-") in OPERATORS.words
+            text += (";\n" if line[0] == "-" or calls else "\n") + line
+        return text
 
     def __repr__(self) -> str:
         return f"<Specification {self}>"

@@ -107,7 +107,8 @@ class Table(Mapping[str, Operator]):
     Attributes:
         spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.
         words: Spelling to its row, for the spellings that are words.
-        reserved: Words that cannot name a variable.
+        reserved: Words that cannot name a variable: keywords, truths and operators. A function is
+            one only where ``(`` follows, but ``G - 3`` would have two readings.
     """
 
     spellings: Mapping[tuple[str, Notation], Operator]
@@ -133,7 +134,17 @@ class Table(Mapping[str, Operator]):
         self._rows = {row.name: row for row in rows}
         self.spellings = {(s, row.notation): row for row in rows for s in row.spellings}
         self.words = dict(words)
-        self.reserved = KEYWORDS.union(self.words)
+        self.reserved = KEYWORDS.union(s for s, row in words if row.notation != "call")
+
+    def refusal(self, word: str) -> str:
+        """Why a word cannot name a variable; nothing if it can."""
+        if word not in self.reserved:
+            return ""
+        what = "a word of the language"
+        row = self.words.get(word)
+        if row is not None:
+            what = "an operator" if word == row.symbol else f"the operator '{row.symbol}'"
+        return f"'{word}' is {what} and cannot name a variable"
 
     def __getitem__(self, name: str) -> Operator:
         return self._rows[name]

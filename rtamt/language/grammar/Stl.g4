@@ -1,13 +1,18 @@
 /* The specification language.
 
 The rules are LL(1), but for the choice between a declaration and a formula, which takes two tokens.
-There is one rule for terms and formulas together, and it is flat: how strongly operators bind, and
-what is a term and what a formula, is said by the table in operators.py and decided when the tree is
-built (parser.py). A bracket so costs two calls, and no text makes ANTLR look ahead further.
+There is one rule for terms and formulas together, and it is flat: the table in operators.py says
+how strongly operators bind and what is a term and what a formula, and the tree is built by it
+(expressions.py). So a bracket costs two calls, and no text makes ANTLR look ahead further.
 
-The scanner (tokens.py) drops the END tokens that are mere white space and adds one at the end.
+The lexer knows no operator by name. The scanner (tokens.py) gives a NAME or SYMBOL the type of its
+row in operators.py, drops the END tokens that are mere white space, and adds one at the end.
 */
 grammar Stl;
+
+// By the notation of the row: TEMPORAL and PREFIX stand before an operand, BINDING and INFIX between
+// two; an interval may follow TEMPORAL and BINDING. TRUTH is a formula by itself.
+tokens { TEMPORAL, PREFIX, BINDING, INFIX, FUNCTION, TRUTH }
 
 specification
     : END* ('specification' name=NAME END+)?
@@ -24,11 +29,11 @@ importing : 'from' module=NAME 'import' name=NAME ;
 
 annotation : '@' kind=NAME '(' variable=NAME ',' location=path ')' ;
 
-// A word of the language may stand in a path.
-path : '/'? step ('/' step)* ;
+// A word of the language may be part of a path.
+path : '/'? part ('/' part)* ;
 
-step
-    : NAME | NUMBER | TEMPORAL | STEP | NOT | BINDING | INFIX | FUNCTION | TRUTH
+part
+    : NAME | NUMBER | TEMPORAL | PREFIX | BINDING | INFIX | FUNCTION | TRUTH
     | 'inf' | 'const' | 'input' | 'output' | 'specification' | 'from' | 'import'
     ;
 
@@ -43,7 +48,7 @@ definition : (name=NAME '=')? formula=expression ;
 expression : operand ((BINDING interval? | INFIX | '-' | '/') operand)* ;
 
 operand
-    : (TEMPORAL interval? | STEP | NOT | '-')*
+    : (TEMPORAL interval? | PREFIX | '-')*
       ( NAME
       | NUMBER
       | TRUTH
@@ -58,7 +63,7 @@ interval : '[' bound (':' | ',') (bound (']' | ')') | ')') ;
 // A number or the name of a constant; the name after it is a unit.
 bound : '-'? (NUMBER | NAME | 'inf') NAME? ;
 
-// Words come before NAME: of two rules that match the same text, ANTLR takes the first.
+// Keywords come before NAME: of two rules that match the same text, ANTLR takes the first.
 SPECIFICATION : 'specification' ;
 FROM : 'from' ;
 IMPORT : 'import' ;
@@ -67,31 +72,13 @@ INPUT : 'input' ;
 OUTPUT : 'output' ;
 INF : 'inf' ;
 
-// Prefix operators that take an interval.
-TEMPORAL
-    : 'always' | 'G' | 'alw' | 'eventually' | 'F' | 'ev'
-    | 'historically' | 'H' | 'once' | 'O'
-    ;
-
-// Prefix operators that do not.
-STEP : 'next' | 'X' | 's_next' | 'sX' | 'prev' | 'Y' | 's_prev' | 'sY' ;
-NOT : 'not' | '!' ;
-
-// Infix operators that take an interval.
-BINDING : 'until' | 'U' | 'since' | 'S' | 'unless' | 'W' ;
-
-// Infix operators that do not, but for '-', which is a prefix as well, and '/', which paths use.
-INFIX
-    : 'and' | '&' | '&&' | 'or' | '|' | '||' | 'implies' | '->' | 'iff' | '<->' | 'xor'
+// A symbol needs a row in operators.py. '-' is a prefix as well, and paths use '/'.
+SYMBOL
+    : '!' | '&' | '&&' | '|' | '||' | '->' | '<->'
     | '<' | '<=' | '>' | '>=' | '==' | '!=' | '!==' | '+' | '*'
     ;
 MINUS : '-' ;
 SLASH : '/' ;
-
-FUNCTION
-    : 'abs' | 'sqrt' | 'exp' | 'pow' | 'ln' | 'log' | 'min' | 'max' | 'rise' | 'fall'
-    ;
-TRUTH : 'true' | 'false' ;
 
 NAME : WORD ('.' WORD)* ;
 NUMBER : (DIGIT+ ('.' DIGIT*)? | '.' DIGIT+) ([eE] [+-]? DIGIT+)? ;

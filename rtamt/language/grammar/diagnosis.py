@@ -10,28 +10,23 @@ from typing import Protocol
 from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError
-from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import UNITS
 from rtamt.language.operators import OPERATORS
+from rtamt.language.specification import PRIMITIVES
+from rtamt.language.table import Notation
 
 __all__ = [
-    "PRIMITIVES",
     "Token",
     "diagnose",
     "fail",
-    "got",
     "misspelt",
     "nearest",
     "nearest_name",
+    "no_bound",
+    "no_formula",
     "shown",
 ]
-
-PRIMITIVES = (
-    *("bool", "int", "uint", "long", "float", "double", "float32", "float64"),
-    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
-)
-"""Types of variables and constants that need no import. All values are doubles in the end."""
 
 
 class Token(Protocol):
@@ -64,26 +59,15 @@ def nearest_name(name: str, names: Iterable[str], declaration: str) -> str:
     return f"did you mean '{close[0]}'? If not, {declare}" if close else declare
 
 
-_WORDS = {
-    spelling: row
-    for row in OPERATORS.values()
-    for spelling in row.spellings
-    if spelling.isidentifier()
-}
-_SYMBOLS = frozenset(s for row in OPERATORS.values() for s in row.spellings)
-_FUNCTIONS = [row.symbol for row in OPERATORS.values() if row.notation == "call"]
-_TIMED = [row.symbol for row in OPERATORS.values() if row.timed]
-_INTERVAL = f"an interval stands after {', '.join(_TIMED)} only"
-_PREFIXES = [s for s, row in _WORDS.items() if row.notation == "prefix" and len(s) > 1]
-_INFIXES = [s for s, row in _WORDS.items() if row.notation == "infix" and len(s) > 1]
-_OPERANDS = frozenset({StlLexer.NAME, StlLexer.NUMBER, StlLexer.TRUTH, StlLexer.CLOSE})
+_OPERANDS = frozenset({StlParser.NAME, StlParser.NUMBER, StlParser.TRUTH, StlParser.CLOSE})
+_CLOSERS = frozenset({StlParser.CLOSE, StlParser.CLOSE_INTERVAL})
 _HEADS = {
-    StlLexer.SPECIFICATION: "write specification NAME",
-    StlLexer.FROM: "write from MODULE import TYPE",
-    StlLexer.AT: "write @ topic(VARIABLE, path/of/the/topic)",
-    StlLexer.CONST: "write const float NAME = 5",
-    StlLexer.INPUT: "write input float NAME",
-    StlLexer.OUTPUT: "write output float NAME",
+    StlParser.SPECIFICATION: "write specification NAME",
+    StlParser.FROM: "write from MODULE import TYPE",
+    StlParser.AT: "write @ topic(VARIABLE, path/of/the/topic)",
+    StlParser.CONST: "write const float NAME = 5",
+    StlParser.INPUT: "write input float NAME",
+    StlParser.OUTPUT: "write output float NAME",
 }
 _LONG = 60
 _ASCII = "names are of letters, digits, '_' and dots, operators as in: not (x >= 3) -> y < 2"
@@ -112,8 +96,8 @@ _INSTEAD = {
         )
     },
 }
-_FORMULA = "write a formula, such as always(x > 0)"
-_OPERAND = "write a variable, a number or '(' there"
+# What other tools call our operators, where the nearest word would be another one.
+_ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
 
 
 def diagnose(
@@ -129,36 +113,21 @@ def diagnose(
         expected: Types of the tokens that the rule would take.
     """
     if rule in ("interval", "bound"):
-        reason, hint = _in_interval(token, expected)
-        return fail(text, token, reason, hint)
+        return _in_interval(text, token, expected)
     at = token.tokenIndex
-    first = max((i + 1 for i in range(at) if tokens[i].type == StlLexer.END), default=0)
+    first = max((i + 1 for i in range(at) if tokens[i].type == StlParser.END), default=0)
     if at == first:
-        hint = _unnameable(token) or _FORMULA
-        if token.type == StlLexer.IMPORT:
-            hint = _HEADS[StlLexer.FROM]
-        elif token.type == StlLexer.SPECIFICATION:
-            hint = "the name of the specification stands before all else"
-        return fail(text, token, f"expected a formula, got {got(token)}", hint)
+        return _at_the_begin(text, token)
     before = tokens[at - 1]
     head = tokens[first]
-    pair = at - first >= 2 and head.type == tokens[first + 1].type == StlLexer.NAME
-    typed = head.text in PRIMITIVES or (pair and any(t.type == StlLexer.FROM for t in tokens))
+    pair = at - first >= 2 and head.type == tokens[first + 1].type == StlParser.NAME
+    typed = head.text in PRIMITIVES or (pair and any(t.type == StlParser.FROM for t in tokens))
     if head.type in _HEADS or (typed and (pair or at == first + 1)):
         reason, hint = _in_declaration(token, expected, named=at == first + 1)
         return fail(text, token, reason, hint or _HEADS.get(head.type, ""))
     if pair and rule not in ("expression", "operand"):
         return _no_operator(text, head, tokens[first + 1], bracketed=False)
-    if before.type == StlLexer.FUNCTION:
-        reason = f"expected '(' after '{before.text}', got {got(token)}"
-        operand = token.type in _OPERANDS
-        return fail(
-            text,
-            token,
-            reason,
-            f"write {before.text}({token.text})" if operand else _reserved(before),
-        )
-    if before.type in _OPERANDS and (StlLexer.NUMBER not in expected or at == first + 1):
+    if before.type in _OPERANDS and (StlParser.NUMBER not in expected or at == first + 1):
         return _no_operator(text, before, token, bracketed=rule == "operand")
     return _no_operand(text, before, token)
 
@@ -170,108 +139,142 @@ def misspelt(text: str, token: Token) -> ParseError:
     return fail(text, token, f"unexpected character {named}", _INSTEAD.get(character, _ASCII))
 
 
-def got(token: Token) -> str:
-    """A token, as an error says it."""
-    if token.type in (StlLexer.END, AntlrToken.EOF) and token.text != ";":
+def no_formula(text: str, token: Token, instead: str, hint: str = "") -> ParseError:
+    """The error for a text or statement that has something else instead of a formula."""
+    hint = hint or "write a formula, such as always(x > 0)"
+    return fail(text, token, f"expected a formula, got {instead}", hint)
+
+
+def no_bound(text: str, token: Token, hint: str) -> ParseError:
+    """The error for a token that stands where a bound of an interval belongs."""
+    return fail(text, token, f"expected an interval bound, got {_got(token)}", hint)
+
+
+def shown(text: str) -> str:
+    """A piece of text, cut to a length that fits into a message."""
+    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
+
+
+def _got(token: Token) -> str:
+    if token.type in (StlParser.END, AntlrToken.EOF) and token.text != ";":
         return "the end of the line" if token.text == "\n" else "the end of the text"
     return f"'{shown(token.text)}'"
 
 
-def shown(text: str) -> str:
-    """A piece of text, cut to a length that a message can take."""
-    return text if len(text) <= _LONG else f"{text[:_LONG]}..."
+def _at_the_begin(text: str, token: Token) -> ParseError:
+    hint = _misplaced(token)
+    if token.type == StlParser.IMPORT:
+        hint = _HEADS[StlParser.FROM]
+    elif token.type == StlParser.SPECIFICATION:
+        hint = "the name of the specification stands before all else"
+    return no_formula(text, token, _got(token), hint)
 
 
-def _reserved(token: Token) -> str:
-    word = token.text
-    if word == "inf":
+def _misplaced(token: Token) -> str:
+    """A hint if a word may be meant as a variable; an operator like `and` is just misplaced."""
+    if token.text == "inf":
         return "inf is only for the end of an interval; true is +inf, false is -inf"
-    if word not in OPERATORS.reserved:
-        return ""
-    row = _WORDS.get(word)
-    if row is None:
-        what = "a word of the language"
-    elif row.notation == "call":
-        what = "a function"
-    else:
-        what = "an operator" if word == row.symbol else f"the operator '{row.symbol}'"
-    return f"'{word}' is {what} and cannot name a variable"
+    return "" if token.type == StlParser.INFIX else OPERATORS.refusal(token.text)
 
 
-def _unnameable(token: Token) -> str:
-    """A hint if a variable may have been meant where an operator like `and` is just misplaced."""
-    return "" if token.type == StlLexer.INFIX else _reserved(token)
-
-
-def _in_interval(token: Token, expected: AbstractSet[int]) -> tuple[str, str]:
-    if StlLexer.NUMBER in expected:
-        reason = f"expected an interval bound, got {got(token)}"
-        if token.type == StlLexer.CLOSE_INTERVAL:
-            return reason, "an interval without end is [0:inf] or [0,)"
-        return reason, "write a number, a constant or inf"
-    if StlLexer.COLON in expected:
-        return f"expected ':' and the other bound, got {got(token)}", "write both bounds: [0:5]"
-    return (
-        f"expected ']', got {got(token)}",
-        f"after a bound comes a unit out of {', '.join(UNITS)}",
-    )
+def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseError:
+    if StlParser.NUMBER in expected:
+        endless = token.type == StlParser.CLOSE_INTERVAL
+        hint = (
+            "an interval without end is [0:inf] or [0,)"
+            if endless
+            else "write a number, a constant or inf"
+        )
+        return no_bound(text, token, hint)
+    if StlParser.COLON in expected:
+        reason = f"expected ':' and the other bound, got {_got(token)}"
+        return fail(text, token, reason, "write both bounds: [0:5]")
+    hint = f"after a bound comes a unit out of {', '.join(UNITS)}"
+    return fail(text, token, f"expected ']', got {_got(token)}", hint)
 
 
 def _in_declaration(token: Token, expected: AbstractSet[int], *, named: bool) -> tuple[str, str]:
-    if named or StlLexer.NAME in expected:
-        return f"expected a name, got {got(token)}", _reserved(token)
-    if StlLexer.NUMBER in expected:
-        return f"expected a number, got {got(token)}", "write a plain number, such as 5 or -0.5"
-    if StlLexer.END in expected:
+    if named or StlParser.NAME in expected:
+        return f"expected a name, got {_got(token)}", OPERATORS.refusal(token.text)
+    if StlParser.NUMBER in expected:
+        return f"expected a number, got {_got(token)}", "write a plain number, such as 5 or -0.5"
+    if StlParser.END in expected:
         hint = "write ';' or a new line between two statements"
-        return f"expected the end of the statement, got {got(token)}", hint
+        return f"expected the end of the statement, got {_got(token)}", hint
     words = [StlParser.literalNames[t] for t in sorted(expected)]
-    return f"expected {' or '.join(words)}, got {got(token)}", ""
+    return f"expected {' or '.join(words)}, got {_got(token)}", ""
 
 
 def _no_operand(text: str, before: Token, token: Token) -> ParseError:
-    place = f"'{before.text}'" if before.text not in ("]", ")") else "the interval"
-    what = "a formula" if before.type == StlLexer.EQUALS else "an operand"
-    hint = _unnameable(token)
-    if token.type == StlLexer.OPEN_INTERVAL:
-        hint = _INTERVAL
-    elif token.type == StlLexer.EQUALS:
+    if before.type == StlParser.EQUALS:
+        reason = f"expected a formula after '=', got {_got(token)}"
+    elif before.type in _CLOSERS:
+        reason = f"expected an operand after the interval, got {_got(token)}"
+    else:
+        reason = f"expected an operand after '{before.text}', got {_got(token)}"
+    hint = "write a variable, a number or '(' there"
+    row = OPERATORS.words.get(before.text)
+    if token.type == StlParser.OPEN_INTERVAL:
+        hint = _where_intervals_stand()
+    elif token.type == StlParser.EQUALS:
         joined = before.text + "="
-        hint = f"write '{joined}' in one piece" if joined in _SYMBOLS else ""
-    elif not hint and before.text in _WORDS and before.text != _WORDS[before.text].symbol:
-        hint = _reserved(before)
-    return fail(text, token, f"expected {what} after {place}, got {got(token)}", hint or _OPERAND)
-
-
-# What other tools call our operators, where the nearest word would be another one.
-_ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
+        if any(joined in row.spellings for row in OPERATORS.values()):
+            hint = f"write '{joined}' in one piece"
+    elif misplaced := _misplaced(token):
+        hint = misplaced
+    elif row is not None and before.text != row.symbol:
+        hint = OPERATORS.refusal(before.text)
+    return fail(text, token, reason, hint)
 
 
 def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> ParseError:
-    reason = f"expected an operator, got {got(token)}"
-    hint = "write an operator there" + ("" if bracketed else ", or ';' between two statements")
-    word = before.text if before.type == StlLexer.NAME else ""
-    if token.type == StlLexer.EQUALS:
+    reason = f"expected an operator, got {_got(token)}"
+    if token.type == StlParser.EQUALS:
         implied = text[token.stop + 1 : token.stop + 2] == ">"
         meant = "implication is written '->'" if implied else "equality is written '=='"
         return fail(text, token, reason, meant)
-    if word.lower() in _ELSEWHERE:
-        here = _ELSEWHERE[word.lower()]
-        return fail(text, before, f"unknown operator '{word}'", f"write '{here}'")
-    if token.type == StlLexer.OPEN and word:
-        known = f"functions are {', '.join(_FUNCTIONS)}"
-        hint = nearest(word, [*_FUNCTIONS, *_PREFIXES, *_INFIXES], known)
-        return fail(text, before, f"unknown function '{word}'", hint)
-    if token.type == StlLexer.OPEN_INTERVAL:
-        if close := nearest(word, [s for s in (*_PREFIXES, *_INFIXES) if _WORDS[s].timed]):
-            return fail(text, before, f"unknown operator '{word}'", close)
-        return fail(text, token, reason, _INTERVAL)
-    if before.type == StlLexer.NUMBER and token.start == before.stop + 1:
+    if before.type == StlParser.NAME and (error := _misnamed(text, before, token)):
+        return error
+    hint = "write an operator there" + ("" if bracketed else ", or ';' between two statements")
+    if token.type == StlParser.OPEN_INTERVAL:
+        hint = _where_intervals_stand()
+    elif before.type == StlParser.NUMBER and token.start == before.stop + 1:
         hint = f"write {before.text} * {token.text}"
         if token.text in UNITS:
             hint = "units are for the bounds of intervals only"
-    elif token.type == StlLexer.COMMA:
+    elif token.type == StlParser.COMMA:
         hint = "',' stands between the operands of a function only"
-    elif token.type == StlLexer.NAME:
-        hint = nearest(token.text, _INFIXES) or nearest(word, _PREFIXES, hint)
+    elif token.type == StlParser.NAME:
+        prefix = nearest(before.text, _words("prefix")) if before.type == StlParser.NAME else ""
+        hint = nearest(token.text, _words("infix")) or prefix or hint
     return fail(text, token, reason, hint)
+
+
+def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
+    """The error if the name before the refused token is meant as an operator or a function."""
+    word = before.text
+    functions = _words("call")
+    operators = [*_words("prefix"), *_words("infix")]
+    if word.lower() in _ELSEWHERE:
+        hint = f"write '{_ELSEWHERE[word.lower()]}'"
+        return fail(text, before, f"unknown operator '{word}'", hint)
+    if word in functions and token.type in _OPERANDS:
+        reason = f"expected '(' after '{word}', got {_got(token)}"
+        return fail(text, token, reason, f"write {word}({token.text})")
+    if token.type == StlParser.OPEN:
+        hint = nearest(word, functions + operators, f"functions are {', '.join(functions)}")
+        return fail(text, before, f"unknown function '{word}'", hint)
+    timed = [s for s in operators if OPERATORS.words[s].timed]
+    if token.type == StlParser.OPEN_INTERVAL and (close := nearest(word, timed)):
+        return fail(text, before, f"unknown operator '{word}'", close)
+    return None
+
+
+def _words(notation: Notation) -> list[str]:
+    """The words of a notation that are long enough to be misspelt."""
+    return [s for s, row in OPERATORS.words.items() if row.notation == notation and len(s) > 1]
+
+
+def _where_intervals_stand() -> str:
+    timed = [row.symbol for row in OPERATORS.values() if row.timed]
+    return f"an interval stands after {', '.join(timed)} only"

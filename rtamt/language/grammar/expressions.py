@@ -8,17 +8,17 @@ from typing import cast
 
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.formula import Formula, make, number
-from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, shown
-from rtamt.language.grammar.generated.StlLexer import StlLexer
-from rtamt.language.interval import UNITS, Interval, decimal_text, exact
+from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, no_bound, shown
+from rtamt.language.grammar.generated.StlParser import StlParser
+from rtamt.language.interval import UNITS, Interval, decimal_text, exact, no_unit
 from rtamt.language.node import MAX_DEPTH, Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Operator
 
 __all__ = ["TreeBuilder"]
 
-_LEAVES = (StlLexer.NAME, StlLexer.NUMBER, StlLexer.TRUTH)
-_CLOSING = (StlLexer.CLOSE, StlLexer.CLOSE_INTERVAL)
+_LEAVES = (StlParser.NAME, StlParser.NUMBER, StlParser.TRUTH)
+_CLOSING = (StlParser.CLOSE, StlParser.CLOSE_INTERVAL)
 
 _BACK = "bounds count away from now; once, historically and since look back"
 _LONG = 60
@@ -85,15 +85,15 @@ class TreeBuilder:
             if kind in _LEAVES:
                 self._values.append(self._leaf(token))
                 operand_next = False
-            elif kind == StlLexer.OPEN:
+            elif kind == StlParser.OPEN:
                 self._push(None, 0, token)
-            elif kind == StlLexer.FUNCTION:
+            elif kind == StlParser.FUNCTION:
                 self._push(OPERATORS.spellings[token.text, "call"], 0, token)
                 at += 1  # its bracket
-            elif kind == StlLexer.COMMA:
+            elif kind == StlParser.COMMA:
                 self._reduce(1)
                 operand_next = True
-            elif kind == StlLexer.CLOSE:
+            elif kind == StlParser.CLOSE:
                 self._close()
                 operand_next = False
             else:
@@ -157,9 +157,9 @@ class TreeBuilder:
         return node
 
     def _leaf(self, token: Token) -> Node:
-        if token.type == StlLexer.NAME:
+        if token.type == StlParser.NAME:
             return self._place(self.resolve(token), token)
-        if token.type == StlLexer.TRUTH:
+        if token.type == StlParser.TRUTH:
             return make(token.text, ())
         try:
             return number(float(token.text))
@@ -183,7 +183,7 @@ class TreeBuilder:
     def _spelled(self, token: Token) -> str:
         """An operator with its interval, as it stands in the text."""
         last = token
-        if self.tokens[token.tokenIndex + 1].type == StlLexer.OPEN_INTERVAL:
+        if self.tokens[token.tokenIndex + 1].type == StlParser.OPEN_INTERVAL:
             at = token.tokenIndex + 2
             while self.tokens[at].type not in _CLOSING:
                 at += 1
@@ -196,7 +196,7 @@ class TreeBuilder:
         Returns:
             Index of the last token of the operator.
         """
-        if self.tokens[at + 1].type != StlLexer.OPEN_INTERVAL:
+        if self.tokens[at + 1].type != StlParser.OPEN_INTERVAL:
             return at
         first, at = at + 2, at + 2
         begin, unit, at = self._bound(at)
@@ -232,7 +232,7 @@ class TreeBuilder:
     def _bound(self, at: int) -> tuple[Fraction | None, Token | None, int]:
         """Value, unit, and index behind a bound."""
         token = self.tokens[at]
-        negative = token.type == StlLexer.MINUS
+        negative = token.type == StlParser.MINUS
         at += negative
         value = self._value(self.tokens[at])
         if negative:
@@ -240,17 +240,16 @@ class TreeBuilder:
                 raise self._fail(token, "expected a bound of at least 0, got -inf", _BACK)
             value = -value
         unit = self.tokens[at + 1]
-        if unit.type != StlLexer.NAME:
+        if unit.type != StlParser.NAME:
             return value, None, at + 1
         if unit.text not in UNITS:
-            reason = f"expected a unit out of {', '.join(UNITS)}, got '{unit.text}'"
-            raise self._fail(unit, reason, nearest(unit.text, UNITS))
+            raise self._fail(unit, no_unit(unit.text), nearest(unit.text, UNITS))
         return value, unit, at + 2
 
     def _value(self, token: Token) -> Fraction | None:
-        if token.type == StlLexer.INF:
+        if token.type == StlParser.INF:
             return None
-        if token.type == StlLexer.NUMBER:
+        if token.type == StlParser.NUMBER:
             try:
                 return exact(token.text, "a bound")
             except SpecificationError:
@@ -263,8 +262,7 @@ class TreeBuilder:
             reason = "expected a number as the bound of an interval, got nan"
             raise self._fail(token, reason, "write a number, a constant or inf")
         if name in UNITS:
-            hint = f"write a number before the unit: [0:500{name}]"
-            raise self._fail(token, f"expected an interval bound, got '{name}'", hint)
+            raise no_bound(self.text, token, f"write a number before the unit: [0:500{name}]")
         hint = nearest_name(name, self.constants, f"const float {name} = 5")
         raise self._fail(token, f"unknown constant '{name}'", hint)
 

@@ -8,13 +8,13 @@ from typing import Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.formula import Formula, Term, number, variable
-from rtamt.language.grammar.diagnosis import PRIMITIVES, Token, fail, nearest, nearest_name, shown
+from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, no_formula, shown
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.tokens import Part, Statement, Statements, read
 from rtamt.language.interval import exact
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
-from rtamt.language.specification import Declaration, Specification
+from rtamt.language.specification import PRIMITIVES, Declaration, Specification
 
 __all__ = ["read_specification"]
 
@@ -65,9 +65,8 @@ class _Reader:
 
     def specification(self, statements: Statements, unit: str) -> Specification:
         if not statements.definitions:
-            got = "declarations only" if len(self.tokens) > 1 else "the end of the text"
-            hint = "write a formula, such as always(x > 0)"
-            raise fail(self.text, self.tokens[-1], f"expected a formula, got {got}", hint)
+            instead = "declarations only" if len(self.tokens) > 1 else "the end of the text"
+            raise no_formula(self.text, self.tokens[-1], instead)
         for statement in statements.imports:
             self._import(statement)
         for statement in statements.constants:

@@ -8,7 +8,7 @@ its verdict and for the parts of the statements; expressions are built from thei
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NoReturn, Protocol, cast
 
 from antlr4 import InputStream
@@ -22,6 +22,8 @@ from rtamt.language.grammar.diagnosis import Token, diagnose, fail, misspelt
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.node import MAX_DEPTH
+from rtamt.language.operators import OPERATORS
+from rtamt.language.table import Notation
 
 __all__ = ["Part", "Statement", "Statements", "read"]
 
@@ -57,11 +59,22 @@ class Statements(Protocol):
     definitions: Sequence[Statement]
 
 
-_PREFIX = frozenset({StlLexer.TEMPORAL, StlLexer.STEP, StlLexer.NOT, StlLexer.MINUS})
-_INFIX = frozenset({StlLexer.BINDING, StlLexer.INFIX, StlLexer.MINUS, StlLexer.SLASH})
+# The type of a word or symbol, by notation of its row and whether an interval may follow.
+_TYPES: Mapping[tuple[Notation, bool], int] = {
+    ("prefix", True): StlParser.TEMPORAL,
+    ("prefix", False): StlParser.PREFIX,
+    ("infix", True): StlParser.BINDING,
+    ("infix", False): StlParser.INFIX,
+    ("atom", False): StlParser.TRUTH,
+    ("call", False): StlParser.NAME,  # until a bracket follows
+}
+_PREFIX = frozenset({StlParser.TEMPORAL, StlParser.PREFIX, StlParser.MINUS})
+_INFIX = frozenset({StlParser.BINDING, StlParser.INFIX, StlParser.MINUS, StlParser.SLASH})
 # After these a newline ends nothing; what follows the end of an interval is an operand.
-_UNFINISHED = _PREFIX | _INFIX | {StlLexer.FUNCTION, StlLexer.EQUALS}
-_OPEN_ENDS = frozenset({StlLexer.COLON, StlLexer.COMMA, StlLexer.INF})
+_UNFINISHED = _PREFIX | _INFIX | {StlParser.EQUALS}
+# The name after these is one that a statement gives, and calls no function.
+_NAMING = frozenset({StlParser.NAME, StlParser.SPECIFICATION, StlParser.IMPORT})
+_OPEN_ENDS = frozenset({StlParser.COLON, StlParser.COMMA, StlParser.INF})
 
 # ANTLR's decision tables are shared by all parsers and grow while they run.
 _lock = threading.Lock()
@@ -97,10 +110,15 @@ class _Scanner:
     def scan(self) -> list[Token]:
         lexer = StlLexer(InputStream(self.text))
         while (token := cast("Token", lexer.nextToken())).type != AntlrToken.EOF:
-            if token.type == StlLexer.END and token.text == "\n":
+            if token.type == StlParser.END and token.text == "\n":
                 if not (self.unfinished or self.brackets or self.newline):
                     self.newline = token
                 continue
+            if token.type in (StlParser.NAME, StlLexer.SYMBOL):
+                token.type = self._type(token)
+            elif token.type == StlParser.OPEN and self._calls():
+                self.tokens[-1].type = StlParser.FUNCTION
+                self.newline = None
             if self.newline and token.type not in _INFIX:
                 self.tokens.append(self.newline)
             self.newline = None
@@ -113,21 +131,37 @@ class _Scanner:
             raise self._unclosed()
         return self._finish(lexer, token)
 
+    def _type(self, token: Token) -> int:
+        text = self.text[token.start : token.stop + 1]
+        if token.type == StlParser.NAME:
+            row = OPERATORS.words.get(text)
+            return token.type if row is None else _TYPES[row.notation, row.timed]
+        rows = OPERATORS.spellings
+        row = rows.get((text, "prefix")) or rows[text, "infix"]
+        return _TYPES[row.notation, row.timed]
+
+    def _calls(self) -> bool:
+        """Whether a bracket after the tokens so far holds the operands of a function."""
+        if not self.tokens or self.tokens[-1].type != StlParser.NAME:
+            return False
+        named = len(self.tokens) > 1 and self.tokens[-2].type in _NAMING
+        return not named and self.tokens[-1].text in OPERATORS.words
+
     def _check(self, token: Token) -> None:
         match token.type:
-            case StlLexer.OPEN | StlLexer.OPEN_INTERVAL:
+            case StlParser.OPEN | StlParser.OPEN_INTERVAL:
                 self.brackets.append(token)
-            case StlLexer.CLOSE | StlLexer.CLOSE_INTERVAL:
+            case StlParser.CLOSE | StlParser.CLOSE_INTERVAL:
                 self._close(token)
-            case StlLexer.END:
+            case StlParser.END:
                 if self.brackets:
                     raise self._unclosed()
                 self.unfinished = True
-            case StlLexer.OPEN_COMMENT:
+            case StlParser.OPEN_COMMENT:
                 raise fail(
                     self.text, token, "the comment is not closed", "write '*/' where it ends"
                 )
-            case StlLexer.ILLEGAL:
+            case StlParser.ILLEGAL:
                 raise misspelt(self.text, token)
 
     def _close(self, token: Token) -> None:
@@ -135,35 +169,37 @@ class _Scanner:
             hint = "remove it, or open a bracket before it"
             raise fail(self.text, token, f"'{token.text}' closes nothing", hint)
         opened = self.brackets.pop()
-        if opened.type == StlLexer.OPEN_INTERVAL:
+        if opened.type == StlParser.OPEN_INTERVAL:
             open_end = self.tokens[-1].type in _OPEN_ENDS
-            if token.type == StlLexer.CLOSE and not open_end:
+            if token.type == StlParser.CLOSE and not open_end:
                 reason = f"expected ']' to close {_place(opened)}, got ')'"
                 raise fail(self.text, token, reason, "both bounds belong to an interval: [0:5]")
             self.unfinished = True
-        elif token.type == StlLexer.CLOSE_INTERVAL:
+        elif token.type == StlParser.CLOSE_INTERVAL:
             raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
 
     def _count(self, token: Token) -> None:
-        if not self.brackets or self.brackets[-1].type != StlLexer.OPEN_INTERVAL:
+        if not self.brackets or self.brackets[-1].type != StlParser.OPEN_INTERVAL:
             if token.type in _PREFIX:
                 self.prefixes += 1
             elif not self.unfinished:
                 self.prefixes = 0
-        depth = max(len(self.brackets), self.prefixes)
-        if depth > MAX_DEPTH:
-            what = "the formula is" if depth == self.prefixes else "brackets are"
-            reason = f"{what} nested {depth} deep; the limit is {MAX_DEPTH}"
-            raise fail(self.text, token, reason, "write the formula as several specifications")
+        if self.prefixes > MAX_DEPTH:
+            reason = f"the formula is nested {self.prefixes} deep; the limit is {MAX_DEPTH}"
+        elif len(self.brackets) > MAX_DEPTH:
+            reason = f"brackets are nested {len(self.brackets)} deep; the limit is {MAX_DEPTH}"
+        else:
+            return
+        raise fail(self.text, token, reason, "write the formula as several specifications")
 
     def _finish(self, lexer: StlLexer, eof: Token) -> list[Token]:
         """End the last statement, at its last token rather than some empty lines below it."""
         if self.tokens:
             last = self.tokens[-1]
             eof.line, eof.column = last.line, last.column + len(last.text)
-        if self.tokens and self.tokens[-1].type != StlLexer.END:
+        if self.tokens and self.tokens[-1].type != StlParser.END:
             end = lexer.emitEOF()
-            end.type, end.text = StlLexer.END, ""
+            end.type, end.text = StlParser.END, ""
             end.line, end.column = eof.line, eof.column
             self.tokens.append(end)
         self.tokens.append(eof)
@@ -173,7 +209,7 @@ class _Scanner:
 
     def _unclosed(self) -> ParseError:
         opened = self.brackets[-1]
-        closer = "]" if opened.type == StlLexer.OPEN_INTERVAL else ")"
+        closer = "]" if opened.type == StlParser.OPEN_INTERVAL else ")"
         hint = f"write '{closer}' where it ends"
         return fail(self.text, opened, f"'{opened.text}' is not closed", hint)
 
@@ -190,11 +226,14 @@ class _Stream:
         self.index = 0
 
     def LT(self, k: int) -> Token | None:  # noqa: N802 - the names are ANTLR's
+        if k == 1:  # most calls; ANTLR does not consume the last token
+            return self.tokens[self.index]
         at = self.index + (k - 1 if k > 0 else k)
         return self.tokens[min(at, len(self.tokens) - 1)] if at >= 0 else None
 
     def LA(self, k: int) -> int:  # noqa: N802
-        return self.tokens[min(self.index + k - 1, len(self.tokens) - 1)].type
+        at = self.index if k == 1 else min(self.index + k - 1, len(self.tokens) - 1)
+        return self.tokens[at].type
 
     def get(self, index: int) -> Token:
         return self.tokens[index]

@@ -90,6 +90,7 @@ def test_text_has_the_fewest_brackets(made: Formula, text: str) -> None:
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
+names = st.sampled_from(["a.b", "min", "rise"])
 bounds = st.decimals(0, 10**9, places=6) | st.integers(0, 10**30)
 
 
@@ -104,7 +105,7 @@ def decorated(draw: st.DrawFn) -> Formula:
         draw(st.sampled_from([None, *UNITS])),
     )
     name = draw(st.sampled_from(["always", "once", "until", "unless"]))
-    limit = variable("a.b") + number(draw(numbers)) > number(draw(numbers))
+    limit = variable(draw(names)) + number(draw(numbers)) > -variable(draw(names))
     args = (inner,) if name in ("always", "once") else (inner, limit)
     return cast("Formula", make(name, args, interval)) & limit
 
@@ -165,7 +166,7 @@ def bad(made: object) -> Any:  # noqa: ANN401 - what the checker would refuse is
     ("make_it", "message"),
     [
         (lambda: variable("a b"), "expected a name of letters, digits, '_' and dots, got 'a b'"),
-        (lambda: variable("G"), "'G' is a word of the language and cannot name a variable"),
+        (lambda: variable("G"), "'G' is the operator 'always' and cannot name a variable"),
         (lambda: variable("a."), "expected a name of letters, digits, '_' and dots, got 'a.'"),
         (
             lambda: variable("größe"),
@@ -287,6 +288,12 @@ def test_text_of_a_specification_uses_its_names() -> None:
         "specification demo\nconst float K = 0.5\ninput float x = 1\nfloat y\n@ topic(x, a/b)\n"
         "near = x > 0.5\nalso = always(near)\nfar = not (near) or y;\n-x > 0"
     )
+    assert rtamt.parse(str(spec)) == spec
+
+
+def test_text_of_a_specification_calls_no_variable() -> None:
+    spec = rtamt.parse("p = x > min; (x or p) and x")
+    assert str(spec) == "p = x > min;\n(x or p) and x"
     assert rtamt.parse(str(spec)) == spec
 
 

@@ -157,7 +157,7 @@ def test_arguments_are_checked() -> None:
         rtamt.parse(3)  # type: ignore[arg-type]
     with pytest.raises(SpecificationError, match="expected a unit out of s, ms, us, ns, ps"):
         rtamt.parse("x", unit="min")
-    with pytest.raises(SpecificationError, match="'G' is a word of the language"):
+    with pytest.raises(SpecificationError, match="'G' is the operator 'always'"):
         rtamt.parse("x", constants={"G": 3})
     with pytest.raises(InputTypeError, match="expected a number for the constant 'K', got list"):
         rtamt.parse("x", constants={"K": []})  # type: ignore[dict-item]

@@ -10,7 +10,7 @@ else:
 
 def serializedATN():
     return [
-        4,1,31,178,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
+        4,1,31,177,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
         6,2,7,7,7,2,8,7,8,2,9,7,9,2,10,7,10,2,11,7,11,2,12,7,12,1,0,5,0,
         28,8,0,10,0,12,0,31,9,0,1,0,1,0,1,0,4,0,36,8,0,11,0,12,0,37,3,0,
         40,8,0,1,0,1,0,1,0,1,0,1,0,3,0,47,8,0,1,0,4,0,50,8,0,11,0,12,0,51,
@@ -20,60 +20,59 @@ def serializedATN():
         1,6,1,6,1,6,3,6,100,8,6,1,7,3,7,103,8,7,1,7,1,7,1,8,1,8,3,8,109,
         8,8,1,8,1,8,1,9,1,9,1,9,3,9,116,8,9,1,9,1,9,1,9,3,9,121,8,9,1,9,
         5,9,124,8,9,10,9,12,9,127,9,9,1,10,1,10,3,10,131,8,10,1,10,1,10,
-        1,10,5,10,136,8,10,10,10,12,10,139,9,10,1,10,1,10,1,10,1,10,1,10,
-        1,10,1,10,1,10,1,10,1,10,1,10,1,10,5,10,153,8,10,10,10,12,10,156,
-        9,10,1,10,1,10,3,10,160,8,10,1,11,1,11,1,11,1,11,1,11,1,11,1,11,
-        3,11,169,8,11,1,12,3,12,172,8,12,1,12,1,12,3,12,176,8,12,1,12,0,
-        0,13,0,2,4,6,8,10,12,14,16,18,20,22,24,0,5,2,0,1,12,15,18,1,0,5,
-        6,1,0,20,21,2,0,24,24,26,26,2,0,7,7,17,18,197,0,29,1,0,0,0,2,60,
+        5,10,135,8,10,10,10,12,10,138,9,10,1,10,1,10,1,10,1,10,1,10,1,10,
+        1,10,1,10,1,10,1,10,1,10,1,10,5,10,152,8,10,10,10,12,10,155,9,10,
+        1,10,1,10,3,10,159,8,10,1,11,1,11,1,11,1,11,1,11,1,11,1,11,3,11,
+        168,8,11,1,12,3,12,171,8,12,1,12,1,12,3,12,175,8,12,1,12,0,0,13,
+        0,2,4,6,8,10,12,14,16,18,20,22,24,0,5,3,0,1,7,11,12,26,31,1,0,5,
+        6,1,0,14,15,2,0,18,18,20,20,2,0,7,7,11,12,195,0,29,1,0,0,0,2,60,
         1,0,0,0,4,65,1,0,0,0,6,74,1,0,0,0,8,84,1,0,0,0,10,86,1,0,0,0,12,
-        93,1,0,0,0,14,102,1,0,0,0,16,108,1,0,0,0,18,112,1,0,0,0,20,137,1,
-        0,0,0,22,161,1,0,0,0,24,171,1,0,0,0,26,28,5,27,0,0,27,26,1,0,0,0,
+        93,1,0,0,0,14,102,1,0,0,0,16,108,1,0,0,0,18,112,1,0,0,0,20,136,1,
+        0,0,0,22,160,1,0,0,0,24,170,1,0,0,0,26,28,5,21,0,0,27,26,1,0,0,0,
         28,31,1,0,0,0,29,27,1,0,0,0,29,30,1,0,0,0,30,39,1,0,0,0,31,29,1,
-        0,0,0,32,33,5,1,0,0,33,35,5,17,0,0,34,36,5,27,0,0,35,34,1,0,0,0,
+        0,0,0,32,33,5,1,0,0,33,35,5,11,0,0,34,36,5,21,0,0,35,34,1,0,0,0,
         36,37,1,0,0,0,37,35,1,0,0,0,37,38,1,0,0,0,38,40,1,0,0,0,39,32,1,
         0,0,0,39,40,1,0,0,0,40,55,1,0,0,0,41,47,3,2,1,0,42,47,3,4,2,0,43,
         47,3,10,5,0,44,47,3,12,6,0,45,47,3,16,8,0,46,41,1,0,0,0,46,42,1,
         0,0,0,46,43,1,0,0,0,46,44,1,0,0,0,46,45,1,0,0,0,47,49,1,0,0,0,48,
-        50,5,27,0,0,49,48,1,0,0,0,50,51,1,0,0,0,51,49,1,0,0,0,51,52,1,0,
+        50,5,21,0,0,49,48,1,0,0,0,50,51,1,0,0,0,51,49,1,0,0,0,51,52,1,0,
         0,0,52,54,1,0,0,0,53,46,1,0,0,0,54,57,1,0,0,0,55,53,1,0,0,0,55,56,
         1,0,0,0,56,58,1,0,0,0,57,55,1,0,0,0,58,59,5,0,0,1,59,1,1,0,0,0,60,
-        61,5,2,0,0,61,62,5,17,0,0,62,63,5,3,0,0,63,64,5,17,0,0,64,3,1,0,
-        0,0,65,66,5,22,0,0,66,67,5,17,0,0,67,68,5,23,0,0,68,69,5,17,0,0,
-        69,70,5,21,0,0,70,71,3,6,3,0,71,72,5,24,0,0,72,5,1,0,0,0,73,75,5,
-        14,0,0,74,73,1,0,0,0,74,75,1,0,0,0,75,76,1,0,0,0,76,81,3,8,4,0,77,
-        78,5,14,0,0,78,80,3,8,4,0,79,77,1,0,0,0,80,83,1,0,0,0,81,79,1,0,
+        61,5,2,0,0,61,62,5,11,0,0,62,63,5,3,0,0,63,64,5,11,0,0,64,3,1,0,
+        0,0,65,66,5,16,0,0,66,67,5,11,0,0,67,68,5,17,0,0,68,69,5,11,0,0,
+        69,70,5,15,0,0,70,71,3,6,3,0,71,72,5,18,0,0,72,5,1,0,0,0,73,75,5,
+        10,0,0,74,73,1,0,0,0,74,75,1,0,0,0,75,76,1,0,0,0,76,81,3,8,4,0,77,
+        78,5,10,0,0,78,80,3,8,4,0,79,77,1,0,0,0,80,83,1,0,0,0,81,79,1,0,
         0,0,81,82,1,0,0,0,82,7,1,0,0,0,83,81,1,0,0,0,84,85,7,0,0,0,85,9,
-        1,0,0,0,86,87,5,4,0,0,87,88,5,17,0,0,88,89,5,17,0,0,89,90,5,19,0,
+        1,0,0,0,86,87,5,4,0,0,87,88,5,11,0,0,88,89,5,11,0,0,89,90,5,13,0,
         0,90,91,3,14,7,0,91,11,1,0,0,0,92,94,7,1,0,0,93,92,1,0,0,0,93,94,
-        1,0,0,0,94,95,1,0,0,0,95,96,5,17,0,0,96,99,5,17,0,0,97,98,5,19,0,
+        1,0,0,0,94,95,1,0,0,0,95,96,5,11,0,0,96,99,5,11,0,0,97,98,5,13,0,
         0,98,100,3,14,7,0,99,97,1,0,0,0,99,100,1,0,0,0,100,13,1,0,0,0,101,
-        103,5,13,0,0,102,101,1,0,0,0,102,103,1,0,0,0,103,104,1,0,0,0,104,
-        105,5,18,0,0,105,15,1,0,0,0,106,107,5,17,0,0,107,109,5,19,0,0,108,
+        103,5,9,0,0,102,101,1,0,0,0,102,103,1,0,0,0,103,104,1,0,0,0,104,
+        105,5,12,0,0,105,15,1,0,0,0,106,107,5,11,0,0,107,109,5,13,0,0,108,
         106,1,0,0,0,108,109,1,0,0,0,109,110,1,0,0,0,110,111,3,18,9,0,111,
-        17,1,0,0,0,112,125,3,20,10,0,113,115,5,11,0,0,114,116,3,22,11,0,
-        115,114,1,0,0,0,115,116,1,0,0,0,116,121,1,0,0,0,117,121,5,12,0,0,
-        118,121,5,13,0,0,119,121,5,14,0,0,120,113,1,0,0,0,120,117,1,0,0,
-        0,120,118,1,0,0,0,120,119,1,0,0,0,121,122,1,0,0,0,122,124,3,20,10,
+        17,1,0,0,0,112,125,3,20,10,0,113,115,5,28,0,0,114,116,3,22,11,0,
+        115,114,1,0,0,0,115,116,1,0,0,0,116,121,1,0,0,0,117,121,5,29,0,0,
+        118,121,5,9,0,0,119,121,5,10,0,0,120,113,1,0,0,0,120,117,1,0,0,0,
+        120,118,1,0,0,0,120,119,1,0,0,0,121,122,1,0,0,0,122,124,3,20,10,
         0,123,120,1,0,0,0,124,127,1,0,0,0,125,123,1,0,0,0,125,126,1,0,0,
-        0,126,19,1,0,0,0,127,125,1,0,0,0,128,130,5,8,0,0,129,131,3,22,11,
-        0,130,129,1,0,0,0,130,131,1,0,0,0,131,136,1,0,0,0,132,136,5,9,0,
-        0,133,136,5,10,0,0,134,136,5,13,0,0,135,128,1,0,0,0,135,132,1,0,
-        0,0,135,133,1,0,0,0,135,134,1,0,0,0,136,139,1,0,0,0,137,135,1,0,
-        0,0,137,138,1,0,0,0,138,159,1,0,0,0,139,137,1,0,0,0,140,160,5,17,
-        0,0,141,160,5,18,0,0,142,160,5,16,0,0,143,144,5,23,0,0,144,145,3,
-        18,9,0,145,146,5,24,0,0,146,160,1,0,0,0,147,148,5,15,0,0,148,149,
-        5,23,0,0,149,154,3,18,9,0,150,151,5,21,0,0,151,153,3,18,9,0,152,
-        150,1,0,0,0,153,156,1,0,0,0,154,152,1,0,0,0,154,155,1,0,0,0,155,
-        157,1,0,0,0,156,154,1,0,0,0,157,158,5,24,0,0,158,160,1,0,0,0,159,
-        140,1,0,0,0,159,141,1,0,0,0,159,142,1,0,0,0,159,143,1,0,0,0,159,
-        147,1,0,0,0,160,21,1,0,0,0,161,162,5,25,0,0,162,163,3,24,12,0,163,
-        168,7,2,0,0,164,165,3,24,12,0,165,166,7,3,0,0,166,169,1,0,0,0,167,
-        169,5,24,0,0,168,164,1,0,0,0,168,167,1,0,0,0,169,23,1,0,0,0,170,
-        172,5,13,0,0,171,170,1,0,0,0,171,172,1,0,0,0,172,173,1,0,0,0,173,
-        175,7,4,0,0,174,176,5,17,0,0,175,174,1,0,0,0,175,176,1,0,0,0,176,
-        25,1,0,0,0,23,29,37,39,46,51,55,74,81,93,99,102,108,115,120,125,
-        130,135,137,154,159,168,171,175
+        0,126,19,1,0,0,0,127,125,1,0,0,0,128,130,5,26,0,0,129,131,3,22,11,
+        0,130,129,1,0,0,0,130,131,1,0,0,0,131,135,1,0,0,0,132,135,5,27,0,
+        0,133,135,5,9,0,0,134,128,1,0,0,0,134,132,1,0,0,0,134,133,1,0,0,
+        0,135,138,1,0,0,0,136,134,1,0,0,0,136,137,1,0,0,0,137,158,1,0,0,
+        0,138,136,1,0,0,0,139,159,5,11,0,0,140,159,5,12,0,0,141,159,5,31,
+        0,0,142,143,5,17,0,0,143,144,3,18,9,0,144,145,5,18,0,0,145,159,1,
+        0,0,0,146,147,5,30,0,0,147,148,5,17,0,0,148,153,3,18,9,0,149,150,
+        5,15,0,0,150,152,3,18,9,0,151,149,1,0,0,0,152,155,1,0,0,0,153,151,
+        1,0,0,0,153,154,1,0,0,0,154,156,1,0,0,0,155,153,1,0,0,0,156,157,
+        5,18,0,0,157,159,1,0,0,0,158,139,1,0,0,0,158,140,1,0,0,0,158,141,
+        1,0,0,0,158,142,1,0,0,0,158,146,1,0,0,0,159,21,1,0,0,0,160,161,5,
+        19,0,0,161,162,3,24,12,0,162,167,7,2,0,0,163,164,3,24,12,0,164,165,
+        7,3,0,0,165,168,1,0,0,0,166,168,5,18,0,0,167,163,1,0,0,0,167,166,
+        1,0,0,0,168,23,1,0,0,0,169,171,5,9,0,0,170,169,1,0,0,0,170,171,1,
+        0,0,0,171,172,1,0,0,0,172,174,7,4,0,0,173,175,5,11,0,0,174,173,1,
+        0,0,0,174,175,1,0,0,0,175,25,1,0,0,0,23,29,37,39,46,51,55,74,81,
+        93,99,102,108,115,120,125,130,134,136,153,158,167,170,174
     ]
 
 class StlParser ( Parser ):
@@ -88,24 +87,23 @@ class StlParser ( Parser ):
 
     literalNames = [ "<INVALID>", "'specification'", "'from'", "'import'", 
                      "'const'", "'input'", "'output'", "'inf'", "<INVALID>", 
-                     "<INVALID>", "<INVALID>", "<INVALID>", "<INVALID>", 
-                     "'-'", "'/'", "<INVALID>", "<INVALID>", "<INVALID>", 
-                     "<INVALID>", "'='", "':'", "','", "'@'", "'('", "')'", 
-                     "'['", "']'", "<INVALID>", "<INVALID>", "<INVALID>", 
-                     "'/*'" ]
+                     "'-'", "'/'", "<INVALID>", "<INVALID>", "'='", "':'", 
+                     "','", "'@'", "'('", "')'", "'['", "']'", "<INVALID>", 
+                     "<INVALID>", "<INVALID>", "'/*'" ]
 
     symbolicNames = [ "<INVALID>", "SPECIFICATION", "FROM", "IMPORT", "CONST", 
-                      "INPUT", "OUTPUT", "INF", "TEMPORAL", "STEP", "NOT", 
-                      "BINDING", "INFIX", "MINUS", "SLASH", "FUNCTION", 
-                      "TRUTH", "NAME", "NUMBER", "EQUALS", "COLON", "COMMA", 
-                      "AT", "OPEN", "CLOSE", "OPEN_INTERVAL", "CLOSE_INTERVAL", 
-                      "END", "COMMENT", "SPACE", "OPEN_COMMENT", "ILLEGAL" ]
+                      "INPUT", "OUTPUT", "INF", "SYMBOL", "MINUS", "SLASH", 
+                      "NAME", "NUMBER", "EQUALS", "COLON", "COMMA", "AT", 
+                      "OPEN", "CLOSE", "OPEN_INTERVAL", "CLOSE_INTERVAL", 
+                      "END", "COMMENT", "SPACE", "OPEN_COMMENT", "ILLEGAL", 
+                      "TEMPORAL", "PREFIX", "BINDING", "INFIX", "FUNCTION", 
+                      "TRUTH" ]
 
     RULE_specification = 0
     RULE_importing = 1
     RULE_annotation = 2
     RULE_path = 3
-    RULE_step = 4
+    RULE_part = 4
     RULE_constant = 5
     RULE_declaration = 6
     RULE_value = 7
@@ -115,7 +113,7 @@ class StlParser ( Parser ):
     RULE_interval = 11
     RULE_bound = 12
 
-    ruleNames =  [ "specification", "importing", "annotation", "path", "step", 
+    ruleNames =  [ "specification", "importing", "annotation", "path", "part", 
                    "constant", "declaration", "value", "definition", "expression", 
                    "operand", "interval", "bound" ]
 
@@ -127,30 +125,30 @@ class StlParser ( Parser ):
     INPUT=5
     OUTPUT=6
     INF=7
-    TEMPORAL=8
-    STEP=9
-    NOT=10
-    BINDING=11
-    INFIX=12
-    MINUS=13
-    SLASH=14
-    FUNCTION=15
-    TRUTH=16
-    NAME=17
-    NUMBER=18
-    EQUALS=19
-    COLON=20
-    COMMA=21
-    AT=22
-    OPEN=23
-    CLOSE=24
-    OPEN_INTERVAL=25
-    CLOSE_INTERVAL=26
-    END=27
-    COMMENT=28
-    SPACE=29
-    OPEN_COMMENT=30
-    ILLEGAL=31
+    SYMBOL=8
+    MINUS=9
+    SLASH=10
+    NAME=11
+    NUMBER=12
+    EQUALS=13
+    COLON=14
+    COMMA=15
+    AT=16
+    OPEN=17
+    CLOSE=18
+    OPEN_INTERVAL=19
+    CLOSE_INTERVAL=20
+    END=21
+    COMMENT=22
+    SPACE=23
+    OPEN_COMMENT=24
+    ILLEGAL=25
+    TEMPORAL=26
+    PREFIX=27
+    BINDING=28
+    INFIX=29
+    FUNCTION=30
+    TRUTH=31
 
     def __init__(self, input:TokenStream, output:TextIO = sys.stdout):
         super().__init__(input, output)
@@ -245,7 +243,7 @@ class StlParser ( Parser ):
             self.state = 29
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while _la==27:
+            while _la==21:
                 self.state = 26
                 self.match(StlParser.END)
                 self.state = 31
@@ -269,7 +267,7 @@ class StlParser ( Parser ):
                     self.state = 37 
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if not (_la==27):
+                    if not (_la==21):
                         break
 
 
@@ -277,7 +275,7 @@ class StlParser ( Parser ):
             self.state = 55
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 13084532) != 0):
+            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 3422755444) != 0):
                 self.state = 46
                 self._errHandler.sync(self)
                 la_ = self._interp.adaptivePredict(self._input,3,self._ctx)
@@ -321,7 +319,7 @@ class StlParser ( Parser ):
                     self.state = 51 
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if not (_la==27):
+                    if not (_la==21):
                         break
 
                 self.state = 57
@@ -463,11 +461,11 @@ class StlParser ( Parser ):
             super().__init__(parent, invokingState)
             self.parser = parser
 
-        def step(self, i:int=None):
+        def part(self, i:int=None):
             if i is None:
-                return self.getTypedRuleContexts(StlParser.StepContext)
+                return self.getTypedRuleContexts(StlParser.PartContext)
             else:
-                return self.getTypedRuleContext(StlParser.StepContext,i)
+                return self.getTypedRuleContext(StlParser.PartContext,i)
 
 
         def SLASH(self, i:int=None):
@@ -492,21 +490,21 @@ class StlParser ( Parser ):
             self.state = 74
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            if _la==14:
+            if _la==10:
                 self.state = 73
                 self.match(StlParser.SLASH)
 
 
             self.state = 76
-            self.step()
+            self.part()
             self.state = 81
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while _la==14:
+            while _la==10:
                 self.state = 77
                 self.match(StlParser.SLASH)
                 self.state = 78
-                self.step()
+                self.part()
                 self.state = 83
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
@@ -520,7 +518,7 @@ class StlParser ( Parser ):
         return localctx
 
 
-    class StepContext(ParserRuleContext):
+    class PartContext(ParserRuleContext):
         __slots__ = 'parser'
 
         def __init__(self, parser, parent:ParserRuleContext=None, invokingState:int=-1):
@@ -536,11 +534,8 @@ class StlParser ( Parser ):
         def TEMPORAL(self):
             return self.getToken(StlParser.TEMPORAL, 0)
 
-        def STEP(self):
-            return self.getToken(StlParser.STEP, 0)
-
-        def NOT(self):
-            return self.getToken(StlParser.NOT, 0)
+        def PREFIX(self):
+            return self.getToken(StlParser.PREFIX, 0)
 
         def BINDING(self):
             return self.getToken(StlParser.BINDING, 0)
@@ -576,21 +571,21 @@ class StlParser ( Parser ):
             return self.getToken(StlParser.IMPORT, 0)
 
         def getRuleIndex(self):
-            return StlParser.RULE_step
+            return StlParser.RULE_part
 
 
 
 
-    def step(self):
+    def part(self):
 
-        localctx = StlParser.StepContext(self, self._ctx, self.state)
-        self.enterRule(localctx, 8, self.RULE_step)
+        localctx = StlParser.PartContext(self, self._ctx, self.state)
+        self.enterRule(localctx, 8, self.RULE_part)
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
             self.state = 84
             _la = self._input.LA(1)
-            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 499710) != 0)):
+            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 4227864830) != 0)):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
@@ -725,7 +720,7 @@ class StlParser ( Parser ):
             self.state = 99
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            if _la==19:
+            if _la==13:
                 self.state = 97
                 self.match(StlParser.EQUALS)
                 self.state = 98
@@ -770,7 +765,7 @@ class StlParser ( Parser ):
             self.state = 102
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            if _la==13:
+            if _la==9:
                 self.state = 101
                 self.match(StlParser.MINUS)
 
@@ -901,31 +896,31 @@ class StlParser ( Parser ):
             self.state = 125
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 30720) != 0):
+            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 805307904) != 0):
                 self.state = 120
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
-                if token in [11]:
+                if token in [28]:
                     self.state = 113
                     self.match(StlParser.BINDING)
                     self.state = 115
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if _la==25:
+                    if _la==19:
                         self.state = 114
                         self.interval()
 
 
                     pass
-                elif token in [12]:
+                elif token in [29]:
                     self.state = 117
                     self.match(StlParser.INFIX)
                     pass
-                elif token in [13]:
+                elif token in [9]:
                     self.state = 118
                     self.match(StlParser.MINUS)
                     pass
-                elif token in [14]:
+                elif token in [10]:
                     self.state = 119
                     self.match(StlParser.SLASH)
                     pass
@@ -985,17 +980,11 @@ class StlParser ( Parser ):
             else:
                 return self.getToken(StlParser.TEMPORAL, i)
 
-        def STEP(self, i:int=None):
+        def PREFIX(self, i:int=None):
             if i is None:
-                return self.getTokens(StlParser.STEP)
+                return self.getTokens(StlParser.PREFIX)
             else:
-                return self.getToken(StlParser.STEP, i)
-
-        def NOT(self, i:int=None):
-            if i is None:
-                return self.getTokens(StlParser.NOT)
-            else:
-                return self.getToken(StlParser.NOT, i)
+                return self.getToken(StlParser.PREFIX, i)
 
         def MINUS(self, i:int=None):
             if i is None:
@@ -1029,87 +1018,83 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 137
+            self.state = 136
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 9984) != 0):
-                self.state = 135
+            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 201327104) != 0):
+                self.state = 134
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
-                if token in [8]:
+                if token in [26]:
                     self.state = 128
                     self.match(StlParser.TEMPORAL)
                     self.state = 130
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if _la==25:
+                    if _la==19:
                         self.state = 129
                         self.interval()
 
 
                     pass
-                elif token in [9]:
+                elif token in [27]:
                     self.state = 132
-                    self.match(StlParser.STEP)
+                    self.match(StlParser.PREFIX)
                     pass
-                elif token in [10]:
+                elif token in [9]:
                     self.state = 133
-                    self.match(StlParser.NOT)
-                    pass
-                elif token in [13]:
-                    self.state = 134
                     self.match(StlParser.MINUS)
                     pass
                 else:
                     raise NoViableAltException(self)
 
-                self.state = 139
+                self.state = 138
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
-            self.state = 159
+            self.state = 158
             self._errHandler.sync(self)
             token = self._input.LA(1)
-            if token in [17]:
-                self.state = 140
+            if token in [11]:
+                self.state = 139
                 self.match(StlParser.NAME)
                 pass
-            elif token in [18]:
-                self.state = 141
+            elif token in [12]:
+                self.state = 140
                 self.match(StlParser.NUMBER)
                 pass
-            elif token in [16]:
-                self.state = 142
+            elif token in [31]:
+                self.state = 141
                 self.match(StlParser.TRUTH)
                 pass
-            elif token in [23]:
-                self.state = 143
+            elif token in [17]:
+                self.state = 142
                 self.match(StlParser.OPEN)
-                self.state = 144
+                self.state = 143
                 self.expression()
-                self.state = 145
+                self.state = 144
                 self.match(StlParser.CLOSE)
                 pass
-            elif token in [15]:
-                self.state = 147
+            elif token in [30]:
+                self.state = 146
                 self.match(StlParser.FUNCTION)
-                self.state = 148
+                self.state = 147
                 self.match(StlParser.OPEN)
-                self.state = 149
+                self.state = 148
                 self.expression()
-                self.state = 154
+                self.state = 153
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
-                while _la==21:
-                    self.state = 150
+                while _la==15:
+                    self.state = 149
                     self.match(StlParser.COMMA)
-                    self.state = 151
+                    self.state = 150
                     self.expression()
-                    self.state = 156
+                    self.state = 155
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
 
-                self.state = 157
+                self.state = 156
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1166,33 +1151,33 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 161
+            self.state = 160
             self.match(StlParser.OPEN_INTERVAL)
-            self.state = 162
+            self.state = 161
             self.bound()
-            self.state = 163
+            self.state = 162
             _la = self._input.LA(1)
-            if not(_la==20 or _la==21):
+            if not(_la==14 or _la==15):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 168
+            self.state = 167
             self._errHandler.sync(self)
             token = self._input.LA(1)
-            if token in [7, 13, 17, 18]:
-                self.state = 164
+            if token in [7, 9, 11, 12]:
+                self.state = 163
                 self.bound()
-                self.state = 165
+                self.state = 164
                 _la = self._input.LA(1)
-                if not(_la==24 or _la==26):
+                if not(_la==18 or _la==20):
                     self._errHandler.recoverInline(self)
                 else:
                     self._errHandler.reportMatch(self)
                     self.consume()
                 pass
-            elif token in [24]:
-                self.state = 167
+            elif token in [18]:
+                self.state = 166
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1242,26 +1227,26 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 171
+            self.state = 170
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            if _la==13:
-                self.state = 170
+            if _la==9:
+                self.state = 169
                 self.match(StlParser.MINUS)
 
 
-            self.state = 173
+            self.state = 172
             _la = self._input.LA(1)
-            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 393344) != 0)):
+            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 6272) != 0)):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 175
+            self.state = 174
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            if _la==17:
-                self.state = 174
+            if _la==11:
+                self.state = 173
                 self.match(StlParser.NAME)
 
 

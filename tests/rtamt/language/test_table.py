@@ -1,0 +1,139 @@
+"""The table of operators: a row is all that the parser, the printer and the monitors need."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Literal, cast
+
+import pytest
+
+import rtamt
+from rtamt.errors import ParseError, SpecificationError
+from rtamt.language import parser
+from rtamt.language.formula import Formula, Term, make, variable
+from rtamt.language.operators import OPERATORS, _function
+from rtamt.language.table import KEYWORDS, Operator
+from rtamt.program.algebra import FUNCTIONS, Function
+
+Add = Callable[[Operator], None]
+
+W_NEXT = Operator(
+    ("w_next", "wX"),
+    "prefix",
+    7,
+    "p(i+1); at the last sample +inf",
+    lambda b, p: b.window("min", 1, 1, p),
+    sampled=True,
+    future=True,
+)
+NAND = Operator(
+    ("nand",), "infix", 5, "-min(p, q)", lambda b, p, q: b.map("neg", b.map("min", p, q)), (2, 2)
+)
+TANH = _function("tanh", "hyperbolic tangent")
+
+x, y = variable("x"), variable("y")
+TRACE = {"x": [1.0, 3.0, -2.0, 0.5], "y": [0.0, 2.0, 4.0, -1.0]}
+
+
+@pytest.fixture
+def add() -> Iterator[Add]:
+    """Adds a row to the table until the end of the test."""
+    rows = tuple(OPERATORS.values())
+    yield lambda row: OPERATORS.replace((*rows, row))
+    OPERATORS.replace(rows)
+    parser._cached.cache_clear()
+
+
+def formula(text: str) -> Formula:
+    return rtamt.parse(text).formula
+
+
+@pytest.mark.parametrize("backend", ["python", "auto"])
+def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) -> None:
+    add(W_NEXT)
+    made = cast("Formula", make("w_next", (x > 1,)))
+    assert formula("w_next(x > 1)") is formula("wX x > 1") is made
+    assert str(made & (y > 0)) == "w_next(x > 1) and y > 0"
+    assert formula(str(made.always(0, 2))) is made.always(0, 2)
+    assert rtamt.parse("always[0:2] w_next(x > 1)").horizon == 3
+    values = rtamt.evaluate(made, TRACE, backend=backend)
+    assert values.tolist() == [2.0, -3.0, -0.5, math.inf]
+    explanation = rtamt.explain(made, TRACE, sample=1, backend=backend)
+    assert [(str(step.formula), step.sample) for step in explanation.steps] == [
+        ("w_next(x > 1)", 1),
+        ("x > 1", 2),
+    ]
+    with pytest.raises(ParseError, match="did you mean 'w_next'"):
+        formula("w_nex(x > 1)")
+    with pytest.raises(SpecificationError, match="'wX' is the operator 'w_next' and cannot name"):
+        variable("wX")
+    with pytest.raises(ParseError, match="'w_next' speaks of neighbouring samples"):
+        rtamt.DenseMonitor("w_next(x > 1)")
+
+
+def test_an_infix_operator_is_one_row(add: Add) -> None:
+    add(NAND)
+    made = cast("Formula", make("nand", (x > 1, y > 0)))
+    assert formula("x > 1\nnand y > 0") is made
+    assert formula(str(made.implies(made))) is made.implies(made)
+    assert rtamt.evaluate(made, TRACE).tolist() == [0.0, -2.0, 3.0, 1.0]
+    with pytest.raises(ParseError, match=r"'nand' does not chain; write \(x nand y\) nand z or"):
+        formula("x nand y nand z")
+
+
+def test_a_function_is_a_row_here_and_one_in_the_algebra(
+    add: Add, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add(TANH)
+    monkeypatch.setitem(
+        cast("dict[str, Function]", FUNCTIONS), "tanh", Function("tanh", 1, math.tanh)
+    )
+    made = cast("Term", make("tanh", (x,))) > 0.25
+    assert formula("tanh(x) > 0.25") is made
+    assert str(made.always()) == "always(tanh(x) > 0.25)"
+    assert formula(str(made)) is made
+    expected = [math.tanh(value) - 0.25 for value in TRACE["x"]]
+    assert rtamt.evaluate(made, TRACE, backend="python").tolist() == expected
+    monitor = rtamt.EpisodeMonitor(made.always(), backend="python", history=True)
+    for value in TRACE["x"]:
+        monitor.update(x=value)
+    assert [(c.variable, c.sample) for c in monitor.explain().causes] == [("x", 2)]
+    assert formula("tanh > 1") is (variable("tanh") > 1)
+    with pytest.raises(ParseError, match=r"hint: write tanh\(x\)"):
+        formula("1 < tanh x")
+    with pytest.raises(ParseError, match=r"functions are abs, .*, tanh"):
+        formula("foo(x) > 1")
+
+
+def test_a_row_that_is_gone_leaves_nothing_behind() -> None:
+    assert formula("w_next > 1") is (variable("w_next") > 1)
+    with pytest.raises(ParseError, match="unknown function 'tanh'"):
+        formula("tanh(x) > 0.25")
+
+
+@pytest.mark.parametrize("word", ["next", "X", "min", "inf"])
+def test_a_word_has_one_meaning(add: Add, word: str) -> None:
+    with pytest.raises(AssertionError, match=f"one meaning for a word, got several for {word}"):
+        add(Operator(("weak", word), "prefix", 7, "", lambda _, p: p))
+    assert "weak" not in OPERATORS
+    assert formula("weak > 1") is (variable("weak") > 1)
+
+
+@pytest.mark.parametrize("word", sorted({*OPERATORS.words, *KEYWORDS}))
+def test_text_and_python_agree_on_the_names_of_variables(word: str) -> None:
+    row = OPERATORS.words.get(word)
+    if row is None or row.notation != "call":
+        with pytest.raises(SpecificationError, match=f"'{word}' is .* and cannot name a variable"):
+            variable(word)
+        for text in (f"input float {word}; x > 0", f"{word} = x > 0", f"x > {word}"):
+            with pytest.raises(ParseError):
+                rtamt.parse(text)
+        return
+    named = (variable(word) + 1 > variable(word)) & (x > -variable(word))
+    assert str(named) == f"{word} + 1 > {word} and x > -{word}"
+    assert formula(str(named)) is named
+    text = f"float {word}\n({word} > 0)\n and {word}/2 > 1"
+    assert rtamt.parse(text).variables == (word,)
+    assert str(formula(f"const float {word} = 3; G[0:{word}] x > {word}")) == "always[0:3](x > 3)"
+    assert list(rtamt.parse(f"{word} = x > 1\nx > 0 or {word}").formulas) == [word]
