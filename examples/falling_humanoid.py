@@ -1,9 +1,10 @@
-"""A humanoid falls: stopped before it lands, and what a landing looks like between two samples.
+"""A humanoid falls: stopped before it lands, or watched until after the blow of its landing.
 
-`caught`: whenever the trunk sinks below 1 m it is up again within 0.09 s. The monitor ends an
-episode when that is out of reach, before the trunk meets the floor. `soft`: it never does so with
-1000 N. A blow takes a few milliseconds, and an observation is made every 15 ms; `substeps=True`
-feeds the monitor at every step of the simulation, every 3 ms, and finds what lies in between.
+`caught`: whenever the trunk sinks below 1 m, it is up again within 0.09 s. The monitor ends an
+episode as soon as that is impossible, before the trunk meets the floor. `soft`: the trunk never
+meets it with 1000 N or more. A blow takes a few milliseconds, an observation is made every 15 ms.
+`substeps=True` feeds the monitor at every step of the simulation, every 3 ms, so that it sees a
+blow between two observations.
 
 Run: python examples/falling_humanoid.py --episodes 4 --plot falling_humanoid.png
 """
@@ -26,7 +27,7 @@ SIGNALS = {"height": "body:torso.xpos[2]", "blow": "contact:torso,floor.force"}
 
 
 def fall(monitor: StlMonitor[Any, Any], seed: int) -> tuple[list[float], float]:
-    """Acts at random; height after every step of the environment, and the hardest blow."""
+    """Acts at random; returns the height after each step, and the hardest blow."""
     simulation: Any = monitor.unwrapped
     _, info = monitor.reset(seed=seed)
     monitor.action_space.seed(seed)
@@ -38,7 +39,7 @@ def fall(monitor: StlMonitor[Any, Any], seed: int) -> tuple[list[float], float]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Falls from several starts, prints what the monitors see, and draws it."""
+    """Falls from several starts; prints and draws what the monitors see."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=4)
     parser.add_argument("--plot", type=Path, help="draw the falls into this file")

@@ -1,8 +1,8 @@
-"""Two drivers on a highway, two rules, and how long before a crash one was broken.
+"""Two drivers on a highway and two rules: how long before a crash a rule was broken.
 
-`distance`, after responsibility-sensitive safety (Shalev-Shwartz et al., 2017): whoever is closer
-than it takes to brake makes room within 3 s. `lane`: a change of lanes is over within 2 s. A
-violation does not stop these runs, so that the crash after it is seen.
+`distance`, after responsibility-sensitive safety (Shalev-Shwartz et al., 2017): a car that is too
+close to brake in time makes room within 3 s. `lane`: a change of lanes takes at most 2 s. These
+runs go on after a violation, to show the crash that follows.
 
 Run: python examples/highway_rss.py --episodes 4 --plot highway_rss.png
 """
@@ -26,7 +26,7 @@ LEFT, IDLE, RIGHT, FASTER, SLOWER = range(5)
 
 
 def spare(highway: Any) -> float:
-    """Metres to spare before the car ahead, if it brakes at once with 6 m/s2, and we 1 s later."""
+    """Metres to spare if the car ahead brakes now with 6 m/s2, and our car 1 s later."""
     own = highway.vehicle
     ahead, _ = highway.road.neighbour_vehicles(own)
     if ahead is None:
@@ -36,7 +36,7 @@ def spare(highway: Any) -> float:
 
 
 def drive(driver: str, highway: Any, _obs: object) -> int:
-    """One keeps more than the safe distance; the other never brakes, and weaves between cars."""
+    """Acts as the cautious driver, who keeps his distance, or as one who weaves between cars."""
     if driver == "cautious":
         return SLOWER if spare(highway) < 15 else FASTER if spare(highway) > 30 else IDLE
     if spare(highway) > -40 or highway.steps % 5:
@@ -45,7 +45,7 @@ def drive(driver: str, highway: Any, _obs: object) -> int:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Lets both drive, prints what became of the rules, and draws it."""
+    """Lets both drive; prints and draws which rules they break."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=4)
     parser.add_argument("--plot", type=Path, help="draw the episodes into this file")

@@ -1,8 +1,8 @@
-"""A controller that looks ahead: of several futures it takes the one of greatest robustness.
+"""A controller that looks ahead: it chooses the future with the greatest robustness.
 
-A cart balances a pole in a corridor that bends. Feedback to the middle of the corridor comes too
-late. The controller that looks ahead continues the simulation from a snapshot, its monitors with
-it, towards several places, and goes where the worst instant of the next second is best.
+A cart balances a pole in a corridor that bends. Feedback that steers to the middle of the corridor
+reacts too late. The controller that looks ahead continues the simulation and its monitors from a
+snapshot towards several places, and goes where the least robustness of the next second is greatest.
 
 Run: python examples/lookahead.py --plot lookahead.png
 """
@@ -30,7 +30,7 @@ def middle(time: Any) -> Any:
 
 
 def balance(monitor: StepMonitor, place: float, steps: int) -> tuple[float, list[float]]:
-    """Balances towards a place; the least robustness, and the way of the cart."""
+    """Balances towards a place; returns the least robustness and the path of the cart."""
     worst, way = np.inf, list[float]()
     for _ in range(steps):
         (x, angle), (speed, turn) = monitor.data.qpos, monitor.data.qvel
@@ -41,7 +41,7 @@ def balance(monitor: StepMonitor, place: float, steps: int) -> tuple[float, list
 
 
 def drive(ax: Any, ahead: int) -> StepMonitor:
-    """Drives and draws; ``ahead`` steps of every future are weighed, none without a look ahead."""
+    """Drives and draws; compares futures of ``ahead`` steps, or steers by feedback if that is 0."""
     monitor = StepMonitor(MODEL, mujoco.MjData(MODEL), SPEC, SIGNALS, view="step")
     driven: list[float] = []
     while (start := monitor.data.time) < 12:
@@ -60,7 +60,7 @@ def drive(ax: Any, ahead: int) -> StepMonitor:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Drives without and with a look ahead, prints what became of it, and draws it."""
+    """Drives by feedback alone and by looking ahead; prints and draws both."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--plot", type=Path, help="draw the cart into this file")
     arguments = parser.parse_args(argv)

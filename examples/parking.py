@@ -1,8 +1,8 @@
-"""Reach and stay: a car of highway-env parks in time and stays in its spot, or it does not.
+"""Reach and stay: a car of highway-env has to park in time and to stay in its spot.
 
-The environment is content with a touch of the spot, at any speed; the specification is not. This
-driver goes straight at the spot in the gear that faces it. With the spot at its side it flips
-between the gears and gets nowhere. A run stops when its verdict is certain, not at the time limit.
+For the environment it is enough to touch the spot at any speed; for the specification it is not.
+This driver goes straight to the spot, forward or in reverse. With the spot at its side, it changes
+gear again and again and gets nowhere. A run stops as soon as its verdict is certain.
 
 Run: python examples/parking.py --episodes 8 --plot parking.png
 """
@@ -30,7 +30,7 @@ SIGNALS = {
 
 
 def drive(obs: Any) -> Any:
-    """Acceleration and steering, the slower the nearer."""
+    """Acceleration and steering; the car slows down near the spot."""
     vx, vy, cos, sin = obs["achieved_goal"][2:]
     dx, dy = 100 * (obs["desired_goal"] - obs["achieved_goal"])[:2]
     ahead, left = dx * cos + dy * sin, dy * cos - dx * sin
@@ -42,14 +42,14 @@ def drive(obs: Any) -> Any:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Parks from several starts, prints what became of it, and draws it."""
+    """Parks from several starts; prints and draws the verdicts."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--episodes", type=int, default=8)
     parser.add_argument("--plot", type=Path, help="draw the episodes into this file")
     arguments = parser.parse_args(argv)
     plt.style.use(Path(__file__).with_name("paper.mplstyle"))
     figure, (lot, distance) = plt.subplots(1, 2, width_ratios=[1.6, 1])
-    # A goal of 0 is never met: the environment would end an episode at the first touch.
+    # With a goal of 0, the environment does not end an episode at the first touch.
     env = gym.make("highway_env:parking-v0", config={"success_goal_reward": 0.0})
     print(f"{SPEC}\nstart  verdict    certain after  robustness in m")
     for seed in range(arguments.episodes):

@@ -62,18 +62,10 @@ def tidy(ax: Axes, name: str) -> None:
 def robustness_panel(
     ax: Axes, name: str, formula: str, width: int, curves: Sequence[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
-    """Prepares a panel for robustness: a tidy one with the formula above and a line at zero.
+    """Names a panel, writes a formula above it in lines of a width, and draws a line at zero.
 
-    Args:
-        ax: The panel.
-        name: Stands on the left.
-        formula: Stands above, in two lines at most.
-        width: Characters in such a line.
-        curves: The curves to be drawn.
-
-    Returns:
-        The curves, clipped to the range of the panel. It holds their finite values and zero, with
-        room above and below, so that infinite values end at its edges.
+    Returns the curves clipped to the range of the panel: that of their finite values and zero, with
+    room above and below, so that infinite values end at its edges.
     """
     tidy(ax, name)
     text = "\n".join(textwrap.wrap(formula, width, max_lines=2, placeholder=" ..."))

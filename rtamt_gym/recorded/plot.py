@@ -10,22 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rtamt import Verdict
-from rtamt_gym.drawing import (
-    OPEN,
-    ROBUSTNESS,
-    SIGNAL,
-    VERDICTS,
-    robustness_panel,
-    show_verdict,
-    tidy,
-)
+from rtamt_gym import drawing
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import number, shorten
 
 __all__ = ["draw_trace"]
 
-_SHADE: Mapping[str, Any] = {"color": VERDICTS[Verdict.VIOLATED], "alpha": 0.3, "linewidth": 0}
+_SHADE: Mapping[str, Any] = {
+    "color": drawing.VERDICTS[Verdict.VIOLATED],
+    "alpha": 0.3,
+    "linewidth": 0,
+}
 
 
 def draw_trace(
@@ -46,21 +42,21 @@ def draw_trace(
     end = max(float(signal.times[-1]) for signal in signals.values()) if signals else 0.0
     ax: Axes
     for ax, (name, signal) in zip(axes, signals.items(), strict=False):
-        tidy(ax, shorten(name, 24))
-        _line(ax, signal, signal.values, end, SIGNAL)
+        drawing.tidy(ax, shorten(name, 24))
+        _line(ax, signal, signal.values, end, drawing.SIGNAL)
         ax.margins(x=0.0, y=0.15)
     for ax, (spec, name) in zip(axes[len(signals) :], formulas, strict=True):
         judgement = judgements[spec]
         series = judgement.series[name]
         label = shorten(spec if name == RESULT else name, 24)
-        (values,) = robustness_panel(ax, label, series.text, 96, [series.values])
-        _line(ax, series, values, end, ROBUSTNESS)
+        (values,) = drawing.robustness_panel(ax, label, series.text, 96, [series.values])
+        _line(ax, series, values, end, drawing.ROBUSTNESS)
         if name == list(judgement.series)[-1]:
-            show_verdict(ax, judgement.verdict, number(judgement.robustness))
+            drawing.show_verdict(ax, judgement.verdict, number(judgement.robustness))
     figure.align_ylabels(axes)
     figure.suptitle(title, fontsize=12, fontweight="bold")
     timed = any(s.step is not None for each in judgements.values() for s in each.series.values())
-    figure.supxlabel("time in s" if timed else "samples", fontsize=9, color=OPEN)
+    figure.supxlabel("time in s" if timed else "samples", fontsize=9, color=drawing.OPEN)
     return figure
 
 

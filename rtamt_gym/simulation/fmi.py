@@ -255,10 +255,9 @@ class Fmus(System):
     def _find(self, name: str) -> _Variable:
         """The variable of a name, which holds a single number."""
         if name not in self._variables:
-            outputs = [v.name for v in self._all() if v.entry.causality == "output"]
             raise InputError(
                 f"no variable {name!r} in {self.name}"
-                + (nearest(name, self._variables) or f"; the outputs are {listing(outputs)}")
+                + (nearest(name, self._variables) or f"; the outputs are {self._all('output')}")
             )
         variable = self._variables[name]
         if kind_of(variable.entry) is None:
@@ -270,10 +269,9 @@ class Fmus(System):
     def _input(self, name: str) -> _Variable:
         variable = self._find(name)
         if variable.entry.causality != "input":
-            inputs = [v.name for v in self._all() if v.entry.causality == "input"]
             raise InputError(
                 f"expected an input, got {name!r}, which is of causality "
-                f"{variable.entry.causality!r}; the inputs are {listing(inputs)}"
+                f"{variable.entry.causality!r}; the inputs are {self._all('input')}"
             )
         return variable
 
@@ -289,8 +287,10 @@ class Fmus(System):
             )
         return variable
 
-    def _all(self) -> list[_Variable]:
-        return list(dict.fromkeys(self._variables.values()))
+    def _all(self, causality: str) -> str:
+        """Lists the names of all inputs or outputs."""
+        known = dict.fromkeys(self._variables.values())
+        return listing([each.name for each in known if each.entry.causality == causality])
 
 
 def _named(fmus: object) -> dict[str, Path]:

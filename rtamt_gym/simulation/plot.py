@@ -11,16 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from rtamt_gym.drawing import (
-    BOUNDS,
-    OPEN,
-    ROBUSTNESS,
-    SIGNAL,
-    VERDICTS,
-    robustness_panel,
-    show_verdict,
-    tidy,
-)
+from rtamt_gym import drawing
 from rtamt_gym.simulation.record import Course, Floats, RunRecord
 from rtamt_gym.tables import sample_text
 
@@ -51,11 +42,11 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
     verdicts = {c.verdict for run in runs for c in run.courses.values()}
     figure.legend(
         handles=[
-            Line2D([], [], color=ROBUSTNESS, label="robustness if it ended now"),
-            Patch(color=BOUNDS, alpha=0.5, label="what it can still become"),
+            Line2D([], [], color=drawing.ROBUSTNESS, label="robustness if it ended now"),
+            Patch(color=drawing.BOUNDS, alpha=0.5, label="what it can still become"),
             *(
                 Patch(color=c, alpha=0.4, label=v.name)
-                for v, c in VERDICTS.items()
+                for v, c in drawing.VERDICTS.items()
                 if v in verdicts
             ),
         ],
@@ -74,15 +65,15 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     signal_axes, course_axes = np.split(axes, [len(run.signals)])
     ax: Axes
     for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
-        tidy(ax, name)
-        ax.plot(times, values, color=SIGNAL, linewidth=1.6)
+        drawing.tidy(ax, name)
+        ax.plot(times, values, color=drawing.SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
         _draw_course(ax, name, course, times, end)
         text = f"{course.final:+.3g}"
         if course.decided_at is not None:
             text += f", at {sample_text(course.decided_at, run.period)}"
-        show_verdict(ax, course.verdict, text)
+        drawing.show_verdict(ax, course.verdict, text)
     axes[-1].set_xlim(0.0, end)
     axes[-1].annotate(
         "time in s" if run.period else "samples",
@@ -91,7 +82,7 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
         xycoords="axes fraction",
         textcoords="offset points",
         fontsize=9,
-        color=OPEN,
+        color=drawing.OPEN,
     )
     who = run.label or ("" if run.seed is None else f"seed {run.seed}")
     axes[0].set_title(
@@ -101,11 +92,11 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
 
 def _draw_course(ax: Axes, name: str, course: Course, times: Floats, end: float) -> None:
     curves = (course.robustness, course.lower, course.upper)
-    robustness, lower, upper = robustness_panel(ax, name, course.formula, 64, curves)
-    ax.fill_between(times, lower, upper, color=BOUNDS, alpha=0.5, linewidth=0)
+    robustness, lower, upper = drawing.robustness_panel(ax, name, course.formula, 64, curves)
+    ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
     if course.decided_at is not None:
-        colour = VERDICTS[course.verdict]
+        colour = drawing.VERDICTS[course.verdict]
         at = float(times[course.decided_at])
         ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
         ax.axvline(at, color=colour, linewidth=1.6)
-    ax.plot(times, robustness, color=ROBUSTNESS, linewidth=1.6)
+    ax.plot(times, robustness, color=drawing.ROBUSTNESS, linewidth=1.6)

@@ -36,14 +36,10 @@ def save(run: RunRecord, path: Path) -> None:
     kept = {each.name: getattr(run, each.name) for each in fields(run)} | {
         "signals": list(run.signals),
         "courses": {
-            name: {
-                "formula": course.formula,
-                # Text, because JSON has no infinities.
-                "final": repr(course.final),
-                "verdict": course.verdict.name,
-                "decided_at": course.decided_at,
-                "unit": course.unit,
-            }
+            name: {each.name: getattr(course, each.name) for each in fields(course)}
+            | dict.fromkeys(_CURVES)
+            # Text, because JSON has no infinities.
+            | {"final": repr(course.final), "verdict": course.verdict.name}
             for name, course in run.courses.items()
         },
         "period": None if run.period is None else str(run.period),
