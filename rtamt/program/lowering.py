@@ -11,7 +11,7 @@ from rtamt.language.formula import Formula, Term
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Meaning
-from rtamt.program.algebra import FUNCTIONS
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import (
     Const,
@@ -129,6 +129,12 @@ class ProgramBuilder:
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         """The fold over offsets lo to hi from now; of the present alone, the last operand."""
+        if fold not in FOLDS:
+            msg = (
+                f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "
+                "'A fold' in CONTRIBUTING.md"
+            )
+            raise AssertionError(msg)
         if lo == hi == 0:
             return args[-1]
         return self._emit(Window(fold, lo, hi, args), term=False)

@@ -10,8 +10,6 @@ from rtamt.program.program import Const, Instruction, Load, Map, Program, Window
 
 __all__ = ["positive"]
 
-_DUAL = {"min": "max", "max": "min"}
-
 
 def positive(program: Program) -> Program:
     """The same robustness with negations pushed down to the predicates.
@@ -80,7 +78,7 @@ class _Writer:
             case Map("neg"):
                 return args[0]
             case Map(function):
-                name = _DUAL[function] if negated else function
+                name = FOLDS[function].dual if negated else function
                 return self._emit(Map(name, args), register, term=False)
             case Window(fold, lo, hi):
                 name = FOLDS[fold].dual if negated else fold

@@ -1,0 +1,153 @@
+"""What a lattice fold must be, checked where its row is made."""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rtamt import parse
+from rtamt.program.algebra import FOLDS, LatticeFold, _reads_one_number, _table
+from rtamt.program.interface import STANDARD
+from rtamt.program.lowering import ProgramBuilder
+
+INF = math.inf
+NUMBERS = (-INF, -2.5, 0.0, 1.0, 7.0, INF)
+WAY_OUT = "; a mean or a sum needs a machine of its own, see 'A fold' in CONTRIBUTING.md"
+
+Numbers = tuple[Any, ...]
+Combine = Callable[[Numbers, Numbers], Numbers]
+
+
+def row(
+    name: str,
+    combine: Combine,
+    identity: Numbers = (INF,),
+    mirror: str | None = None,
+    dual: str | None = None,
+    arrays: Combine | None = None,
+) -> LatticeFold:
+    """A row whose functions take numbers and arrays alike."""
+    width = len(identity)
+    return LatticeFold(
+        name, width, identity, mirror or name, dual or name, combine, arrays or combine
+    )
+
+
+def least(x: Numbers, y: Numbers) -> Numbers:
+    return (np.minimum(x[0], y[0]),)
+
+
+def agm(x: Any, y: Any) -> Any:  # noqa: ANN401 - numbers or arrays
+    """The arithmetic-geometric mean robustness of a conjunction (Mehdipour et al., ACC 2019)."""
+    positive = np.sqrt((1 + np.maximum(x, 0)) * (1 + np.maximum(y, 0))) - 1
+    negative = (np.minimum(x, 0) + np.minimum(y, 0)) / 2
+    return np.where(np.minimum(x, y) > 0, positive, negative)
+
+
+@pytest.mark.parametrize("name", FOLDS)
+def test_a_fold_chooses_among_the_numbers_of_its_elements(name: str) -> None:
+    fold = FOLDS[name]
+    for numbers in itertools.product(NUMBERS, repeat=2 * fold.width):
+        x, y = numbers[: fold.width], numbers[fold.width :]
+        assert set(fold.combine(x, y)) <= set(numbers)
+        assert fold.combine(x, x) == x
+
+
+@pytest.mark.parametrize("name", FOLDS)
+def test_the_dual_is_the_fold_of_the_negated_and_the_mirror_that_of_the_reversed(name: str) -> None:
+    fold = FOLDS[name]
+    for numbers in itertools.product(NUMBERS, repeat=2 * fold.width):
+        x, y = numbers[: fold.width], numbers[fold.width :]
+        made = fold.combine(x, y)
+        negated = FOLDS[fold.dual].combine(tuple(-v for v in x), tuple(-v for v in y))
+        assert tuple(-v for v in negated) == made
+        assert FOLDS[fold.mirror].combine(y, x) == made
+
+
+@pytest.mark.parametrize(
+    ("name", "combine", "identity", "reason"),
+    [
+        (
+            "sum",
+            lambda x, y: (x[0] + y[0],),
+            (0.0,),
+            "it is not idempotent (of 2.0 twice it makes 4.0)",
+        ),
+        (
+            "mean",
+            lambda x, y: ((x[0] + y[0]) / 2,),
+            (0.0,),
+            "it does not choose among the numbers of its elements (of 2.0 and 3.0 it makes 2.5)",
+        ),
+        # The mean as a monoid: the sum and the number of the elements.
+        (
+            "mean",
+            lambda x, y: (x[0] + y[0], x[1] + y[1]),
+            (0.0, 0.0),
+            "it is not idempotent (of (2.0, 2.0) twice it makes (4.0, 4.0))",
+        ),
+        (
+            "agm",
+            lambda x, y: (agm(x[0], y[0]),),
+            (INF,),
+            (
+                "it does not choose among the numbers of its elements "
+                "(of 2.0 and 3.0 it makes 2.4641016151377544)"
+            ),
+        ),
+        (
+            "farthest",
+            lambda x, y: (np.where(np.abs(x[0]) >= np.abs(y[0]), x[0], y[0]),),
+            (0.0,),
+            "it does not act on each threshold by itself (of 2.0 and -inf it makes -inf)",
+        ),
+        ("min", least, (0.0,), "(0.0,) is not its identity"),
+        ("latest", lambda _, y: y, (INF,), "(inf,) is not its identity"),
+        (
+            "max",
+            lambda x, y: (np.maximum(x[0], y[0]), np.maximum(np.minimum(x[0], x[1]), y[1])),
+            (-INF, -INF),
+            "(-inf, -inf) is not its identity",
+        ),
+    ],
+)
+def test_what_is_no_lattice_fold_is_refused_with_the_law_that_it_breaks(
+    name: str, combine: Combine, identity: Numbers, reason: str
+) -> None:
+    with pytest.raises(AssertionError) as refused:
+        row(name, combine, identity)
+    assert str(refused.value) == f"'{name}' is no lattice fold: {reason}{WAY_OUT}"
+
+
+def test_numbers_and_arrays_are_folded_alike() -> None:
+    with pytest.raises(AssertionError, match="combine and combine_arrays differ"):
+        row("min", lambda x, y: (max(x[0], y[0]),), (INF,), arrays=least)
+
+
+def test_a_row_names_its_dual_and_its_mirror() -> None:
+    with pytest.raises(AssertionError, match=r"^'min' is not the dual of 'min'$"):
+        _table(row("min", least))
+    until, release = FOLDS["until"], FOLDS["release"]
+    crooked = LatticeFold(
+        "until", 2, until.identity, "until", "release", until.combine, until.combine_arrays
+    )
+    with pytest.raises(AssertionError, match=r"^'until' is not the mirror of 'until'$"):
+        _table(crooked, release, FOLDS["since"], FOLDS["trigger"])
+
+
+@pytest.mark.parametrize("name", FOLDS)
+def test_what_is_still_to_come_is_one_number_for_a_fold_or_its_mirror(name: str) -> None:
+    assert _reads_one_number(FOLDS[name]) == (name not in {"since", "trigger"})
+
+
+def test_an_operator_folds_by_a_row_of_the_table() -> None:
+    builder = ProgramBuilder(parse("x > 0"), None, STANDARD)
+    with pytest.raises(AssertionError) as refused:
+        builder.window("mean", 0, 3, 0)
+    assert str(refused.value) == (
+        "'mean' is no lattice fold: expected min, max, until, release, since, trigger; for others "
+        "see 'A fold' in CONTRIBUTING.md"
+    )
