@@ -1,4 +1,4 @@
-"""`rtamt demo`: a pendulum and a highway under monitors, with good controllers and bad."""
+"""`rtamt demo`: a pendulum and a highway under monitors, with good and bad controllers."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from rtamt_gym.simulation.systems import Policy
 __all__ = ["HIGHWAY", "PENDULUM", "Scenario", "run", "watch"]
 
 Driver = Callable[[gym.Env[Any, Any]], Policy]
-"""Makes the policy of an episode of an environment, which a driver may look into."""
+"""Makes the policy of an episode; it may read the state of the environment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """An environment, two requirements, and who drives.
+    """An environment, two specifications, and drivers.
 
     Attributes:
-        env_id: The environment.
-        specs: The specifications.
+        env_id: The id of the environment.
+        specs: The specifications by name.
         signals: What their variables read.
-        duration: Seconds to the time limit.
-        drivers: An episode for each; all start from the same seed.
-        shown: The driver of the picture.
+        duration: The time limit in seconds.
+        drivers: The drivers by name; each has an episode, and all start from the same seed.
+        shown: The driver whose episode is drawn.
     """
 
     env_id: str
@@ -48,7 +48,7 @@ class Scenario:
 
 
 def _balance(leave: float = 4.0, gains: tuple[float, ...] = (1.0, 12.0, 1.0, 2.0)) -> Driver:
-    """Linear feedback that holds the pole; from 2 s to ``leave`` it goes 0.5 m aside."""
+    """Linear feedback that balances the pole; from 2 s to ``leave`` it stands 0.5 m aside."""
 
     def drive(_env: gym.Env[Any, Any]) -> Policy:
         steps = itertools.count()
@@ -83,7 +83,8 @@ PENDULUM = Scenario(
 def front_gap(step: Step) -> float:
     """Metres to the vehicle ahead in the same lane, at most 100.
 
-    Read from the simulation: highway-env's observations are normalised and relative by default.
+    It is read from the simulation, because highway-env's observations are normalised and relative
+    by default.
     """
     return _front_gap(step.env)
 
@@ -104,7 +105,7 @@ def _front_gap(env: gym.Env[Any, Any]) -> float:
 
 
 _IDLE, _FASTER, _SLOWER = 1, 3, 4
-"""Actions of highway-env; 0 and 2 change the lane."""
+"""Actions of highway-env; its actions 0 and 2 change the lane."""
 
 
 def _keep_distance(env: gym.Env[Any, Any]) -> Policy:
@@ -141,7 +142,7 @@ HIGHWAY = Scenario(
 
 
 def watch(scenario: Scenario, seed: int = 0) -> list[Run]:
-    """Runs one episode for every driver of a scenario."""
+    """Runs one episode for each driver of a scenario."""
     env = make(scenario.env_id)
     runs = [
         simulate(
@@ -160,8 +161,8 @@ def watch(scenario: Scenario, seed: int = 0) -> list[Run]:
 
 
 def run(seed: int, picture: Path) -> Iterator[str]:
-    """Runs both scenarios and draws the picture; gives the lines to print as they are known."""
-    import_highway()  # without it, better not to begin
+    """Runs both scenarios and draws the picture; yields the lines to print as they are known."""
+    import_highway()  # fails before the first scenario, not after it
     shown: list[Run] = []
     watched: list[Run] = []
     for scenario in (PENDULUM, HIGHWAY):

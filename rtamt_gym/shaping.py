@@ -232,18 +232,15 @@ class Shaping:
         if weights is not None:
             check_known("weights", weights, names)
         factors = [
-            check_number(f"weights[{name!r}]", value, 0.0)
-            for name, value in (weights or {}).items()
+            check_number(f"weights[{name!r}]", value) for name, value in (weights or {}).items()
         ]
         factor = dict(zip(weights or (), factors, strict=True))
         return cls(
             mode=mode,
-            weight=check_number("weight", weight, 0.0),
-            clip=check_number("clip", clip, 0.0),
-            gamma=check_number("gamma", gamma, 0.0, 1.0),
-            temperature=(
-                None if temperature is None else check_number("temperature", temperature, 0.0)
-            ),
+            weight=check_number("weight", weight),
+            clip=check_number("clip", clip),
+            gamma=check_number("gamma", gamma, 1.0),
+            temperature=(None if temperature is None else check_number("temperature", temperature)),
             weights=tuple(factor.get(name, 1.0) for name in names),
             levels=_levels(names, mode, priorities),
         )

@@ -22,12 +22,12 @@ def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
         raise InputError(f"expected {name}={options}, got {value!r}")
 
 
-def check_number(name: str, value: object, low: float, high: float = math.inf) -> float:
-    """The number as a float: above ``low``, finite, and at most ``high``."""
-    if isinstance(value, Real) and low < float(value) <= high and float(value) < math.inf:
+def check_number(name: str, value: object, high: float = math.inf) -> float:
+    """The number as a float: above 0, finite, and at most ``high``."""
+    if isinstance(value, Real) and 0.0 < float(value) <= high and float(value) < math.inf:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
-    raise InputError(f"expected {name}= as a finite number above {low:g}{most}, got {value!r}")
+    raise InputError(f"expected {name}= as a finite number above 0{most}, got {value!r}")
 
 
 def check_length(name: str, value: object) -> int:

@@ -182,7 +182,7 @@ class StepMonitor:
             InputError: Likewise.
         """
         check_choice("on_violation", on_violation, get_args(OnStepViolation))
-        steps = round(check_number("duration", duration, 0.0) / self.model.opt.timestep)
+        steps = round(check_number("duration", duration) / self.model.opt.timestep)
         if not self._running:
             self._begin()
         stops = on_violation == "stop"

@@ -100,7 +100,7 @@ class Fmus(System):
     ) -> None:
         self._paths = _named(fmus)
         self.name = ", ".join(self._paths)
-        self._step = None if step is None else check_number("step", step, 0.0)
+        self._step = None if step is None else check_number("step", step)
         self._described = [_describe(path) for path in self._paths.values()]
         experiments = [described.defaultExperiment for described in self._described]
         sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}

@@ -163,7 +163,7 @@ def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int
 
 
 class _Recorder:
-    """Feeds samples to the monitors, and keeps all of them and what the monitors say."""
+    """Feeds samples to the monitors; keeps the samples and the values of the monitors."""
 
     def __init__(
         self, panel: Panel, variables: Sequence[str], signals: Iterable[str], nan: Nan
@@ -177,7 +177,7 @@ class _Recorder:
         self._feed = panel.feeder(variables, curves=list(self._curves.values()))
 
     def take(self, values: Sequence[float]) -> None:
-        """Feeds a sample: a value for every variable, then for every other signal."""
+        """Feeds and keeps a sample: the variables, then the signals that are not variables."""
         if self._holds and self._samples:
             last = self._samples[-1]
             values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
@@ -187,7 +187,7 @@ class _Recorder:
         self._samples.append(tuple(values))
 
     def _check(self, index: int, value: object) -> None:
-        """Of a value that no monitor reads: as a monitor does."""
+        """Raises the error that a monitor would raise, for a value that none reads."""
         where = f"{self._names[index]!r} at sample {len(self._samples)}"
         if not isinstance(value, Real):
             raise InputTypeError(
@@ -195,18 +195,18 @@ class _Recorder:
             )
 
     def amend(self) -> None:
-        """Puts down the bounds once more: the end of the trace has settled them."""
+        """Replaces the last values of the monitors by those after the end of the trace."""
         for name, (monitor, judge) in self._panel.monitors.items():
             self._curves[name][-1] = monitor.robustness, judge.lower, judge.upper
 
     def signals(self) -> dict[str, Floats]:
-        """The values of every variable."""
+        """The values of every signal."""
         shape = len(self._samples), len(self._names)
         table = np.array(self._samples, dtype=np.float64).reshape(shape)
         return dict(zip(self._names, np.ascontiguousarray(table.T), strict=True))
 
     def courses(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, Course]:
-        """What became of every specification."""
+        """The course of every specification."""
         outcomes = self._panel.outcomes()
         courses = {}
         for name, (_, judge) in self._panel.monitors.items():
@@ -307,4 +307,4 @@ def _most(duration: float | None, period: Fraction | None, system: System) -> in
     if duration == math.inf:
         return None
     # A duration that is a float may lie a little below a whole number of periods.
-    return int(exact(check_number("duration", duration, 0.0)) / (period or 1))
+    return int(exact(check_number("duration", duration)) / (period or 1))
