@@ -12,8 +12,9 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.judges.specs import SpecsLike, load_specs
 from rtamt_gym.signals.mujoco import bind_signal
-from rtamt_gym.signals.selectors import MUJOCO, Selector
+from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Signal, SignalLike, parse_signals
+from rtamt_gym.signals.sources import MUJOCO
 
 __all__ = ["evaluate_rollouts"]
 

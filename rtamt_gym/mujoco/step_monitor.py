@@ -16,8 +16,8 @@ from rtamt_gym.judges.specs import InstantMonitor, Nan, SpecsLike, View, load_sp
 from rtamt_gym.mujoco.callback import Attached
 from rtamt_gym.mujoco.clock import Clock
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
-from rtamt_gym.signals.selectors import MUJOCO
 from rtamt_gym.signals.signals import parse_signals
+from rtamt_gym.signals.sources import MUJOCO
 
 __all__ = ["Controller", "OnStepViolation", "StepMonitor"]
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.signals import Signal, Step
+from rtamt_gym.signals.spaces import fit
 
 __all__ = ["Batch", "Columns", "Floats", "Lanes"]
 
@@ -113,11 +114,11 @@ def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
     match signal.source:
         case "obs":
             space = env.single_observation_space
-            pick = _picker(space, signal.fit(space, "the observation space of one environment"))
+            pick = _picker(space, fit(signal, space, "the observation space of one environment"))
             return lambda step, _: pick(step.obs)
         case "action":
             space = env.single_action_space
-            pick = _picker(space, signal.fit(space, "the action space of one environment"))
+            pick = _picker(space, fit(signal, space, "the action space of one environment"))
             return lambda step, _: pick(step.action)
         case "reward":
             return lambda step, _: step.reward

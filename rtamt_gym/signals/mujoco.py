@@ -25,22 +25,17 @@ import numpy as np
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.signals.selectors import NAMED, Selector
+from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Number, Signal
 
-__all__ = ["StepSignal", "bind_numbers", "bind_signal", "bind_simulation", "check_pair", "derive"]
-
+__all__ = ["StepSignal", "bind_signal", "bind_simulation", "check_pair", "derive"]
 
 StepSignal = str | Callable[[Any, Any], float]
 """A selector, or a callable of model and data."""
 
 
 def check_pair(model: object, data: object) -> None:
-    """Refuses what is no model with its data.
-
-    Raises:
-        InputTypeError: Likewise.
-    """
+    """Raises an `InputTypeError` unless the two are an ``MjModel`` and an ``MjData``."""
     if not isinstance(model, mujoco.MjModel) or not isinstance(data, mujoco.MjData):
         raise InputTypeError(
             f"expected an MjModel and its MjData, got {type(model).__name__} and "
@@ -49,29 +44,30 @@ def check_pair(model: object, data: object) -> None:
 
 
 def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401
-    """The function that reads a signal, a selector or a callable, from ``data``.
+    """Makes the function that reads a signal, a selector or a callable, from ``data``.
 
     Raises:
-        InputError: If the selector does not fit the model.
+        InputError: If the model has no such name, the object no such field, or the field no such
+            index; with those that there are.
     """
     if isinstance(signal.reads, Selector):
-        return bind_numbers(signal.name, signal.reads, model, data)
+        return _bind_selector(signal.name, signal.reads, model, data)
     return lambda *_: signal.number(signal.call(model, data))
 
 
-def bind_simulation(name: str, selector: Selector, simulation: Any) -> Number:  # noqa: ANN401
-    """The function that reads a selector from ``simulation.data``, also if that is built anew.
+def bind_simulation(signal: Signal, simulation: Any) -> Number:  # noqa: ANN401
+    """Makes the function that reads a signal from ``simulation.data``, also if that is built anew.
 
     Raises:
-        InputError: If the selector does not fit the model.
+        InputError: As `bind_signal` does.
     """
-    number = bind_numbers(name, selector, simulation.model, simulation.data)
+    number = bind_signal(signal, simulation.model, simulation.data)
     bound = simulation.data
 
     def read(*_: object) -> float:
         nonlocal number, bound
         if simulation.data is not bound:
-            number = bind_numbers(name, selector, simulation.model, simulation.data)
+            number = bind_signal(signal, simulation.model, simulation.data)
             bound = simulation.data
         return number()
 
@@ -85,29 +81,13 @@ def derive(model: Any, data: Any) -> None:  # noqa: ANN401
     data.qacc_warmstart[:] = warmstart
 
 
-def bind_numbers(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
-    """The function that reads a selector from ``data``.
-
-    Args:
-        name: Name of the signal, for messages.
-        selector: What to read; its source is one of `rtamt_gym.signals.selectors.MUJOCO`.
-        model: An ``mujoco.MjModel``.
-        data: An ``mujoco.MjData`` of the model.
-
-    Raises:
-        InputError: If the model has no such name, the object no such field, or the field no such
-            index; with those that there are.
-    """
-    match selector.source:
-        case "time":
-            _index(name, selector, 1)
-            return lambda *_: float(data.time)
-        case "contact":
-            return _contact(name, selector, model, data)
-        case source if source in NAMED:
-            array = _field(name, selector, data)
-        case source:
-            array = getattr(data, source)
+def _bind_selector(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+    if selector.source == "time":
+        _index(name, selector, 1)
+        return lambda *_: float(data.time)
+    if selector.source == "contact":
+        return _contact(name, selector, model, data)
+    array = _field(name, selector, data) if selector.names else getattr(data, selector.source)
     # Reading a memoryview takes half the time of reading an array, and gives a float at once.
     view = memoryview(array.reshape(-1))
     index = _index(name, selector, len(view))

@@ -11,39 +11,32 @@ A name is text without blanks, quotes and ``. , : [ ]``, or any text in quotes:
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NoReturn
+from typing import Final, Literal, NoReturn
 
 from rtamt import InputError
 
-__all__ = ["MUJOCO", "NAMED", "STEP", "VEHICLE", "Selector", "hint", "parse_selector"]
+__all__ = ["Selector", "Syntax", "hint", "parse_selector"]
 
-STEP: Final = ("obs", "action", "reward", "info")
-"""Sources that `reset` and `step` of an environment give, in the order in which they give them."""
 
-NAMED: Final = {
-    "body": "body:torso.xpos[2]",
-    "joint": "joint:hip.qpos",
-    "geom": "geom:foot.xpos[2]",
-    "site": "site:grip.xpos[2]",
-    "camera": "camera:eye.xpos[2]",
-    "light": "light:sun.xpos[2]",
-    "tendon": "tendon:cord.length",
-    "actuator": "actuator:motor.force",
-    "sensor": "sensor:imu[0]",
-    "contact": "contact:foot,floor",
-}
-"""Sources of a MuJoCo simulation that are read by name, with an example each."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Syntax:
+    """How the selectors of a source are written.
 
-MUJOCO: Final = ("time", "qpos", "qvel", "qacc", "act", "ctrl", "sensordata", *NAMED)
-"""Sources that a MuJoCo simulation gives: its state, and what is read by name."""
+    Attributes:
+        example: A selector, for messages.
+        names: The most names that may stand behind the colon.
+        field: Whether a field follows.
+        brackets: What stands in brackets: indices and keys, first a key, or nothing.
+        common: Whether hints show the example.
+    """
 
-VEHICLE: Final = ("vehicle",)
-"""Sources that a simulation of highway-env gives."""
-
-_BARE: Final = frozenset({"sensor", "contact"})
-"""Named sources that need no field."""
+    example: str
+    names: int = 0
+    field: Literal["none", "optional", "required"] = "none"
+    brackets: Literal["any", "key", "none"] = "any"
+    common: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +65,13 @@ class Selector:
         return self.source + f":{names}" * bool(names) + f".{self.field}" * bool(self.field)
 
 
-def parse_selector(name: str, text: str, sources: Sequence[str]) -> Selector:
-    """The selector that a text is.
+def parse_selector(name: str, text: str, sources: Mapping[str, Syntax]) -> Selector:
+    """Parses a selector.
 
     Args:
         name: Name of the signal, for messages.
-        text: The text.
-        sources: The words that it may begin with.
+        text: The text of the selector.
+        sources: The words that it may begin with, and what may follow each.
 
     Raises:
         InputError: With the column, what was expected there, and a caret.
@@ -88,56 +81,44 @@ def parse_selector(name: str, text: str, sources: Sequence[str]) -> Selector:
     if source not in sources:
         scan.refuse(f"one of {', '.join(sources)}")
     scan.next()
-    names = _names(scan, source) if source in NAMED else ()
-    field = _field(scan, source)
+    syntax = sources[source]
+    names = _names(scan, syntax) if syntax.names else ()
+    field = _field(scan, syntax)
     path: list[int | str] = []
-    if source == "reward" and scan.peek():
+    if syntax.brackets == "none" and scan.peek():
         scan.refuse("the end of the selector")
     while scan.peek():
         scan.expect("[", "'[' or the end of the selector")
-        if source == "info" and not path and scan.peek()[:1] not in {"'", '"'}:
-            scan.refuse("a key in quotes, info['key']")
+        if syntax.brackets == "key" and not path and scan.peek()[:1] not in {"'", '"'}:
+            scan.refuse(f"a key in quotes, {syntax.example}")
         path.append(scan.key())
         scan.expect("]", "']'")
-    if source == "info" and not path:
-        scan.refuse("a key in quotes, info['key']")
+    if syntax.brackets == "key" and not path:
+        scan.refuse(f"a key in quotes, {syntax.example}")
     return Selector(source, names, field, tuple(path))
 
 
-def hint(sources: Sequence[str]) -> str:
-    """Selectors of some sources, to choose from."""
-    examples = [example for source, example in _EXAMPLES.items() if source in sources]
-    return f"{', '.join(examples[:-1])} or {examples[-1]}"
+def hint(sources: Mapping[str, Syntax]) -> str:
+    """Lists common selectors of some sources."""
+    *examples, last = [syntax.example for syntax in sources.values() if syntax.common]
+    return f"{', '.join(examples)} or {last}"
 
 
-_EXAMPLES: Final = {
-    "obs": "obs[2], obs['key'][0]",
-    "action": "action[0]",
-    "reward": "reward",
-    "info": "info['key']",
-    "qpos": "qpos[0]",
-    "sensor": NAMED["sensor"],
-    "body": NAMED["body"],
-    "vehicle": "vehicle.speed",
-}
+def _names(scan: _Scanner, syntax: Syntax) -> tuple[str, ...]:
+    scan.expect(":", f"':' and a name, {syntax.example}")
+    names = [scan.name()]
+    while len(names) < syntax.names and scan.peek() == ",":
+        scan.next()
+        names.append(scan.name())
+    return tuple(names)
 
 
-def _names(scan: _Scanner, source: str) -> tuple[str, ...]:
-    scan.expect(":", f"':' and a name, {NAMED[source]}")
-    first = scan.name()
-    if source != "contact" or scan.peek() != ",":
-        return (first,)
-    scan.next()
-    return first, scan.name()
-
-
-def _field(scan: _Scanner, source: str) -> str:
-    if source in NAMED or source in VEHICLE:
-        if scan.peek() == ".":
-            scan.next()
-            return scan.word()
-        if source not in _BARE:
-            scan.refuse(f"'.' and a field, {NAMED.get(source, 'vehicle.speed')}")
+def _field(scan: _Scanner, syntax: Syntax) -> str:
+    if syntax.field != "none" and scan.peek() == ".":
+        scan.next()
+        return scan.word()
+    if syntax.field == "required":
+        scan.refuse(f"'.' and a field, {syntax.example}")
     return ""
 
 
@@ -148,7 +129,7 @@ _NAME: Final = re.compile(r"\s*([^\s.,:\[\]'\"]+|'[^']*'|\"[^\"]*\"|.|$)")
 class _Scanner:
     """Reads a text token by token; an empty token is its end."""
 
-    def __init__(self, signal: str, text: str, sources: Sequence[str]) -> None:
+    def __init__(self, signal: str, text: str, sources: Mapping[str, Syntax]) -> None:
         self._signal = signal
         self._text = text
         self._sources = sources

@@ -10,8 +10,8 @@ import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputTypeError, StateError
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
-from rtamt_gym.signals.selectors import MUJOCO
 from rtamt_gym.signals.signals import parse_signals
+from rtamt_gym.signals.sources import MUJOCO
 from rtamt_gym.simulation.systems import Policy, Signals, System, exact, whole_steps
 
 __all__ = ["Model"]

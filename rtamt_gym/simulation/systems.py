@@ -15,6 +15,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.judges.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.signals.sources import SOURCES
 
 __all__ = [
     "Environment",
@@ -110,7 +111,7 @@ class Environment(System):
         period: Fraction | None,  # noqa: ARG002 - an environment's step has a length of its own
     ) -> None:
         """Binds the selectors."""
-        parsed = parse_signals(signals or {}, variables, spare=True)
+        parsed = parse_signals(signals or {}, variables, SOURCES, spare=True)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
         self._reads = [signal.bind(self._env) for signal in parsed]
 

@@ -28,6 +28,7 @@ from rtamt_gym.judges.specs import (
     resolve_period,
 )
 from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.substeps import SubSteps, read_substep_period
 
 __all__ = ["Cost", "OnViolation", "StlMonitor"]
@@ -188,7 +189,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
 
         loaded = load_specs(specs)
         self._signals = parse_signals(
-            signals, [name for spec in loaded.values() for name in spec.variables]
+            signals, [name for spec in loaded.values() for name in spec.variables], SOURCES
         )
         self._read_period = read_substep_period if substeps else read_period
         self._period = resolve_period(loaded, period, env, self._read_period)

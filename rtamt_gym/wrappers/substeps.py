@@ -12,16 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import gymnasium as gym
-
 from rtamt import InputError, StateError
 from rtamt_gym.judges.panel import Assessment, Panel
-from rtamt_gym.signals.selectors import STEP
-from rtamt_gym.signals.signals import Read, Signal
+from rtamt_gym.signals.signals import Env, Read, Signal
+from rtamt_gym.signals.sources import STEP
 
 __all__ = ["SubSteps", "read_substep_period"]
-
-Env = gym.Env[Any, Any]
 
 
 class SubSteps:

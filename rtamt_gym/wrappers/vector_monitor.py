@@ -28,6 +28,7 @@ from rtamt_gym.judges.specs import (
 from rtamt_gym.judges.vector_panel import Ended, Lockstep, Reading
 from rtamt_gym.signals.columns import Batch, Columns, Floats, Lanes
 from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.monitor import Cost, OnViolation
 
 __all__ = ["VectorStlMonitor"]
@@ -152,7 +153,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
 
         loaded = load_specs(specs)
         self._signals = parse_signals(
-            signals, [variable for spec in loaded.values() for variable in spec.variables]
+            signals, [name for spec in loaded.values() for name in spec.variables], SOURCES
         )
         self._period = resolve_period(loaded, period, env)
         self._guards_period = period is None and any(spec.timed for spec in loaded.values())

@@ -16,8 +16,9 @@ from mechanisms import arm, swing
 from rtamt import InputError
 from rtamt_gym import StlMonitor
 from rtamt_gym.signals.mujoco import bind_signal, derive
-from rtamt_gym.signals.selectors import MUJOCO, Selector, parse_selector
+from rtamt_gym.signals.selectors import Selector, parse_selector
 from rtamt_gym.signals.signals import Signal
+from rtamt_gym.signals.sources import MUJOCO
 
 
 def reader(selector: str, model: Any, data: Any) -> Callable[[], float]:  # noqa: ANN401
@@ -232,7 +233,7 @@ def test_what_is_derived_again_leaves_the_warm_start(monkeypatch: pytest.MonkeyP
     assert not np.array_equal(data.qacc, before)
 
 
-HINT = "  hint: write qpos[0], sensor:imu[0] or body:torso.xpos[2]"
+HINT = "  hint: write qpos[0], body:torso.xpos[2] or sensor:imu[0]"
 SOURCES = (
     "expected one of time, qpos, qvel, qacc, act, ctrl, sensordata, body, joint, geom, site, "
     "camera, light, tendon, actuator, sensor, contact"

@@ -12,6 +12,7 @@ from gymnasium import spaces
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt_gym.signals.signals import Signal, SignalLike, parse_signals
+from rtamt_gym.signals.sources import SOURCES
 
 
 class Simulation(gym.Env[Any, Any]):
@@ -123,7 +124,7 @@ def test_a_selector_that_does_not_fit_says_what_the_space_is(
     value: SignalLike, space: spaces.Space[Any], message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        Signal.parse("x", value).bind(Simulation(space))
+        Signal.parse("x", value, SOURCES).bind(Simulation(space))
     assert str(caught.value) == message
 
 
@@ -140,16 +141,16 @@ def test_a_mujoco_selector_that_does_not_fit_says_what_there_is(
 ) -> None:
     env = gym.make("HalfCheetah-v5")
     with pytest.raises(InputError) as caught:
-        Signal.parse("x", selector).bind(env)
+        Signal.parse("x", selector, SOURCES).bind(env)
     assert str(caught.value) == message
     env.close()
 
 
 HINT = (
-    "  hint: write obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0], sensor:imu[0], "
-    "body:torso.xpos[2] or vehicle.speed"
+    "  hint: write obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0], "
+    "body:torso.xpos[2], sensor:imu[0] or vehicle.speed"
 )
-SOURCES = (
+WORDS = (
     "expected one of obs, action, reward, info, time, qpos, qvel, qacc, act, ctrl, sensordata, "
     "body, joint, geom, site, camera, light, tendon, actuator, sensor, contact, vehicle"
 )
@@ -158,10 +159,10 @@ SOURCES = (
 @pytest.mark.parametrize(
     ("selector", "column", "wrong"),
     [
-        ("", 1, f"{SOURCES}, got the end of the selector"),
-        ("ob[2]", 1, f"{SOURCES}, got 'ob'"),
-        ("[2]", 1, f"{SOURCES}, got '['"),
-        ("__import__('os')", 1, f"{SOURCES}, got '__import__'"),
+        ("", 1, f"{WORDS}, got the end of the selector"),
+        ("ob[2]", 1, f"{WORDS}, got 'ob'"),
+        ("[2]", 1, f"{WORDS}, got '['"),
+        ("__import__('os')", 1, f"{WORDS}, got '__import__'"),
         ("obs.x", 4, "expected '[' or the end of the selector, got '.'"),
         ("obs[x]", 5, "expected an index or a key in quotes, got 'x'"),
         ("obs[", 5, "expected an index or a key in quotes, got the end of the selector"),
@@ -179,7 +180,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
     selector: str, column: int, wrong: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        Signal.parse("x", selector)
+        Signal.parse("x", selector, SOURCES)
     caret = " " * (column - 1) + "^"
     expected = f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
     assert str(caught.value) == expected
@@ -228,7 +229,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
             (
                 "signal 'x': expected a selector, a callable, or a pair of one of them and its "
                 "value at reset, got 3; a selector is obs[2], obs['key'][0], action[0], reward, "
-                "info['key'], qpos[0], sensor:imu[0], body:torso.xpos[2] or vehicle.speed"
+                "info['key'], qpos[0], body:torso.xpos[2], sensor:imu[0] or vehicle.speed"
             ),
         ),
     ],
@@ -237,7 +238,7 @@ def test_a_signal_that_is_none_says_what_is_one(
     value: SignalLike, error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error) as caught:
-        Signal.parse("x", value)
+        Signal.parse("x", value, SOURCES)
     assert str(caught.value) == message
 
 
@@ -285,7 +286,7 @@ def test_a_signal_that_is_none_says_what_is_one(
 def test_an_info_without_the_number_says_what_it_has(
     selector: str, info: dict[str, Any], error: type[Exception], message: str
 ) -> None:
-    bound = Signal.parse("x", (selector, 0.0)).bind(Simulation(VECTOR))
+    bound = Signal.parse("x", (selector, 0.0), SOURCES).bind(Simulation(VECTOR))
     with pytest.raises(error) as caught:
         bound(None, None, 0.0, info)
     assert str(caught.value) == message
@@ -328,11 +329,11 @@ def test_signals_and_variables_must_match(
     signals: dict[str, SignalLike], variables: list[str], message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        parse_signals(signals, variables)
+        parse_signals(signals, variables, SOURCES)
     assert str(caught.value) == message
 
 
 def test_signals_must_be_a_mapping() -> None:
     with pytest.raises(InputTypeError) as caught:
-        parse_signals("obs[0]", ["x"])  # type: ignore[arg-type]
+        parse_signals("obs[0]", ["x"], SOURCES)  # type: ignore[arg-type]
     assert str(caught.value) == 'expected a mapping such as signals={"x": "obs[0]"}, got \'obs[0]\''

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import gymnasium as gym
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 
 from rtamt.errors import InputError
 from rtamt_gym.judges.specs import read_period
-from rtamt_gym.signals.signals import Signal, SignalLike, Step, parse_signals
+from rtamt_gym.signals.signals import Read, Signal, SignalLike, Source, Step, parse_signals
+from rtamt_gym.signals.sources import SOURCES
 
 
 class Simulation(gym.Env[Any, Any]):
@@ -48,7 +50,7 @@ INFO = {"speed": 25, "crashed": np.bool_(1), "rewards": {"lane": np.float32(0.5)
 def read(
     value: SignalLike, env: gym.Env[Any, Any], obs: object, *, action: object = ACTION
 ) -> float:
-    return Signal.parse("x", value).bind(env)(obs, action, -1.5, INFO)
+    return Signal.parse("x", value, SOURCES).bind(env)(obs, action, -1.5, INFO)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +91,7 @@ def test_an_observation_selector_reads_one_number(
 )
 def test_what_reset_does_not_give_is_its_default_there(selector: str, expected: float) -> None:
     env = Simulation(VECTOR)
-    signal = Signal.parse("x", (selector, 7))
+    signal = Signal.parse("x", (selector, 7), SOURCES)
     assert signal.bind_reset(env)(VECTOR_OBS, None, None, {}) == 7.0
     value = signal.bind(env)(VECTOR_OBS, ACTION, -1.5, INFO)
     assert value == expected
@@ -102,7 +104,9 @@ def test_a_discrete_action_needs_no_index() -> None:
 
 
 def test_a_pair_may_be_a_list_as_json_gives_it() -> None:
-    assert Signal.parse("x", ["action[0]", 0.5]) == Signal.parse("x", ("action[0]", 0.5))
+    assert Signal.parse("x", ["action[0]", 0.5], SOURCES) == Signal.parse(
+        "x", ("action[0]", 0.5), SOURCES
+    )
 
 
 def test_a_callable_sees_the_whole_step() -> None:
@@ -126,7 +130,10 @@ def test_a_callable_with_a_default_is_not_called_at_reset() -> None:
     def fail(_: Step) -> float:
         raise AssertionError
 
-    assert Signal.parse("x", (fail, 2)).bind_reset(Simulation(VECTOR))(0, None, None, {}) == 2.0
+    assert (
+        Signal.parse("x", (fail, 2), SOURCES).bind_reset(Simulation(VECTOR))(0, None, None, {})
+        == 2.0
+    )
 
 
 def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
@@ -142,7 +149,7 @@ def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
 def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
     env = gym.make("InvertedPendulum-v5")
     simulation: Any = env.unwrapped
-    position = Signal.parse("x", "qpos[0]").bind(env)
+    position = Signal.parse("x", "qpos[0]", SOURCES).bind(env)
     simulation.model, simulation.data = simulation._initialize_simulation()
     simulation.data.qpos[0] = 0.125
     assert position(None, None, None, {}) == 0.125
@@ -152,7 +159,7 @@ def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
 def test_vehicle_selectors_follow_the_vehicle_that_every_reset_makes() -> None:
     env = gym.make("highway_env:parking-v0")
     signals = [
-        Signal.parse("x", text).bind(env)
+        Signal.parse("x", text, SOURCES).bind(env)
         for text in ("vehicle.speed", "vehicle.position[1]", "vehicle.crashed")
     ]
     simulation: Any = env.unwrapped
@@ -169,8 +176,20 @@ def test_vehicle_selectors_follow_the_vehicle_that_every_reset_makes() -> None:
     env.close()
 
 
+def test_a_kind_of_selector_is_a_row() -> None:
+    def bind(signal: Signal, env: gym.Env[Any, Any]) -> Read:
+        depths = {"bow": 2.0, "stern": 3.0}
+        return lambda *_: depths[str(signal.path[0])] + len(env.observation_space.shape or ())
+
+    sources = SOURCES | {"sonar": Source(example="sonar['bow']", brackets="key", bind=bind)}
+    signal = Signal.parse("x", "sonar['stern']", sources)
+    assert signal.bind(Simulation(VECTOR))(VECTOR_OBS, None, None, {}) == 4.0
+    with pytest.raises(InputError, match=re.escape("expected a key in quotes, sonar['bow']")):
+        Signal.parse("x", "sonar", sources)
+
+
 def test_signals_come_in_the_order_of_the_variables() -> None:
-    signals = parse_signals({"b": "obs[1]", "a": "obs[0]"}, ["a", "b", "a"])
+    signals = parse_signals({"b": "obs[1]", "a": "obs[0]"}, ["a", "b", "a"], SOURCES)
     assert [signal.name for signal in signals] == ["a", "b"]
 
 
@@ -180,10 +199,11 @@ def test_signals_come_in_the_order_of_the_variables() -> None:
 def test_any_text_is_a_selector_that_prints_itself_or_an_input_error(text: str) -> None:
     default = () if not text.lstrip().startswith(("action", "reward", "info")) else (0.0,)
     try:
-        signal = Signal.parse("x", (text, *default) if default else text)
+        signal = Signal.parse("x", (text, *default) if default else text, SOURCES)
     except InputError:
         return
-    assert Signal.parse("x", (str(signal), *default) if default else str(signal)) == signal
+    again = (str(signal), *default) if default else str(signal)
+    assert Signal.parse("x", again, SOURCES) == signal
 
 
 @pytest.mark.parametrize(
