@@ -80,5 +80,4 @@ if not TYPE_CHECKING:  # which would then believe in any name
             released = importlib.import_module("rtamt.compat")
             if name in released.__all__:
                 return getattr(released, name)
-        msg = f"module 'rtamt' has no attribute '{name}'"
-        raise AttributeError(msg)
+        raise AttributeError(f"module 'rtamt' has no attribute '{name}'")

@@ -120,8 +120,7 @@ class AbstractSpecification:
             SpecificationError: If the name is declared.
         """
         if const_name in self.vars:
-            msg = f"'{const_name}' is already declared; choose another name"
-            raise SpecificationError(msg)
+            raise SpecificationError(f"'{const_name}' is already declared; choose another name")
         self._constants[const_name] = const_val
         self.vars.add(const_name)
 
@@ -138,8 +137,7 @@ class AbstractSpecification:
         try:
             module = importlib.import_module(from_name)
         except ImportError as error:
-            msg = f"cannot import the module '{from_name}': {error}"
-            raise SpecificationError(msg) from None
+            raise SpecificationError(f"cannot import the module '{from_name}': {error}") from None
         self.modules[module_name] = module
         self._paths |= {from_name: module, module.__name__: module}
 
@@ -192,8 +190,9 @@ class AbstractSpecification:
         try:
             return Path(path).read_text(encoding="utf-8-sig")
         except FileNotFoundError:
-            msg = f"expected a file with a specification, found none at {path}"
-            raise InputError(msg) from None
+            raise InputError(
+                f"expected a file with a specification, found none at {path}"
+            ) from None
 
     def get_value(self, var_name: str) -> Any:  # noqa: ANN401 - a number, a message, a signal
         """The last value of a variable, or of a named formula.
@@ -204,8 +203,7 @@ class AbstractSpecification:
         if self._ran is not None and var_name in {*self._specification().formulas, self._result}:
             return self._ran(var_name)
         if var_name not in self.var_object_dict:
-            msg = f"no variable and no formula is named '{var_name}'"
-            raise InputError(msg)
+            raise InputError(f"no variable and no formula is named '{var_name}'")
         return self.var_object_dict[var_name]
 
     def parse(self) -> None:
@@ -262,13 +260,13 @@ class AbstractSpecification:
             return self._initial()
         hint = nearest(var_type, (*PRIMITIVES, *self.modules))
         hint = hint or f"; import it first: import_module(MODULE, '{var_type}')"
-        msg = f"unknown type '{var_type}'{hint}"
-        raise SpecificationError(msg)
+        raise SpecificationError(f"unknown type '{var_type}'{hint}")
 
     def _read(self) -> Specification:
         if not isinstance(self.spec, str):
-            msg = f"expected the text of a specification in the attribute spec, got {self.spec!r}"
-            raise SpecificationError(msg)
+            raise SpecificationError(
+                f"expected the text of a specification in the attribute spec, got {self.spec!r}"
+            )
         text = self._modular + self.spec
         try:
             return self._parse(text)
@@ -286,8 +284,7 @@ class AbstractSpecification:
 
     def _specification(self) -> Specification:
         if self._parsed is None:
-            msg = "expected a parsed specification; call parse() first"
-            raise StateError(msg)
+            raise StateError("expected a parsed specification; call parse() first")
         if self._parsed.unit != self.unit:
             self._parsed = self._parse(self._parsed.text)
         return self._parsed

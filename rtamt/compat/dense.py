@@ -55,11 +55,10 @@ class _Dense(AbstractSpecification):
                 name, events = signal
                 named.setdefault(name, []).extend((time, value) for time, value in events)
             except (TypeError, ValueError):
-                msg = (
+                raise InputTypeError(
                     "expected a name and its events, as ['x', [[0.0, 1.5], [2.0, 1.0]]], "
                     f"got {reprlib.repr(signal)}"
-                )
-                raise InputTypeError(msg) from None
+                ) from None
         return named, {name: named[name] for name in self._sources() if name in named}
 
 

@@ -70,11 +70,9 @@ class _Sampled(AbstractSpecification):
         if sampling_period != 0:
             as_period(sampling_period)
         if unit not in UNITS:
-            msg = f"expected a unit out of {', '.join(UNITS)}, got {unit!r}"
-            raise SpecificationError(msg)
+            raise SpecificationError(f"expected a unit out of {', '.join(UNITS)}, got {unit!r}")
         if not 0 <= tolerance <= 1:
-            msg = f"expected a tolerance between 0 and 1, got {tolerance!r}"
-            raise SpecificationError(msg)
+            raise SpecificationError(f"expected a tolerance between 0 and 1, got {tolerance!r}")
         self.sampling_period = sampling_period
         self.sampling_period_unit = unit
         self.sampling_tolerance = tolerance
@@ -150,15 +148,17 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         try:
             values.update(dataset)
         except (TypeError, ValueError):
-            msg = f"expected pairs of a name and a value, as [('x', 1.5)], got {dataset!r}"
-            raise InputTypeError(msg) from None
+            raise InputTypeError(
+                f"expected pairs of a name and a value, as [('x', 1.5)], got {dataset!r}"
+            ) from None
         sample = self._arguments(values)
         last = self._time
         try:
             passed = timestamp - (timestamp if last is None else last)
         except TypeError:
-            msg = f"expected a number as the time of the sample, got {timestamp!r}"
-            raise InputTypeError(msg) from None
+            raise InputTypeError(
+                f"expected a number as the time of the sample, got {timestamp!r}"
+            ) from None
         violated = last is not None and not self._least <= passed <= self._most
         robustness = monitor.update(*sample)
         if self._episode is not None:
@@ -242,14 +242,14 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
         """
         spec = self._specification()
         if "time" not in dataset:
-            msg = "expected the times of the samples as 'time', got none"
-            raise InputError(msg)
+            raise InputError("expected the times of the samples as 'time', got none")
         try:
             time = list(dataset["time"])
             steps = np.diff(np.asarray(time, dtype=np.float64))
         except (TypeError, ValueError):
-            msg = f"expected numbers as the times of the samples, got {dataset['time']!r}"
-            raise InputTypeError(msg) from None
+            raise InputTypeError(
+                f"expected numbers as the times of the samples, got {dataset['time']!r}"
+            ) from None
         columns = {name: dataset[name] for name in self._sources() if name in dataset}
         robustness = self._robustness_of(spec, columns, len(time))
         least, most = self._durations()
@@ -268,8 +268,7 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
             StateError: Before `evaluate`.
         """
         if self._trace is None:
-            msg = "expected a trace to explain; call evaluate() first"
-            raise StateError(msg)
+            raise StateError("expected a trace to explain; call evaluate() first")
         columns, time = self._trace
         seconds = float(time[0]) * float(UNITS[self.unit])
         spec, period, options = self._specification(), self._period(), self._options()

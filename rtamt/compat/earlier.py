@@ -94,8 +94,9 @@ class STLSpecification(_Earlier, StlDiscreteTimeSpecification):
         first, *others = times.values() or [[]]
         if not first or any(other != first for other in others):
             got = ", ".join(f"{name}: {len(of)}" for name, of in times.items()) or "none"
-            msg = f"expected samples of all variables at the same times, 1 or more; got {got}"
-            raise InputError(msg)
+            raise InputError(
+                f"expected samples of all variables at the same times, 1 or more; got {got}"
+            )
         for i, time in enumerate(first):
             sample = [(name, pairs[i][1]) for name, pairs in dataset.items()]
             robustness = self.update(time, sample)

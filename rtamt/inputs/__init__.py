@@ -1,1 +1,1 @@
-"""From what a caller hands over to arrays of numbers."""
+"""The samples, events and messages that callers hand in, read as arrays of numbers."""

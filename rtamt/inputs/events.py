@@ -1,7 +1,7 @@
-"""Signals over dense time: events, and from what a caller hands in to arrays of them.
+"""Signals over dense time: events, and the reader of those that a caller hands in.
 
-Both back-ends use the reader: the Python machine for everything, the native one for the forms that
-it does not take itself and for every message.
+Both back-ends use the reader: the machine in Python for all events, that in C++ for the argument
+forms that it does not read itself, and for every error.
 """
 
 from __future__ import annotations
@@ -9,35 +9,44 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NoReturn, SupportsFloat, cast, overload
+from typing import NoReturn, cast, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
 from rtamt.inputs.messages import Messages
-from rtamt.inputs.samples import array_of_numbers, kind_of, listed, refuse_term, unknown_variable
+from rtamt.inputs.samples import (
+    Floats,
+    array_of_numbers,
+    kind_of,
+    line_of_numbers,
+    listed,
+    number,
+    refuse_term,
+    unknown_variable,
+)
 from rtamt.program.program import Program
 
 __all__ = ["Column", "EventReader", "Events", "EventsLike"]
 
-Array = NDArray[np.float64]
-Column = tuple[Array, Array]
+Column = tuple[Floats, Floats]
 """Times and values of one variable's events."""
 
 
 class Events(Sequence[tuple[float, float]]):
     """A signal over dense time: each value lasts until the time of the next one.
 
-    A sequence of (time, value), equal to any other of the same pairs. The last event is the end.
+    It is a sequence of (time, value), equal to any other sequence of the same pairs. The last event
+    is the end of the signal.
 
     Args:
-        times: Finite numbers that increase.
-        values: As many numbers, infinite ones too.
+        times: n finite numbers that increase.
+        values: n numbers; +-inf is legal.
 
     Raises:
-        InputError: On times that do not increase, a nan, arrays of different length.
-        InputTypeError: On what holds no real numbers.
+        InputError: On times that do not increase, a nan, or arrays of different length.
+        InputTypeError: On values that are not real numbers.
 
     Example:
         >>> speed = Events([0, 1.5, 4], [10, 12, 11])
@@ -49,23 +58,23 @@ class Events(Sequence[tuple[float, float]]):
 
     __slots__ = ("_times", "_values")
 
-    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+    def __init__(self, times: ArrayLike, values: FloatsLike) -> None:
         self._times = _closed(times, "times")
         self._values = _closed(values, "values")
         if len(self._times) != len(self._values):
-            got = f"{len(self._values)} and {len(self._times)}"
-            msg = f"expected as many values as times, got {got}"
-            raise InputError(msg)
+            raise InputError(
+                f"expected as many values as times, got {len(self._values)} and {len(self._times)}"
+            )
         _check(self._times, self._values, "", -math.inf)
 
     @property
-    def times(self) -> Array:
-        """Finite numbers that increase; read-only."""
+    def times(self) -> Floats:
+        """The times of the events, as a read-only array."""
         return self._times
 
     @property
-    def values(self) -> Array:
-        """As many numbers; read-only."""
+    def values(self) -> Floats:
+        """The values of the events, as a read-only array."""
         return self._values
 
     def __len__(self) -> int:
@@ -85,11 +94,8 @@ class Events(Sequence[tuple[float, float]]):
 
     def __eq__(self, other: object) -> bool:
         if isinstance(other, Events):
-            same = (
-                np.array_equal(self.times, other.times),
-                np.array_equal(self.values, other.values),
-            )
-            return all(same)
+            pairs = (self.times, other.times), (self.values, other.values)
+            return all(np.array_equal(mine, its) for mine, its in pairs)
         if isinstance(other, str | bytes) or not isinstance(other, Sequence | np.ndarray):
             return NotImplemented
         return len(self) == len(other) and all(
@@ -97,7 +103,7 @@ class Events(Sequence[tuple[float, float]]):
             for mine, pair in zip(self, other, strict=True)
         )
 
-    __hash__ = None  # type: ignore[assignment] # equal to lists, which have none
+    __hash__ = None  # type: ignore[assignment] # lists, which have no hash, may be equal
 
     def __reduce__(self) -> tuple[type[Events], Column]:
         return Events, (self.times, self.values)
@@ -108,14 +114,14 @@ class Events(Sequence[tuple[float, float]]):
 
 
 EventsLike = Events | ArrayLike | Iterable[Sequence[object]]
-"""What means events: a sequence of (time, value), an array of shape (n, 2), or `Events`."""
+"""Events as a sequence of (time, value), as an array of shape (n, 2), or as `Events`."""
 
 
 class EventReader:
     """Reads the events of a program's variables.
 
     Args:
-        program: Says which variables there are and which terms can fail.
+        program: The events of its variables are read; its terms are named in errors.
     """
 
     __slots__ = ("_messages", "program", "variables")
@@ -128,7 +134,7 @@ class EventReader:
     def given(
         self, events: Sequence[Mapping[str, EventsLike]], named: Mapping[str, EventsLike]
     ) -> Mapping[str, EventsLike]:
-        """The events that ``update(*events, **named)`` means: one mapping, or by name.
+        """The events of ``update(*events, **named)``: one mapping, or events by keyword.
 
         Raises:
             InputError: On both, or on several positional arguments.
@@ -137,22 +143,21 @@ class EventReader:
             return events[0]
         if not events:
             return named
-        msg = (
+        raise InputError(
             "expected events as one mapping or by name, as in update(x=[(0.0, 1.5)]), got "
             f"{len(events)} by position and {len(named)} by name"
         )
-        raise InputError(msg)
 
     def read(self, events: Mapping[str, EventsLike], last: Sequence[float]) -> list[Column]:
         """The new events of every variable, in the order of the variables.
 
         Args:
-            events: Of some variables or all; no new events of the others.
+            events: The new events by variable; a variable that is absent has none.
             last: Time of every variable's last event; -inf where there was none.
 
         Raises:
             InputError: On an unknown variable, times that do not increase, a nan, a wrong shape.
-            InputTypeError: On what is no mapping, or on what are no real numbers.
+            InputTypeError: On events that are not a mapping, or values that are not real numbers.
         """
         named = self._named(events)
         for name in named:
@@ -164,11 +169,9 @@ class EventReader:
         ]
 
     def whole(self, events: Mapping[str, EventsLike]) -> list[Column]:
-        """All events of every variable, in the order of the variables; others are ignored.
+        """All events of every variable, in the order of the variables; other names are ignored.
 
-        Raises:
-            InputError: As `read` does, and on a variable without events.
-            InputTypeError: As `read` does.
+        It raises the errors of `read`, and an InputError on a variable without events.
         """
         named = self._named(events)
         columns = []
@@ -176,21 +179,16 @@ class EventReader:
             column = _column(named[name], name, -math.inf) if name in named else _NONE
             if not len(column[0]):
                 known = listed(self.variables)
-                msg = f"expected events of every variable, got none of '{name}'{known}"
-                raise InputError(msg)
+                raise InputError(f"expected events of every variable, got none of '{name}'{known}")
             columns.append(column)
         return columns
 
     def refuse(self, values: Sequence[float], time: float) -> NoReturn:
-        """Raise the error of the first term that is nan at a time.
-
-        Raises:
-            InputError: Naming the term, the time and the values.
-        """
+        """Raise the error that names the first term which is nan at a time."""
         refuse_term(self.program, values, f"time {time!r}")
 
     def refuse_end(self, first: Sequence[float], last: Sequence[float]) -> NoReturn:
-        """Raise the error of a trace that cannot end, as it has no beginning.
+        """Raise the error that refuses to end a trace which has no beginning.
 
         Args:
             first: Time of every variable's first event; inf where there was none.
@@ -203,32 +201,26 @@ class EventReader:
         latest, earliest = max(first), min(last)
         ends = self.variables[list(last).index(earliest)]
         if math.isinf(earliest):
-            msg = f"finish() needs an event of every variable, got none of '{ends}' since reset"
-            raise StateError(msg)
+            raise StateError(
+                f"finish() needs an event of every variable, got none of '{ends}' since reset"
+            )
         begins = self.variables[list(first).index(latest)]
-        msg = (
+        raise InputError(
             f"expected signals that overlap in time, got '{ends}', which ends at {earliest!r}, "
             f"and '{begins}', which begins at {latest!r}"
         )
-        raise InputError(msg)
 
     def refuse_update(self) -> NoReturn:
-        """Raise the error of events after the end.
-
-        Raises:
-            StateError: Always.
-        """
-        msg = "the trace is finished; call reset() before the next update"
-        raise StateError(msg)
+        """Raise the error that refuses events after the end."""
+        raise StateError("the trace is finished; call reset() before the next update")
 
     def _named(self, events: object) -> Mapping[str, object]:
-        """The events by variable, those of fields in place of those of their messages."""
+        """The events by variable, with those of the fields in place of those of their messages."""
         if not isinstance(events, Mapping):
-            msg = (
+            raise InputTypeError(
                 "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
                 f"got {kind_of(events)}"
             )
-            raise InputTypeError(msg)
         messages = self._messages.names & events.keys()
         if not messages:
             return events
@@ -238,12 +230,9 @@ class EventReader:
         )
 
 
-def _closed(numbers: ArrayLike, name: str) -> Array:
-    """A copy that nobody can change."""
-    array = array_of_numbers(numbers, f"the {name} of events").copy()
-    if array.ndim != 1:
-        msg = f"expected a 1-D array for the {name} of events, got shape {array.shape}"
-        raise InputError(msg)
+def _closed(numbers: ArrayLike, name: str) -> Floats:
+    """A read-only copy."""
+    array = line_of_numbers(numbers, f"the {name} of events").copy()
     array.flags.writeable = False
     return array
 
@@ -253,7 +242,7 @@ _NONE: Column = (_NOTHING, _NOTHING)
 
 
 def _column(given: object, name: str, after: float) -> Column:
-    """The events of a variable, which come after a time."""
+    """The events of a variable, all of which come after a time."""
     if isinstance(given, Events):
         times, values = given.times, given.values
     else:
@@ -266,23 +255,22 @@ def _column(given: object, name: str, after: float) -> Column:
 def _pairs(given: object, message: str) -> list[tuple[object, object]]:
     """The events of a message."""
     if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-        msg = (
+        raise InputTypeError(
             f"expected events of '{message}' as a sequence of (time, message), got {kind_of(given)}"
         )
-        raise InputTypeError(msg)
     events = list(given)
     for i, event in enumerate(events):
         if not isinstance(event, Sequence) or isinstance(event, str | bytes) or len(event) != 2:
-            msg = f"expected (time, message) as event {i} of '{message}', got {kind_of(event)}"
-            raise InputError(msg)
+            raise InputError(
+                f"expected (time, message) as event {i} of '{message}', got {kind_of(event)}"
+            )
     return events
 
 
-def _table(given: object, name: str) -> Array:
-    # What has keys iterates over them, or over values without times, as columns of pandas do.
+def _table(given: object, name: str) -> Floats:
+    # An object with keys iterates over the keys, or over values without times (a pandas column).
     if isinstance(given, str | bytes) or hasattr(given, "keys") or not isinstance(given, Iterable):
-        msg = f"expected {_forms(name)}, got {kind_of(given)}"
-        raise InputTypeError(msg)
+        raise InputTypeError(f"expected {_forms(name)}, got {kind_of(given)}")
     if isinstance(given, np.ndarray):
         table = array_of_numbers(given, f"the events of '{name}'")
         if not table.size:
@@ -318,46 +306,37 @@ def _pair(event: object, i: int, name: str) -> tuple[float, float]:
     if isinstance(event, Sequence | np.ndarray) and not isinstance(event, str | bytes):
         parts = list(event) if np.ndim(cast("ArrayLike", event)) else []
         if len(parts) == 2:
-            return _number(parts[0], "time", i, name), _number(parts[1], "value", i, name)
-    msg = f"expected (time, value) as event {i} of '{name}', got {kind_of(event)}"
-    raise InputError(msg)
+            time, value = number(parts[0]), number(parts[1])
+            if time is not None and value is not None:
+                return time, value
+            what, wrong = ("time", parts[0]) if time is None else ("value", parts[1])
+            raise InputTypeError(
+                f"expected a number as the {what} of event {i} of '{name}', got {kind_of(wrong)}"
+            )
+    raise InputError(f"expected (time, value) as event {i} of '{name}', got {kind_of(event)}")
 
 
-def _number(value: object, what: str, i: int, name: str) -> float:
-    if not isinstance(value, str | bytes | complex | np.complexfloating):
-        try:
-            return float(cast("SupportsFloat", value))
-        except (TypeError, ValueError, OverflowError):
-            pass
-    msg = f"expected a number as the {what} of event {i} of '{name}', got {kind_of(value)}"
-    raise InputTypeError(msg)
+def _check(times: Floats, values: Floats, name: str, after: float) -> None:
+    """Refuse times that are not finite or do not increase, and values that are nan.
 
-
-def _check(times: Array, values: Array, name: str, after: float) -> None:
-    """Refuse what is no signal: times that do not increase or are not finite, values that are nan.
-
-    Raises:
-        InputError: Naming the event.
+    The InputError names the first such event.
     """
     finite = np.isfinite(times)
     if not finite.all():
         i = int(np.argmin(finite))
-        msg = f"expected a finite time at event {i}{name}, got {times[i].item()!r}"
-        raise InputError(msg)
+        raise InputError(f"expected a finite time at event {i}{name}, got {times[i].item()!r}")
     before = np.concatenate([[after], times[:-1]])
     late = times > before
     if not late.all():
         i = int(np.argmin(late))
-        msg = (
+        raise InputError(
             f"expected a time after {before[i].item()!r} at event {i}{name}, "
             f"got {times[i].item()!r}"
         )
-        raise InputError(msg)
     missing = np.isnan(values)
     if missing.any():
         i = int(np.argmax(missing))
-        msg = (
+        raise InputError(
             f"event {i}{name}, at time {times[i].item()!r}, is nan; "
             "leave it out: a value lasts until the next event"
         )
-        raise InputError(msg)

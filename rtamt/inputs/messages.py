@@ -1,4 +1,4 @@
-"""Variables that are fields of messages: read out of what a caller hands in, and written back.
+"""Variables that are fields of messages: read from the messages of a caller, and written to them.
 
 ``cmd.linear.x`` is the field ``x`` of the field ``linear`` of the message ``cmd``. A message is any
 object with attributes, or a mapping; the fields of one may be the other.
@@ -25,9 +25,9 @@ class Field:
 
     Attributes:
         variable: Its dotted name.
-        message: The name of the message, which begins it.
-        path: The rest of it.
-        type: The class that the message must have; None: any. A mapping stands for any class.
+        message: The first part of the name: the message.
+        path: The other parts: the fields that lead to the value.
+        type: The class that the message must have; None: any. A mapping may stand for it.
     """
 
     variable: str
@@ -36,7 +36,7 @@ class Field:
     type: type | None
 
     def of(self, message: object, place: object, unit: str = "sample") -> Any:  # noqa: ANN401
-        """The value of the field; the place is for errors: a number of samples or a time.
+        """The value of the field; errors name the place, the number of a sample or a time.
 
         Raises:
             InputError: If the message has no such field.
@@ -45,7 +45,7 @@ class Field:
         return self._follow(message, self.path, f" at {unit} {place}")
 
     def holder(self, message: object) -> object:
-        """What has the field as an attribute or under a key, so that it can be set there.
+        """The object or mapping in which the field can be set.
 
         Raises:
             InputError: If there is no such field; a mapping need not have it.
@@ -61,11 +61,10 @@ class Field:
         value = message
         mapping = isinstance(value, Mapping)
         if self.type is not None and not mapping and not isinstance(value, self.type):
-            msg = (
+            raise InputTypeError(
                 f"expected a {self.type.__name__} or a mapping for '{self.message}'{where}, "
                 f"got {type(value).__name__}"
             )
-            raise InputTypeError(msg)
         for depth, step in enumerate(path):
             try:
                 value = value[step] if isinstance(value, Mapping) else getattr(value, step)
@@ -95,8 +94,8 @@ class Messages:
     """The fields of messages among names, such as the variables of a specification.
 
     Attributes:
-        names: What can be handed in as a message: ``cmd.linear`` and ``cmd`` for ``cmd.linear.x``,
-            but for what is a variable itself.
+        names: The messages that a caller can hand in: ``cmd.linear`` and ``cmd`` for
+            ``cmd.linear.x``, unless they are variables themselves.
     """
 
     __slots__ = ("_fields", "names")
@@ -114,8 +113,9 @@ class Messages:
         """The mapping with the fields of its messages in place of the messages.
 
         Args:
-            named: Variables and messages by name; the innermost one that is there gives the field.
-            split: Gives what stands for a field, from what stands for its message.
+            named: Values or columns of variables and messages, by name. A field is taken from the
+                innermost of its messages that is present.
+            split: Gives the value or column of a field from that of its message.
         """
         spread: dict[str, object] = {n: v for n, v in named.items() if n not in self.names}
         for variable, fields in self._fields.items():
@@ -127,13 +127,13 @@ class Messages:
         return spread
 
     def under(self, message: str) -> Iterator[Field]:
-        """The fields that a message has."""
+        """The fields of a message."""
         for fields in self._fields.values():
             yield from (field for field in fields if field.message == message)
 
 
 def _fields(variable: str, specification: Specification) -> Iterator[Field]:
-    """A variable as the field of every message that it may be of, innermost first."""
+    """A variable as a field of each of its messages, innermost first."""
     steps = variable.split(".")
     for depth in range(len(steps) - 1, 0, -1):
         message = ".".join(steps[:depth])
@@ -148,25 +148,28 @@ def write_fields(
     messages: Mapping[str, object] | None,
     named: Mapping[str, object],
 ) -> bool:
-    """Set the fields of messages that formulas name to the values of the formulas.
+    """Set fields of messages to the values of the formulas that are named after them.
+
+    Nothing is written if one of the messages is refused.
 
     Args:
-        specification: Has formulas with dotted names.
-        values: Those of its formulas by name.
-        messages: What to write to, by name. Nothing is written if one of them is refused.
-        named: Likewise.
+        specification: A specification with formulas of dotted names.
+        values: The values of the formulas, by name.
+        messages: The messages to write to, by name.
+        named: More messages to write to, by name.
 
     Returns:
-        Whether all that was written are numbers: no latency has still to pass.
+        Whether every value written is a number.
 
     Raises:
         InputError: If no formula names a field of a message, or a message has no such field.
-        InputTypeError: If a message is of another class than declared, or cannot be changed, or on
-            messages without names.
+        InputTypeError: If a message is of another class than declared, or cannot be changed, or if
+            ``messages`` is not a mapping.
     """
     if not isinstance(messages, Mapping | None):
-        msg = f"expected messages by name, as in write(out=message), got {type(messages).__name__}"
-        raise InputTypeError(msg)
+        raise InputTypeError(
+            f"expected messages by name, as in write(out=message), got {type(messages).__name__}"
+        )
     fields = Messages(specification, values)
     targets: list[tuple[Field, object]] = []
     for name, message in {**(messages or {}), **named}.items():
@@ -175,8 +178,7 @@ def write_fields(
             known = f"; write {name}.value = FORMULA"
             if fields.names:
                 known = f"; they name fields of {', '.join(sorted(fields.names))}"
-            msg = f"no formula names a field of '{name}'{known}"
-            raise InputError(msg)
+            raise InputError(f"no formula names a field of '{name}'{known}")
         targets += here
     for field, holder in targets:
         try:
@@ -185,6 +187,5 @@ def write_fields(
             else:
                 setattr(holder, field.path[-1], values[field.variable])
         except (AttributeError, TypeError) as error:
-            msg = f"'{field.variable}' cannot be set: {error}"
-            raise InputTypeError(msg) from error
+            raise InputTypeError(f"'{field.variable}' cannot be set: {error}") from error
     return not any(math.isnan(values[field.variable]) for field, _ in targets)

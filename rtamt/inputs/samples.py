@@ -1,7 +1,7 @@
-"""From what a caller hands in to floats: the argument forms, the checks and their messages.
+"""The samples that a caller hands in, read as floats: argument forms, checks and error texts.
 
-Both back-ends use this reader: the Python machine for every sample, the native one for the forms
-that it does not take itself and for every message.
+Both back-ends use the reader: the machines in Python for every sample, those in C++ for the
+argument forms that they do not read themselves, and for every error.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Literal, NoReturn, SupportsFloat, cast
+from typing import Literal, NoReturn, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,35 +21,43 @@ from rtamt.program.program import Const, Load, Map, Program
 
 __all__ = [
     "Columns",
+    "Floats",
     "NanPolicy",
     "SampleReader",
     "array_of_numbers",
     "kind_of",
+    "line_of_numbers",
     "listed",
+    "number",
     "refuse_term",
     "unknown_variable",
+    "wrong_shape",
 ]
+
+Floats = NDArray[np.float64]
 
 NanPolicy = Literal["raise", "hold"]
 Columns = Mapping[str, object] | ArrayLike
-"""Values of every variable, or messages, by name; or an array with a column for each."""
+"""Values of every variable, or messages, by name; or an array with a column for each variable."""
 
 
 class SampleReader:
     """Reads samples and blocks of samples of a program's variables.
 
     Args:
-        program: Says which variables there are and which terms can fail.
+        program: Its variables are read; its terms are named in errors.
         nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value.
-        lane: Which of many signals it is, for messages.
+        lane: The number of the signal among many, for errors.
+
+    Raises:
+        InputError: On another policy for nan.
     """
 
     __slots__ = ("_known", "_messages", "_where", "nan", "program", "variables")
 
     def __init__(self, program: Program, nan: NanPolicy = "raise", lane: int | None = None) -> None:
         if nan not in ("raise", "hold"):
-            msg = f"expected nan='raise' or nan='hold', got {nan!r}"
-            raise InputError(msg)
+            raise InputError(f"expected nan='raise' or nan='hold', got {nan!r}")
         self.program = program
         self.variables = program.variables
         self.nan = nan
@@ -68,17 +76,16 @@ class SampleReader:
 
         Raises:
             InputError: On missing or unknown variables, a wrong count, a wrong shape, a nan.
-            InputTypeError: On what is no real number.
+            InputTypeError: On a value that is not a real number.
         """
         if len(args) == len(self.variables) and not named:
-            for value in args:  # what comes by far most often: floats in order
+            for value in args:  # the most frequent form by far: floats in order
                 if type(value) is not float or value != value:  # noqa: PLR0124 - nan
                     break
             else:
                 return cast("list[float]", list(args))
         if args and named:
-            msg = "expected values by position or by keyword, got both"
-            raise InputError(msg)
+            raise InputError("expected values by position or by keyword, got both")
         if not args:
             values: Iterable[object] = self._by_name(named, sample)
         elif len(args) == 1 and (isinstance(args[0], Mapping) or hasattr(args[0], "keys")):
@@ -87,15 +94,25 @@ class SampleReader:
             values = self._row(args[0])
         else:
             values = args
-        return self._floats(self._counted(list(values)), sample, previous)
+        counted = list(values)
+        if len(counted) != len(self.variables):
+            raise InputError(
+                f"expected {len(self.variables)} values ({', '.join(self.variables)}), "
+                f"got {len(counted)}"
+            )
+        return self._floats(counted, sample, previous)
 
     def _floats(
         self, values: Sequence[object], sample: int, previous: Sequence[float]
     ) -> list[float]:
-        floats = [
-            self._number(value, name, sample)
-            for name, value in zip(self.variables, values, strict=True)
-        ]
+        floats = []
+        for name, value in zip(self.variables, values, strict=True):
+            read = number(value)
+            if read is None:
+                raise InputTypeError(
+                    f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
+                )
+            floats.append(read)
         for i, value in enumerate(floats):
             if value != value:  # noqa: PLR0124 - nan
                 if self.nan != "hold" or not previous:
@@ -119,54 +136,24 @@ class SampleReader:
                 raise unknown_variable(name, self.variables, self._messages)
         missing = next(name for name in self.variables if name not in named)
         known = listed(self.variables)
-        msg = f"expected a value for every variable, got none for '{missing}'{known}"
-        raise InputError(msg)
+        raise InputError(f"expected a value for every variable, got none for '{missing}'{known}")
 
     def _row(self, values: Sequence[object] | NDArray[np.generic]) -> Iterable[object]:
         if isinstance(values, np.ndarray):
             if values.ndim != 1 and values.shape != ():
-                msg = (
+                raise InputError(
                     f"expected a 1-D array of {len(self.variables)} values, "
                     f"got shape {values.shape}; update_many takes blocks"
                 )
-                raise InputError(msg)
             return cast("list[object]", np.atleast_1d(values).tolist())
         return values
 
-    def _counted(self, values: list[object]) -> list[object]:
-        if len(values) != len(self.variables):
-            msg = (
-                f"expected {len(self.variables)} values ({', '.join(self.variables)}), "
-                f"got {len(values)}"
-            )
-            raise InputError(msg)
-        return values
-
-    def _number(self, value: object, name: str, sample: int) -> float:
-        if type(value) is float:
-            return value
-        if isinstance(value, str | bytes | complex | np.complexfloating) or not hasattr(
-            value, "__float__"
-        ):
-            msg = f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
-            raise InputTypeError(msg)
-        try:
-            return float(cast("SupportsFloat", value))
-        except (TypeError, ValueError, OverflowError):  # an array of several values, for one
-            msg = f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
-            raise InputTypeError(msg) from None
-
     def refuse_nan(self, name: str, sample: int) -> NoReturn:
-        """Raise the error of a variable that is nan at a sample.
-
-        Raises:
-            InputError: Naming both.
-        """
+        """Raise the error that names a variable which is nan at a sample."""
         hint = "nan='hold' keeps the last value, which the first sample has not"
         if self.nan == "raise":
             hint = "pass nan='hold' to keep the last value instead"
-        msg = f"variable '{name}' is nan at sample {sample}{self._where}; {hint}"
-        raise InputError(msg)
+        raise InputError(f"variable '{name}' is nan at sample {sample}{self._where}; {hint}")
 
     def block(
         self,
@@ -176,15 +163,20 @@ class SampleReader:
         *,
         n: int | None = None,
         extra: bool = False,
-    ) -> tuple[list[NDArray[np.float64]], int]:
+    ) -> tuple[list[Floats], int]:
         """The columns of a block of samples, in the order of the variables, and their length.
 
         Args:
-            data: A mapping of names to 1-D arrays (a data frame too), or an (n, variables) array.
-            sample: Number of the block's first sample, for messages.
-            previous: The sample before the block, for ``nan="hold"``.
-            n: The length where there are no variables.
+            data: A mapping (or data frame) of names to 1-D arrays, or an array of shape
+                (n, variables).
+            sample: Number of the block's first sample, for errors.
+            previous: The sample before the block, for ``nan="hold"``; empty if there is none.
+            n: The length, for a program without variables.
             extra: Whether unknown names are ignored.
+
+        Raises:
+            InputError: On missing or unknown variables, columns of different length, a nan.
+            InputTypeError: On values that are not real numbers.
         """
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
@@ -194,29 +186,22 @@ class SampleReader:
                 names = named.keys()
             if not self._known <= names or not (extra or names <= self._known):
                 self._refuse_names(dict.fromkeys(names & self._known if extra else names))
-            columns = [self._column(named[name], name) for name in self.variables]
+            columns = [line_of_numbers(named[name], f"'{name}'") for name in self.variables]
         else:
             table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
-                msg = (
-                    f"expected an array of shape (n, {len(self.variables)}), "
-                    f"a column for each of {', '.join(self.variables)}, got shape {table.shape}"
-                )
-                raise InputError(msg)
+                raise wrong_shape(table, "n", self.variables)
             columns = [np.ascontiguousarray(column) for column in table.T]
             n = table.shape[0]
         if n is not None and not _is_count(n):
-            msg = f"expected a whole number of samples as n, got {n!r}"
-            raise InputError(msg)
+            raise InputError(f"expected a whole number of samples as n, got {n!r}")
         lengths = {len(c) for c in columns} | (set() if n is None else {n})
         if len(lengths) > 1:
             got = ", ".join(f"{v}: {len(c)}" for v, c in zip(self.variables, columns, strict=True))
             asked = "" if n is None else f" and n={n}"
-            msg = f"expected columns of one length, got {got}{asked}"
-            raise InputError(msg)
+            raise InputError(f"expected columns of one length, got {got}{asked}")
         if not lengths:
-            msg = "the formula has no variables: say how many samples with n="
-            raise InputError(msg)
+            raise InputError("the formula has no variables: say how many samples with n=")
         for i, column in enumerate(columns):
             columns[i] = self._without_nan(column, self.variables[i], sample, previous[i : i + 1])
         return columns, lengths.pop()
@@ -224,34 +209,28 @@ class SampleReader:
     def _with_fields(
         self, named: Mapping[str, object], names: AbstractSet[str], sample: int
     ) -> Mapping[str, object]:
-        """The columns with those of fields in place of the messages."""
+        """The columns, with those of the fields in place of those of their messages."""
 
         def column(field: Field, messages: object) -> object:
-            if isinstance(messages, Mapping):  # of columns
+            if isinstance(messages, Mapping):  # a message of columns
                 return field.of(messages, sample)
             if isinstance(messages, str | bytes) or not isinstance(messages, Iterable):
                 got = kind_of(messages)
-                msg = f"expected a message for every sample as '{field.message}', got {got}"
-                raise InputTypeError(msg)
+                raise InputTypeError(
+                    f"expected a message for every sample as '{field.message}', got {got}"
+                )
             return [field.of(message, sample + i) for i, message in enumerate(messages)]
 
         columns = {name: named[name] for name in names}
         for name in self._messages.names & names:
             messages = columns[name]
-            if isinstance(messages, Iterator):  # several fields are to be read
+            if isinstance(messages, Iterator):  # each field iterates over it
                 columns[name] = list(messages)
         return self._messages.spread(columns, column)
 
-    def _column(self, values: object, name: str) -> NDArray[np.float64]:
-        column = array_of_numbers(values, f"'{name}'")
-        if column.ndim != 1:
-            msg = f"expected a 1-D array for '{name}', got shape {column.shape}"
-            raise InputError(msg)
-        return np.ascontiguousarray(column)
-
     def _without_nan(
-        self, column: NDArray[np.float64], name: str, sample: int, previous: Sequence[float]
-    ) -> NDArray[np.float64]:
+        self, column: Floats, name: str, sample: int, previous: Sequence[float]
+    ) -> Floats:
         missing = np.isnan(column)
         if not missing.any():
             return column
@@ -260,35 +239,27 @@ class SampleReader:
         held = np.concatenate([previous, column])
         offset = len(previous)
         places = np.where(np.isnan(held), 0, np.arange(len(held)))
-        return cast("NDArray[np.float64]", held[np.maximum.accumulate(places)][offset:])
+        return cast("Floats", held[np.maximum.accumulate(places)][offset:])
 
     def refuse(self, values: Sequence[float], sample: int) -> NoReturn:
-        """Raise the error of the first term that is nan at a sample.
-
-        Raises:
-            InputError: Naming the term, the sample and the values.
-        """
+        """Raise the error that names the first term which is nan at a sample."""
         refuse_term(self.program, values, f"sample {sample}{self._where}")
 
 
 def unknown_variable(name: object, variables: Sequence[str], messages: Messages) -> InputError:
-    """The error of a name that is neither a variable nor a message of some."""
+    """The error that refuses a name that is neither a variable nor a message with one."""
     near = nearest(str(name), (*variables, *sorted(messages.names)))
     return InputError(f"unknown variable '{name}'{near or listed(variables)}")
 
 
 def listed(variables: Sequence[str]) -> str:
-    """A hint with all variables."""
+    """A hint that lists all variables."""
     names = ", ".join(variables)
     return f"; the variables are {names}" if names else "; the formula has no variables"
 
 
 def refuse_term(program: Program, values: Sequence[float], place: str) -> NoReturn:
-    """Raise the error of the first term that is nan where the variables have these values.
-
-    Raises:
-        InputError: Naming the term, the place and the values.
-    """
+    """Raise the error that names the first term which is nan for values of the variables."""
     registers: list[float] = []
     for instruction in program.instructions[: program.terms]:
         match instruction:
@@ -305,30 +276,64 @@ def refuse_term(program: Program, values: Sequence[float], place: str) -> NoRetu
                 for v, x in zip(program.variables, values, strict=True)
                 if v in source.variables
             )
-            msg = f"'{source}' is not a number at {place}, where {where}"
-            raise InputError(msg)
-    msg = f"no term is nan at {place}"
-    raise AssertionError(msg)
+            raise InputError(f"'{source}' is not a number at {place}, where {where}")
+    raise AssertionError(f"no term is nan at {place}")
 
 
-def array_of_numbers(values: object, what: str) -> NDArray[np.float64]:
-    """An array of doubles, not copied if it is one; a masked value is nan.
+def array_of_numbers(values: object, what: str) -> Floats:
+    """The values as an array of doubles, not copied if they are one; a masked value is nan.
 
     Raises:
-        InputTypeError: On what holds no real numbers.
+        InputTypeError: On values that are not real numbers.
     """
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
         array = np.asarray(values)
     except ValueError as ragged:
-        msg = f"expected an array of numbers for {what}, got {kind_of(values)}"
-        raise InputTypeError(msg) from ragged
+        raise InputTypeError(
+            f"expected an array of numbers for {what}, got {kind_of(values)}"
+        ) from ragged
     if array.dtype.kind not in "biuf" and array.size:
         kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else kind_of(values)
-        msg = f"expected an array of numbers for {what}, got {kind}"
-        raise InputTypeError(msg)
+        raise InputTypeError(f"expected an array of numbers for {what}, got {kind}")
     return array.astype(np.float64, copy=False)
+
+
+def line_of_numbers(values: object, what: str) -> Floats:
+    """The values as a contiguous 1-D array of doubles.
+
+    Raises:
+        InputError: On another shape.
+        InputTypeError: On values that are not real numbers.
+    """
+    line = array_of_numbers(values, what)
+    if line.ndim != 1:
+        raise InputError(f"expected a 1-D array for {what}, got shape {line.shape}")
+    return np.ascontiguousarray(line)
+
+
+def wrong_shape(
+    table: Floats, leading: str, variables: Sequence[str], rows: str = "", hint: str = ""
+) -> InputError:
+    """The error that refuses a table whose last axis is not one column for each variable."""
+    columns = f"a column for each of {', '.join(variables)}" if variables else "no column"
+    return InputError(
+        f"expected an array of shape ({leading}, {len(variables)}), {rows}{columns}, "
+        f"got shape {table.shape}{hint}"
+    )
+
+
+def number(value: object) -> float | None:
+    """The value as a double; None if it is not a real number."""
+    if type(value) is float:
+        return value
+    if isinstance(value, str | bytes | complex | np.complexfloating):
+        return None
+    try:
+        return float(value) if hasattr(value, "__float__") else None
+    except (TypeError, ValueError, OverflowError):  # such as an array of several values
+        return None
 
 
 def _is_count(n: object) -> bool:
@@ -336,7 +341,7 @@ def _is_count(n: object) -> bool:
 
 
 def kind_of(value: object) -> str:
-    """Type and beginning of a value in one line, for messages."""
+    """Type and beginning of a value in one line, for errors."""
     text = " ".join(repr(value).split())
     shown = text if len(text) <= 40 else text[:37] + "..."
     return f"{type(value).__name__} {shown}"

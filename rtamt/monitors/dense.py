@@ -204,8 +204,7 @@ def evaluate_dense(
 
 def _check_interpolation(interpolation: str) -> None:
     if interpolation != "previous":
-        msg = (
+        raise InputError(
             "expected interpolation='previous' (a value lasts until the next event), "
             f"got {interpolation!r}"
         )
-        raise InputError(msg)

@@ -69,6 +69,5 @@ def whole_trace(
     """
     columns, length = reader.block(data, 0, (), n=n, extra=True)
     if length == 0:
-        msg = "expected a trace of at least 1 sample, got 0"
-        raise InputError(msg)
+        raise InputError("expected a trace of at least 1 sample, got 0")
     return columns, length

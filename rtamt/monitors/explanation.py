@@ -256,11 +256,11 @@ def explain(
 
 def _time(start: float) -> float:
     if not isinstance(start, Real):
-        msg = f"expected the time of the first sample in seconds as start, got {kind_of(start)}"
-        raise InputTypeError(msg)
+        raise InputTypeError(
+            f"expected the time of the first sample in seconds as start, got {kind_of(start)}"
+        )
     if not math.isfinite(start):
-        msg = f"expected a finite time of the first sample as start, got {start!r}"
-        raise InputError(msg)
+        raise InputError(f"expected a finite time of the first sample as start, got {start!r}")
     return float(start)
 
 
@@ -268,11 +268,11 @@ def _place(sample: SupportsIndex, length: int) -> int:
     try:
         at = operator.index(sample)
     except TypeError:
-        msg = f"expected the number of a sample, got {type(sample).__name__} {sample!r}"
-        raise InputTypeError(msg) from None
+        raise InputTypeError(
+            f"expected the number of a sample, got {type(sample).__name__} {sample!r}"
+        ) from None
     if not 0 <= at < length:
-        msg = f"expected a sample from 0 to {length - 1}, got {at}"
-        raise InputError(msg)
+        raise InputError(f"expected a sample from 0 to {length - 1}, got {at}")
     return at
 
 

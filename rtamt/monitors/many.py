@@ -6,18 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import Unpack, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
-from rtamt.inputs.samples import Columns, SampleReader, array_of_numbers
+from rtamt.inputs.samples import Columns, Floats, SampleReader, array_of_numbers, wrong_shape
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import Passes
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
 
 __all__ = ["evaluate_many"]
-
-Floats = NDArray[np.float64]
 
 
 @listed_in_signature(SampleOptions)
@@ -84,7 +82,7 @@ def evaluate_many(
 
 
 def _columns(reader: SampleReader, data: Columns) -> tuple[list[Floats], tuple[int, int]]:
-    """A table of shape (traces, samples) for each variable, and this shape."""
+    """For each variable a table of shape (traces, samples), and that shape."""
     names = reader.variables
     shapes: list[tuple[int, ...]]
     if isinstance(data, Mapping):
@@ -96,53 +94,44 @@ def _columns(reader: SampleReader, data: Columns) -> tuple[list[Floats], tuple[i
         tables = [array_of_numbers(named[name], f"'{name}'") for name in names]
         shapes = [table.shape for table in tables]
         if not tables:
-            msg = (
+            raise InputError(
                 "the formula has no variables: say how many samples with an array of shape "
                 "(traces, samples, 0)"
             )
-            raise InputError(msg)
         for name, shape in zip(names, shapes, strict=True):
             if len(shape) != 2:
-                msg = f"expected an array of shape (traces, samples) for '{name}', got {shape}"
-                raise InputError(msg)
+                raise InputError(
+                    f"expected an array of shape (traces, samples) for '{name}', got {shape}"
+                )
             if shape != shapes[0]:
-                msg = (
+                raise InputError(
                     f"expected arrays of one shape, got {shapes[0]} for '{names[0]}' and {shape} "
                     f"for '{name}'"
                 )
-                raise InputError(msg)
     else:
         table = array_of_numbers(data, "the traces")
         if table.ndim != 3 or table.shape[2] != len(names):
-            msg = (
-                f"expected an array of shape (traces, samples, {len(names)}), a column for each of "
-                f"{', '.join(names)}, got shape {table.shape}"
-            )
-            raise InputError(msg)
+            raise wrong_shape(table, "traces, samples", names)
         tables = list(np.moveaxis(table, 2, 0))
         shapes = [table.shape]
     traces, samples = shapes[0][:2]
     if samples == 0:
-        msg = "expected traces of at least 1 sample, got 0"
-        raise InputError(msg)
+        raise InputError("expected traces of at least 1 sample, got 0")
     return [np.ascontiguousarray(table) for table in tables], (traces, samples)
 
 
 def _ends(lengths: ArrayLike | None, shape: tuple[int, int]) -> Sequence[int]:
-    """How many samples each trace has."""
+    """The number of samples of each trace."""
     traces, samples = shape
     if lengths is None:
         return [samples] * traces
     ends = np.asarray(lengths)
     if ends.dtype.kind not in "iu":
-        msg = f"expected whole numbers as lengths, got dtype {ends.dtype}"
-        raise InputTypeError(msg)
+        raise InputTypeError(f"expected whole numbers as lengths, got dtype {ends.dtype}")
     if ends.shape != (traces,):
-        msg = f"expected a length for each of {traces} traces, got shape {ends.shape}"
-        raise InputError(msg)
+        raise InputError(f"expected a length for each of {traces} traces, got shape {ends.shape}")
     if ends.size and not 1 <= ends.min() <= ends.max() <= samples:
         odd = int(np.argmax((ends < 1) | (ends > samples)))
-        msg = f"expected lengths from 1 to {samples}, got {ends[odd]} for trace {odd}"
-        raise InputError(msg)
+        raise InputError(f"expected lengths from 1 to {samples}, got {ends[odd]} for trace {odd}")
     found: list[int] = ends.tolist()
     return found

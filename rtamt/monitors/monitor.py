@@ -280,11 +280,11 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             (Cause(variable='x', sample=1, value=0.0),)
         """
         if self._history is None:
-            msg = "explain() needs the samples of the episode; make the monitor with history=True"
-            raise StateError(msg)
+            raise StateError(
+                "explain() needs the samples of the episode; make the monitor with history=True"
+            )
         if not self.samples:
-            msg = "explain() needs at least one sample, got none since reset"
-            raise StateError(msg)
+            raise StateError("explain() needs at least one sample, got none since reset")
         table = np.array(self._history).reshape(self.samples, len(self.variables))
         return explain(self.specification, table, n=self.samples, **super()._arguments())
 

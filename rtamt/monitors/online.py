@@ -214,8 +214,7 @@ class DirectUpdate:
         """Refuse a subclass with an ``update`` of its own, which would never be called."""
         super().__init_subclass__(**options)
         if callable(cls.__dict__.get("update")):
-            msg = (
+            raise TypeError(
                 f"{cls.__name__}.update would never be called: a monitor's update is the method of "
                 "its machine; hold a monitor instead of inheriting from it"
             )
-            raise TypeError(msg)

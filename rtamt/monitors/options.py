@@ -130,8 +130,9 @@ def _checked(
             unknown = next(name for name in options if name not in kind.__annotations__)
             names = inspect.signature(caller).parameters
             hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
-            msg = f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}"
-            raise TypeError(msg)
+            raise TypeError(
+                f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}"
+            )
         given = {**_DEFAULTS, **options}
     specification = as_specification(spec)
     interface = as_interface(specification, given["semantics"], given["inputs"], given["outputs"])

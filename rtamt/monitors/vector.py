@@ -195,10 +195,10 @@ def _counted(num: object) -> int:
         InputTypeError: If it is not a whole number.
     """
     if isinstance(num, bool | np.bool_) or not isinstance(num, SupportsIndex):
-        msg = f"expected a whole number of lanes, got {num!r}; the period is the third argument"
-        raise InputTypeError(msg)
+        raise InputTypeError(
+            f"expected a whole number of lanes, got {num!r}; the period is the third argument"
+        )
     lanes = operator.index(num)
     if lanes < 1:
-        msg = f"expected 1 or more lanes, got {lanes}"
-        raise InputError(msg)
+        raise InputError(f"expected 1 or more lanes, got {lanes}")
     return lanes

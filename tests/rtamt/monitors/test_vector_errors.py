@@ -63,7 +63,7 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         InputTypeError,
         (
             "expected a mask of 3 booleans, got dtype int64; "
-            "np.isin(range(3), [0, 2]) makes one of numbers of lanes"
+            "np.isin(range(3), [0, 2]) makes one from lane numbers"
         ),
     ),
     (
@@ -71,7 +71,7 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         InputTypeError,
         (
             "expected a mask of 3 booleans, got dtype float64; "
-            "np.isin(range(3), [0, 2]) makes one of numbers of lanes"
+            "np.isin(range(3), [0, 2]) makes one from lane numbers"
         ),
     ),
     (
