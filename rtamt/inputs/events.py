@@ -58,7 +58,7 @@ class Events(Sequence[tuple[float, float]]):
 
     __slots__ = ("_times", "_values")
 
-    def __init__(self, times: ArrayLike, values: FloatsLike) -> None:
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
         self._times = _closed(times, "times")
         self._values = _closed(values, "values")
         if len(self._times) != len(self._values):

@@ -1,8 +1,8 @@
-"""Which samples decided a robustness, and through which sub-formulas.
+"""The samples that decided a robustness, and the sub-formulas through which they did.
 
 Robustness is made of the values of predicates by min, max and a change of sign: it *is* one of
-them, or its opposite. `explain` follows it from the root down; `rtamt.monitors.provenance` says for
-one formula at one sample which operand at which sample its value is.
+them, or its opposite. `explain` follows it from the root down; `rtamt.monitors.provenance` finds
+the operand and the sample from which one formula at one sample has its value.
 """
 
 from __future__ import annotations
@@ -17,11 +17,8 @@ from fractions import Fraction
 from numbers import Real
 from typing import NamedTuple, SupportsIndex, Unpack, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rtamt.errors import InputError, InputTypeError
-from rtamt.inputs.samples import Columns, SampleReader, kind_of
+from rtamt.inputs.samples import Columns, Floats, SampleReader, kind_of
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
@@ -37,8 +34,6 @@ from rtamt.program.interface import Interface, Reading
 from rtamt.program.timing import Period, samples
 
 __all__ = ["Cause", "Explanation", "ExplanationStep", "explain"]
-
-Array = NDArray[np.float64]
 
 
 class Cause(NamedTuple):
@@ -56,15 +51,15 @@ class ExplanationStep:
     Attributes:
         formula: The formula.
         name: Its name in the specification, or None.
-        text: The formula as text, in which named formulas are their names.
-        sample: Where its value was asked for.
-        time: The same in seconds; None where the period is unknown.
-        value: Its robustness there.
+        text: The formula as text; named formulas inside it are shown by their names.
+        sample: The sample at which it was evaluated.
+        time: The time of that sample in seconds; None without a period.
+        value: Its robustness at that sample.
         witness: For ``until``, ``since`` and ``unless``: the sample at which the right side was
-            reached, whichever side decided; None where none was.
-        outside: First and last sample of a window that lies outside the trace, if that decided:
-            the formula is then +inf or -inf whatever the samples are. None as the first or the
-            last: the window is without begin or end.
+            reached, whichever side decided; None if there is none.
+        outside: First and last sample of the formula's window if the window lies outside the trace
+            and that decided: the formula is then +inf or -inf whatever the samples are. The first
+            is None for a window without a beginning, the last for one without an end.
         reading: What a predicate counts under the semantics: its usual ``"value"``, +inf or -inf
             by its ``"sign"``, or ``"zero"``.
     """
@@ -82,7 +77,7 @@ class ExplanationStep:
 
 @dataclass(frozen=True)
 class Explanation:
-    """How a robustness came about.
+    """The formulas and samples that decided a robustness.
 
     ``str`` gives a table of at most 80 columns.
 
@@ -90,7 +85,8 @@ class Explanation:
         steps: From the specification down; each value is that of the step below it, or its
             opposite. The last step is the predicate that decided, ``true`` or ``false``, or a
             temporal operator whose window lies outside the trace.
-        causes: The variables of that predicate, at the sample of the last step.
+        causes: The variables of that predicate with their values at the sample of the last step;
+            empty if a window outside the trace decided.
         period: Seconds between samples, or None.
         start: Time of the first sample in seconds.
     """
@@ -102,7 +98,7 @@ class Explanation:
 
     @property
     def robustness(self) -> float:
-        """What is explained."""
+        """The robustness that is explained."""
         return self.steps[0].value
 
     @property
@@ -143,7 +139,6 @@ class Explanation:
             elif last is None:
                 window = f"from {first} on"
             yield f"its window lies outside the trace: {window}"
-
         if step.reading == "sign":
             yield "given: counts only whether it holds"
         elif step.reading == "zero":
@@ -244,7 +239,7 @@ def explain(
     program = program.restricted(program.result, {n: program.outputs[n] for n in names})
     machine = BACKENDS[backend].discrete_machine
     values = run_outputs(program, reader, machine, columns, length)
-    robustness: dict[Node, Array] = {f: values[name] for name, f in names.items()}
+    robustness: dict[Node, Floats] = {f: values[name] for name, f in names.items()}
     steps = tuple(_steps(specification, interface, robustness, at, seconds, start))
     formula, at = steps[-1].formula, steps[-1].sample
     causes: tuple[Cause, ...] = ()
@@ -279,7 +274,7 @@ def _place(sample: SupportsIndex, length: int) -> int:
 def _steps(
     specification: Specification,
     interface: Interface,
-    robustness: Mapping[Node, Array],
+    robustness: Mapping[Node, Floats],
     sample: int,
     period: Fraction | None,
     start: float,

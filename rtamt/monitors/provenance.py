@@ -1,8 +1,8 @@
-"""The definition of one formula at one sample, on values that remember where they come from.
+"""The origin of a formula's value: the operand and the sample from which it was taken.
 
-A meaning of `rtamt.language.operators` only chooses among the values of its operands, by min and
-max, and changes their sign. Run on values that carry the operand and the sample from which they
-were taken, it says which of them it chose: no operator is explained anywhere else.
+The meaning of an operator in `rtamt.language.operators` only chooses among the values of its
+operands, by min and max, and changes their sign. Run on values that carry the operand and the
+sample from which they were taken, it shows which one it chose: no other code explains an operator.
 """
 
 from __future__ import annotations
@@ -13,27 +13,26 @@ from dataclasses import dataclass, replace
 from typing import Self, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from rtamt.inputs.samples import Floats
 from rtamt.language.table import Bounds, Operator
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 
 __all__ = ["Origin", "origin_of"]
-
-Array = NDArray[np.float64]
 
 INF = math.inf
 
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a value was taken from: an operand at a sample, or nowhere.
+    """The operand and the sample from which a value was taken.
 
     Attributes:
-        operand: Which operand; None: the value is that of a window outside the trace.
+        operand: The number of the operand; None for the value of a window outside the trace.
         sample: The sample of the operand.
         witness: The sample at which an ``until`` or ``since`` reached its right side.
-        outside: First and last sample of that window; None: it has no begin, or no end.
+        outside: First and last sample of a window outside the trace; the first is None if the
+            window has no beginning, the last if it has no end.
     """
 
     operand: int | None = None
@@ -43,17 +42,17 @@ class Origin:
 
 
 def origin_of(
-    row: Operator, bounds: Bounds | None, operands: Sequence[Array], sample: int
+    row: Operator, bounds: Bounds | None, operands: Sequence[Floats], sample: int
 ) -> Origin:
-    """Where the value of a formula at a sample comes from.
+    """The origin of the value of a formula at a sample.
 
-    Of equal values, that of the first operand counts, and of its own, that of the first sample.
+    Where values are equal, the first operand counts, and of its samples the first.
 
     Args:
-        row: The operator at its root.
+        row: The operator at the root of the formula.
         bounds: Its bounds in samples, if it has any.
         operands: The robustness of each operand at every sample.
-        sample: Where the formula is looked at.
+        sample: The sample at which the formula is evaluated.
     """
     definition = _Definition(operands)
     registers = range(len(operands))
@@ -79,16 +78,16 @@ class _Value(float):
 
 @dataclass(frozen=True, slots=True)
 class _Signal:
-    """A signal of such numbers: one of them, and all that stand in a range of samples."""
+    """A signal of such numbers: the one at a sample, and the plain values in a range of samples."""
 
     at: Callable[[int], _Value]
-    values: Callable[[range], Array]
+    values: Callable[[range], Floats]
 
 
 class _Definition:
     """A builder of the table's meanings whose registers are signals, the operands first."""
 
-    def __init__(self, operands: Sequence[Array]) -> None:
+    def __init__(self, operands: Sequence[Floats]) -> None:
         self._samples = len(operands[0])
         self._signals = [_operand(i, values) for i, values in enumerate(operands)]
 
@@ -119,7 +118,7 @@ class _Definition:
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         begin, end = bounds
 
-        def held(i: int, reached: range) -> Array:
+        def held(i: int, reached: range) -> Floats:
             return self._least(p, range(i, reached[-1]))[begin:]
 
         return self._reaching((begin, end), p, q, held, range)
@@ -128,7 +127,7 @@ class _Definition:
         begin, end = bounds
         past = None if end is None else -end, -begin
 
-        def held(i: int, reached: range) -> Array:
+        def held(i: int, reached: range) -> Floats:
             return self._least(p, range(i, reached[0], -1))[begin:][::-1]
 
         return self._reaching(past, p, q, held, lambda i, j: range(j + 1, i + 1))
@@ -138,10 +137,10 @@ class _Definition:
         offsets: tuple[int | None, int | None],
         p: int,
         q: int,
-        held: Callable[[int, range], Array],
+        held: Callable[[int, range], Floats],
         between: Callable[[int, int], range],
     ) -> int:
-        """The greatest q of a window, each value cut to the least p on the way there."""
+        """The greatest q of a window, each q cut to the least p between now and there."""
         before, goal = self._signals[p], self._signals[q]
 
         def at(i: int) -> _Value:
@@ -157,8 +156,8 @@ class _Definition:
 
         return self._new(at)
 
-    def _least(self, p: int, stretch: range) -> Array:
-        """The least p of no sample of a stretch, of its first, of its first two, and so on."""
+    def _least(self, p: int, stretch: range) -> Floats:
+        """The least p among the first 0, 1, 2, ... samples of a stretch."""
         ordered = self._signals[p].values(stretch)
         return np.minimum.accumulate(np.concatenate(([INF], ordered)))
 
@@ -176,10 +175,10 @@ class _Definition:
         return len(self._signals) - 1
 
 
-_FIRST_BEST: Mapping[str, Callable[[Array], np.intp]] = {"min": np.argmin, "max": np.argmax}
+_FIRST_BEST: Mapping[str, Callable[[Floats], np.intp]] = {"min": np.argmin, "max": np.argmax}
 
 
-def _operand(number: int, values: Array) -> _Signal:
+def _operand(number: int, values: Floats) -> _Signal:
     return _Signal(
         at=lambda i: _Value.of(values[i], Origin(number, i)),
         values=lambda span: values[span.start : span.stop : span.step],
