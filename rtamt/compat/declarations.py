@@ -1,4 +1,4 @@
-"""What specifications of the released classes are told before they run: names, types, text."""
+"""The released classes in both time domains: declarations, text, and what runs of them."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, Generic, TypeVar
 
 from rtamt.compat.options import Language, Semantics, StlIOType
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
 from rtamt.language.parser import parse_as
 from rtamt.language.specification import PRIMITIVES, Specification
-from rtamt.machines.backend import Backend
-from rtamt.program.interface import Semantics as SemanticsName
+from rtamt.monitors.dense import DenseMonitor
+from rtamt.monitors.monitor import Monitor
+from rtamt.monitors.options import Options
 
-__all__ = ["AbstractSpecification", "Options"]
+__all__ = ["AbstractSpecification", "OfflineSpecification", "OnlineSpecification"]
 
 _log = logging.getLogger(__name__)
 
@@ -32,15 +33,6 @@ _ROLES = {
 _MODULES = ("modules", "_paths")
 
 
-class Options(TypedDict):
-    """What every monitor and evaluation of a specification is given."""
-
-    backend: Backend
-    semantics: SemanticsName
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-
 class AbstractSpecification:
     """A specification that is declared call by call, then parsed, then run.
 
@@ -48,17 +40,17 @@ class AbstractSpecification:
         name: A name for the whole; that of the text once it is parsed, if it has one.
         spec: The text.
         unit: Unit of the bounds that have none, and of the times of samples and events.
-        semantics: Which robustness is meant.
-        language: Which machines run.
-        modules: Imported types to their modules.
+        semantics: The semantics of the robustness.
+        language: The language of the machines that run.
+        modules: The module of each imported type.
         vars: Every declared name.
         free_vars: Declared variables that no formula computes.
-        var_io_dict: Variable to ``"input"``, ``"output"`` (as long as nothing is said) or
+        var_io_dict: The role of each variable: ``"input"``, ``"output"`` (the default) or
             ``"undefined"``.
-        var_object_dict: Variable to its last value: a number, a message, or events.
-        var_topic_dict: Variable to the path of its topic.
-        out_var: Name of the result, or of the message that it is a field of; ``"out"`` if the text
-            does not say.
+        var_object_dict: The last value of each variable: a number, a message, or events.
+        var_topic_dict: The path of the topic of each variable.
+        out_var: The name of the result, or of the message of which it is a field; ``"out"`` if the
+            text names neither.
         out_var_field: The field, or an empty text.
     """
 
@@ -142,7 +134,7 @@ class AbstractSpecification:
         self._paths |= {from_name: module, module.__name__: module}
 
     def set_var_io_type(self, var: str, io_type: str | StlIOType) -> None:
-        """Say what a variable is to the system: input, output, or (all else) neither."""
+        """Set the role of a variable in the system: input, output, or (any other value) neither."""
         if var in self.vars:
             self.var_io_dict[var] = _ROLES.get(io_type, "undefined")
         else:
@@ -156,7 +148,7 @@ class AbstractSpecification:
             _log.warning("variable '%s' is not declared; its topic is ignored", var_name)
 
     def add_var(self, var: str) -> None:
-        """Make a name known without a type."""
+        """Add a name without a type."""
         self.vars.add(var)
 
     def add_input_var(self, input_var: str) -> None:
@@ -237,16 +229,16 @@ class AbstractSpecification:
         self._forget()
 
     def pastify(self) -> None:
-        """Change nothing: formulas of the future are monitored as they are, late by a latency."""
+        """Change nothing: formulas about the future are monitored as they are, with a latency."""
         self._specification()
 
     def _forget(self) -> None:
-        """Drop what runs."""
+        """Drop the monitor and the trace of the text before."""
         self._ran: Callable[[str], object] | None = None
-        """Gives the value of a formula in what ran last."""
+        """Gives the value of a formula in the last run."""
 
     def _initial(self) -> object:
-        """What a variable is before anything is said of it."""
+        """The value of a variable before its first sample or event."""
         return 0.0
 
     def _new(self, var_type: str) -> object:
@@ -295,7 +287,7 @@ class AbstractSpecification:
         return replace(spec, formula=spec.formulas.get(formula, spec.formula))
 
     def _options(self) -> Options:
-        """What monitors and evaluations are given."""
+        """The options of monitors and evaluations."""
         roles = {name: self.var_io_dict.get(name, "output") for name in self._sources()}
         return {
             "backend": "native" if self.language is Language.CPP else "auto",
@@ -305,10 +297,66 @@ class AbstractSpecification:
         }
 
     def _source(self, variable: str) -> str:
-        """The name under which a variable is given: that of the declared message, or its own."""
+        """The name by which users hand in a variable: that of its declared message, or its own."""
         message = variable.partition(".")[0]
         return message if message in self._types else variable
 
     def _sources(self) -> tuple[str, ...]:
-        """The names of all that is needed."""
+        """The names by which users hand in the variables of the specification."""
         return tuple(dict.fromkeys(map(self._source, self._specification().variables)))
+
+
+_M = TypeVar("_M", Monitor, DenseMonitor)
+_Trace = TypeVar("_Trace")
+
+
+class OnlineSpecification(AbstractSpecification, Generic[_M]):
+    """A specification that a monitor runs from the first update on."""
+
+    _monitor: _M | None
+    _robustness: float
+    """The value last given."""
+
+    def reset(self) -> None:
+        """Forget all samples and events; variables keep their values."""
+        if self._monitor is not None:
+            self._start()
+
+    def _start(self) -> _M:
+        raise NotImplementedError
+
+    def _running(self) -> _M:
+        return self._monitor or self._start()
+
+    def _run(self, monitor: _M) -> _M:
+        self._monitor, self._ran = monitor, self._now
+        return monitor
+
+    def _now(self, formula: str) -> float:
+        return self._robustness if formula == self._result else self._running().values[formula]
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._monitor = None
+
+
+class OfflineSpecification(AbstractSpecification, Generic[_Trace]):
+    """A specification that is evaluated on whole traces."""
+
+    _trace: _Trace | None
+    """The last one."""
+
+    def _robustness_of(self, spec: Specification, trace: _Trace) -> list[Any]:
+        raise NotImplementedError
+
+    def _evaluated(self, trace: _Trace) -> None:
+        self._trace, self._ran = trace, self._whole
+
+    def _whole(self, formula: str) -> list[Any]:
+        """The robustness of a named formula in the last trace."""
+        assert self._trace is not None  # noqa: S101 - for the type checker
+        return self._robustness_of(self._named(formula), self._trace)
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._trace = None

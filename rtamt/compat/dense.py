@@ -11,8 +11,13 @@ import reprlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from rtamt.compat.declarations import AbstractSpecification
+from rtamt.compat.declarations import (
+    AbstractSpecification,
+    OfflineSpecification,
+    OnlineSpecification,
+)
 from rtamt.errors import InputError, InputTypeError
+from rtamt.language.specification import Specification
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 
 __all__ = [
@@ -27,11 +32,12 @@ Signal = Sequence[Any]
 """A name and its events."""
 Pairs = list[list[float]]
 """Breakpoints: the times from which on a value holds, and the values."""
-Events = dict[str, list[tuple[float, Any]]]
+EventLists = dict[str, list[tuple[float, Any]]]
+"""The events of each variable or message."""
 
 
 class _Dense(AbstractSpecification):
-    """A specification of signals of which every event has its own time."""
+    """A specification of signals whose events each have their own time."""
 
     sampling_tolerance = None
     sampling_violation_counter = None
@@ -39,17 +45,17 @@ class _Dense(AbstractSpecification):
     def set_sampling_period(
         self, sampling_period: object = 1, unit: str = "s", tolerance: float = 0.1
     ) -> None:
-        """Change nothing: events come when they come."""
+        """Change nothing: dense time has no period."""
 
     def get_sampling_frequency(self) -> None:
-        """There is none."""
+        """Give None: dense time has no period."""
 
     def _initial(self) -> object:
         return []
 
-    def _read_signals(self, signals: Iterable[Signal]) -> tuple[Events, Events]:
-        """The events by name, those of one name joined; and those that are needed."""
-        named: Events = {}
+    def _read_signals(self, signals: Iterable[Signal]) -> tuple[EventLists, EventLists]:
+        """The events of all names, those of one name joined, and of the names that are needed."""
+        named: EventLists = {}
         for signal in signals:
             try:
                 name, events = signal
@@ -62,7 +68,7 @@ class _Dense(AbstractSpecification):
         return named, {name: named[name] for name in self._sources() if name in named}
 
 
-class StlDenseTimeOnlineSpecification(_Dense):
+class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense):
     """Robustness as events arrive.
 
     Example:
@@ -76,28 +82,26 @@ class StlDenseTimeOnlineSpecification(_Dense):
         ([], [[5.0, -2.0]])
     """
 
-    _monitor: DenseMonitor | None
     _twin: DenseMonitor
     _last: dict[str, tuple[float, Any]]
     """Last event of every variable or message."""
     _told: tuple[float, float] | None
     """The last breakpoint that was given before the monitor gave it."""
-    _robustness: float
-    """The value last given."""
 
     def update(self, *signals: Signal) -> Pairs:
         """Take in events and give the breakpoints of the robustness that are decided by them.
+
+        A call that raises an error leaves the specification as it was.
 
         Args:
             signals: Pairs of a name and its events. Unknown names are ignored.
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: At the first events: on a future without end, or an operator of
+            SpecificationError: At the first events: on a future without an end, or an operator on
                 neighbouring samples.
-            InputError: On times that do not increase, a nan, or a term that is not a number. All
-                is as before the call.
-            InputTypeError: On values that are no real numbers; likewise.
+            InputError: On times that do not increase, a nan, or a term that is not a number.
+            InputTypeError: On values that are not real numbers.
         """
         breakpoints = self._take(signals)
         ahead = self._ahead()
@@ -109,16 +113,10 @@ class StlDenseTimeOnlineSpecification(_Dense):
     def final_update(self, *signals: Signal) -> Pairs:
         """Take in the last events and give the rest of the robustness.
 
-        Raises:
-            InputError: As `update` does.
+        It raises the errors of `update`.
         """
         breakpoints = self._take(signals)
         return self._late(breakpoints + self._untold(self._running().finish()))
-
-    def reset(self) -> None:
-        """Forget every event."""
-        if self._monitor is not None:
-            self._start()
 
     def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
         monitor = self._running()
@@ -137,7 +135,8 @@ class StlDenseTimeOnlineSpecification(_Dense):
     def _ahead(self) -> tuple[float, float] | None:
         """The breakpoint at the time before which all is settled, if there is one.
 
-        The steps that begin there decide it, as they last for a while: a twin is told so.
+        The last steps decide it if they last for a while: a twin of the monitor is given events
+        that say so.
         """
         monitor = self._running()
         if len(self._last) < len(self._sources()):
@@ -148,7 +147,7 @@ class StlDenseTimeOnlineSpecification(_Dense):
         self._twin.__setstate__(monitor.__reduce__()[2])
         try:
             breakpoints = self._twin.update(held)
-        except InputError:  # of others' events in that while
+        except InputError:  # another variable has events in that while
             return None
         return breakpoints[0] if breakpoints and breakpoints[0][0] == monitor.settled else None
 
@@ -158,25 +157,14 @@ class StlDenseTimeOnlineSpecification(_Dense):
             self._robustness = breakpoints[-1][1]
         return [[time + horizon, value] for time, value in breakpoints]
 
-    def _forget(self) -> None:
-        super()._forget()
-        self._monitor = None
-
-    def _running(self) -> DenseMonitor:
-        return self._monitor or self._start()
-
     def _start(self) -> DenseMonitor:
         spec, options = self._specification(), self._options()
         monitor, self._twin = DenseMonitor(spec, **options), DenseMonitor(spec, **options)
         self._last, self._told, self._robustness = {}, None, math.nan
-        self._monitor, self._ran = monitor, self._now
-        return monitor
-
-    def _now(self, formula: str) -> float:
-        return self._running().values[formula] if formula != self._result else self._robustness
+        return self._run(monitor)
 
 
-class StlDenseTimeOfflineSpecification(_Dense):
+class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense):
     """Robustness of whole signals.
 
     Example:
@@ -188,8 +176,6 @@ class StlDenseTimeOfflineSpecification(_Dense):
         [[0.0, -3.0], [1.0, 2.0], [4.0, -2.0]]
     """
 
-    _signals: Events | None
-
     def evaluate(self, *signals: Signal) -> Pairs:
         """The breakpoints of the robustness of whole signals.
 
@@ -198,27 +184,20 @@ class StlDenseTimeOfflineSpecification(_Dense):
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: On an operator of neighbouring samples.
-            InputError: As `StlDenseTimeOnlineSpecification.update` does, and on a variable that
-                has no events.
-            InputTypeError: Likewise.
+            SpecificationError: On an operator on neighbouring samples.
+            InputError: On times that do not increase, a nan, a term that is not a number, or a
+                variable without events.
+            InputTypeError: On values that are not real numbers.
         """
         spec = self._specification()
         named, needed = self._read_signals(signals)
-        pairs = [[*pair] for pair in evaluate_dense(spec, needed, **self._options())]
+        pairs = self._robustness_of(spec, needed)
         self.var_object_dict |= named
-        self._signals, self._ran = needed, self._whole
+        self._evaluated(needed)
         return pairs
 
-    def _forget(self) -> None:
-        super()._forget()
-        self._signals = None
-
-    def _whole(self, formula: str) -> Pairs:
-        """The breakpoints of a named formula in the last signals."""
-        assert self._signals is not None  # noqa: S101 - for the type checker
-        spec = self._named(formula)
-        return [[*pair] for pair in evaluate_dense(spec, self._signals, **self._options())]
+    def _robustness_of(self, spec: Specification, trace: EventLists) -> Pairs:
+        return [[*pair] for pair in evaluate_dense(spec, trace, **self._options())]
 
 
 class StlDenseTimeSpecification(StlDenseTimeOfflineSpecification, StlDenseTimeOnlineSpecification):

@@ -1,7 +1,7 @@
 """The released classes for samples: `Monitor`, `EpisodeMonitor` and `evaluate` behind their calls.
 
-At the sample t, ``update`` gives the robustness at t - latency. As long as there is no such sample,
-it gives the robustness that the trace has at its first sample if it ends now.
+At the sample t, ``update`` gives the robustness at t - latency. Before there is such a sample, it
+gives the robustness that the trace has at its first sample if it ends now.
 """
 
 from __future__ import annotations
@@ -9,11 +9,15 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
-from rtamt.compat.declarations import AbstractSpecification
+from rtamt.compat.declarations import (
+    AbstractSpecification,
+    OfflineSpecification,
+    OnlineSpecification,
+)
 from rtamt.compat.options import Language, Semantics
 from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
 from rtamt.inputs.messages import Messages, write_fields
@@ -91,7 +95,7 @@ class _Sampled(AbstractSpecification):
         return period * UNITS[self.sampling_period_unit]
 
     def _period(self) -> Fraction | None:
-        # Clients round periods to two digits, and 0.001 to 0; without bounds nobody asks for it.
+        # Clients round periods to two digits, and so 0.001 to 0; only bounds need the period.
         return self._seconds() if self._specification().timed else None
 
     def _durations(self) -> tuple[float, float]:
@@ -103,7 +107,7 @@ class _Sampled(AbstractSpecification):
         return float(period * (1 - tolerance)), float(period * (1 + tolerance))
 
 
-class StlDiscreteTimeOnlineSpecification(_Sampled):
+class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled):
     """Robustness sample by sample.
 
     Example:
@@ -115,21 +119,21 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         [-3.0, 2.0, 2.0, -1.0]
     """
 
-    _monitor: Monitor | None
     _episode: EpisodeMonitor | None
-    """Runs as long as there is no sample at t - latency."""
+    """Runs until there is a sample at t - latency."""
     _time: float | None
-    """Of the last sample."""
-    _robustness: float
+    """The time of the last sample."""
     _least: float
     _most: float
     _names: tuple[str, ...]
-    """What is read of `var_object_dict`."""
+    """The names in `var_object_dict` that the monitor needs."""
     _arguments: Callable[[Mapping[str, Any]], Iterable[Any]]
-    """Those values as arguments of a monitor."""
+    """Gives their values as arguments of a monitor."""
 
     def update(self, timestamp: float, dataset: Iterable[tuple[str, Any]]) -> float:
         """Take in one sample and give the robustness, late by the latency.
+
+        A call that raises an error leaves the specification as it was.
 
         Args:
             timestamp: Time of the sample in `unit`, for `sampling_violation_counter` alone.
@@ -138,10 +142,10 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: At the first sample: on bounds that are no whole number of periods,
-                or a future without end.
-            InputError: On a nan, or a term that is not a number. All is as before the call.
-            InputTypeError: On a value that is no real number; likewise.
+            SpecificationError: At the first sample: on bounds that are not a whole number of
+                periods, or a future without an end.
+            InputError: On a nan, or a term that is not a number.
+            InputTypeError: On a value that is not a real number.
         """
         monitor = self._monitor or self._start()
         values = self.var_object_dict.copy()
@@ -175,15 +179,6 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
             write_fields(monitor.specification, {self._result: robustness}, message, {})
         return robustness
 
-    def reset(self) -> None:
-        """Forget every sample; variables keep their values."""
-        if self._monitor is not None:
-            self._start()
-
-    def _forget(self) -> None:
-        super()._forget()
-        self._monitor = None
-
     def _start(self) -> Monitor:
         spec, period, options = self._specification(), self._period(), self._options()
         monitor = Monitor(spec, period, **options)
@@ -200,18 +195,17 @@ class StlDiscreteTimeOnlineSpecification(_Sampled):
         if self._published:  # a message without the field is refused before the first sample
             for field in Messages(spec, (self._result,)).under(self.out_var):
                 field.holder(self.var_object_dict[self.out_var])
-        self._monitor, self._ran = monitor, self._now
-        return monitor
+        return self._run(monitor)
 
     def _by_name(self, values: Mapping[str, Any]) -> tuple[dict[str, Any]]:
         return ({name: values[name] for name in self._names},)
 
-    def _now(self, formula: str) -> float:
-        assert self._monitor is not None  # noqa: S101 - for the type checker
-        return self._robustness if formula == self._result else self._monitor.values[formula]
+
+_Trace = tuple[dict[str, Any], list[float]]
+"""The columns of a trace by name, and the times of its samples."""
 
 
-class StlDiscreteTimeOfflineSpecification(_Sampled):
+class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled):
     """Robustness of whole traces.
 
     Example:
@@ -223,22 +217,19 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
         [[0, 2.0], [1, 2.0], [2, -1.0], [3, -1.0]]
     """
 
-    _trace: tuple[dict[str, Any], list[float]] | None
-    """The last one, and its times."""
-
     def evaluate(self, dataset: Mapping[str, Any]) -> list[list[float]]:
         """Robustness at every sample of a trace, as pairs of time and robustness.
 
         Args:
-            dataset: Every variable to its values, and ``"time"`` to theirs, in `unit`. Other names
-                are ignored.
+            dataset: The values of every variable, and under ``"time"`` their times in `unit`.
+                Other names are ignored.
 
         Raises:
             StateError: Before `parse`.
-            SpecificationError: On bounds that are no whole number of periods.
+            SpecificationError: On bounds that are not a whole number of periods.
             InputError: On missing variables or times, an empty trace, columns of different length,
-                a nan.
-            InputTypeError: On values that are no real numbers.
+                or a nan.
+            InputTypeError: On values that are not real numbers.
         """
         spec = self._specification()
         if "time" not in dataset:
@@ -251,18 +242,18 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
                 f"expected numbers as the times of the samples, got {dataset['time']!r}"
             ) from None
         columns = {name: dataset[name] for name in self._sources() if name in dataset}
-        robustness = self._robustness_of(spec, columns, len(time))
+        robustness = self._robustness_of(spec, (columns, time))
         least, most = self._durations()
         off = int(np.count_nonzero((steps < least) | (steps > most)))
         self.sampling_violation_counter += off
         self.var_object_dict = self.var_object_dict | {
             k: dataset[k] for k in dataset if k != "time"
         }
-        self._trace, self._ran = (columns, time), self._whole
+        self._evaluated((columns, time))
         return [[t, value] for t, value in zip(time, robustness, strict=True)]
 
     def explain(self) -> Explanation:
-        """Which sub-formulas and samples decided the robustness at the first sample.
+        """The sub-formulas and samples that decided the robustness at the first sample.
 
         Raises:
             StateError: Before `evaluate`.
@@ -274,21 +265,10 @@ class StlDiscreteTimeOfflineSpecification(_Sampled):
         spec, period, options = self._specification(), self._period(), self._options()
         return explain(spec, columns, period, start=seconds, n=len(time), **options)
 
-    def _forget(self) -> None:
-        super()._forget()
-        self._trace = None
-
-    def _whole(self, formula: str) -> list[float]:
-        """The robustness of a named formula at every sample of the last trace."""
-        assert self._trace is not None  # noqa: S101 - for the type checker
-        columns, time = self._trace
-        return self._robustness_of(self._named(formula), columns, len(time))
-
-    def _robustness_of(self, spec: Specification, columns: dict[str, Any], n: int) -> list[float]:
-        values: list[float] = evaluate(
-            spec, columns, self._period(), n=n, **self._options()
-        ).tolist()
-        return values
+    def _robustness_of(self, spec: Specification, trace: _Trace) -> list[Any]:
+        columns, time = trace
+        values = evaluate(spec, columns, self._period(), n=len(time), **self._options())
+        return cast("list[Any]", values.tolist())
 
 
 class StlDiscreteTimeSpecification(

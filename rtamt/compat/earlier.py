@@ -35,12 +35,12 @@ __all__ = [
 
 
 class _Earlier(AbstractSpecification):
-    """What specifications were told earlier.
+    """A specification with the constructor and the names of the releases up to 0.3.
 
     Args:
-        semantics: Which robustness is meant; a number or a bool is `is_pure_python`.
-        language: Which machines run.
-        is_pure_python: False is ``Language.CPP``.
+        semantics: The semantics of the robustness; a number or a bool means `is_pure_python`.
+        language: The language of the machines that run.
+        is_pure_python: False means ``Language.CPP``.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class _Earlier(AbstractSpecification):
 
     @property
     def iosem(self) -> str:
-        """Which robustness is meant."""
+        """The semantics of the robustness."""
         return str(self.semantics)
 
     @iosem.setter
@@ -84,11 +84,11 @@ class STLSpecification(_Earlier, StlDiscreteTimeSpecification):
         """Take in a whole trace, and give what `update` gives for its last sample.
 
         Args:
-            dataset: Every variable to its pairs of time and value.
+            dataset: For every variable its pairs of time and value.
 
         Raises:
-            InputError: On variables that have not the same times, a trace of no samples, and as
-                `update` does.
+            InputError: As `update` does, on variables with different times, and on a trace without
+                samples.
         """
         times = {name: [time for time, _ in pairs] for name, pairs in dataset.items()}
         first, *others = times.values() or [[]]

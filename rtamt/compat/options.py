@@ -1,17 +1,19 @@
-"""The enumerations of the released library."""
+"""The enumerations of the released library, and the names that it makes of one of them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import Final
 
 from rtamt.errors import InputError
 
-__all__ = ["Language", "Semantics", "StlIOType", "TimeInterpretation"]
+__all__ = ["Language", "Semantics", "StlIOType", "TimeInterpretation", "interface_aware"]
 
 
 class _Word(Enum):
-    """A member that prints as its value."""
+    """An enumeration whose members print as their values."""
 
     @classmethod
     def _missing_(cls, value: object) -> None:
@@ -23,7 +25,7 @@ class _Word(Enum):
 
 
 class Semantics(_Word):
-    """Which robustness is meant; the values are those of ``semantics=`` elsewhere."""
+    """The semantics of the robustness, with the values of the option ``semantics``."""
 
     STANDARD: Final = "standard"
     OUTPUT_ROBUSTNESS: Final = "output-robustness"
@@ -33,7 +35,7 @@ class Semantics(_Word):
 
 
 class Language(_Word):
-    """Which machines run."""
+    """The language of the machines that run."""
 
     PYTHON = "python"
     """The C++ machines where they were built, else those in Python: ``backend="auto"``."""
@@ -42,15 +44,38 @@ class Language(_Word):
 
 
 class TimeInterpretation(_Word):
-    """Whether time is of samples or dense."""
+    """Time as samples, or dense."""
 
     DISCRETE = "discrete_time"
     DENSE = "dense-time"
 
 
 class StlIOType(Enum):
-    """What a variable is to the system."""
+    """The role of a variable in the system."""
 
     IN = 0
     OUT = 1
     UNDEFINED = 2
+
+
+def interface_aware(time: str, **classes: Callable[..., object]) -> dict[str, object]:
+    """The classes of a time domain under each interface-aware semantics, by their released names.
+
+    Example:
+        >>> import rtamt
+        >>> offline = rtamt.StlDenseTimeOfflineSpecification
+        >>> for name in interface_aware("DenseTime", Offline=offline):
+        ...     print(name)
+        IAStlOutputRobustnessDenseTimeOfflineSpecification
+        IAStlInputVacuityDenseTimeOfflineSpecification
+        IAStlInputRobustnessDenseTimeOfflineSpecification
+        IAStlOutputVacuityDenseTimeOfflineSpecification
+    """
+    return {
+        f"IAStl{str(semantics).title().replace('-', '')}{time}{kind}Specification": partial(
+            made, semantics
+        )
+        for semantics in Semantics
+        if semantics is not Semantics.STANDARD
+        for kind, made in classes.items()
+    }

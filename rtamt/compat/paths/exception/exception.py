@@ -1,9 +1,3 @@
 """The module from which programs of the released library take its exception."""
 
-from rtamt.compat import (
-    RTAMTException,
-)
-
-__all__ = [
-    "RTAMTException",
-]
+from rtamt.compat import RTAMTException

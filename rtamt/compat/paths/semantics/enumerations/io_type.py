@@ -1,9 +1,3 @@
 """The module of the released library's enumeration of io types."""
 
-from rtamt.compat import (
-    StlIOType,
-)
-
-__all__ = [
-    "StlIOType",
-]
+from rtamt.compat import StlIOType

@@ -5,9 +5,3 @@ from rtamt.compat import (
     Semantics,
     TimeInterpretation,
 )
-
-__all__ = [
-    "Language",
-    "Semantics",
-    "TimeInterpretation",
-]

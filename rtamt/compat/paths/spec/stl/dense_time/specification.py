@@ -8,12 +8,3 @@ from rtamt.compat import (
     StlDenseTimeSpecification,
     TimeInterpretation,
 )
-
-__all__ = [
-    "Language",
-    "Semantics",
-    "StlDenseTimeOfflineSpecification",
-    "StlDenseTimeOnlineSpecification",
-    "StlDenseTimeSpecification",
-    "TimeInterpretation",
-]

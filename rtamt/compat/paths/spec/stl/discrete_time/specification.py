@@ -9,13 +9,3 @@ from rtamt.compat import (
     StlDiscreteTimeSpecification,
     TimeInterpretation,
 )
-
-__all__ = [
-    "Language",
-    "Semantics",
-    "StlDiscreteTimeOfflineSpecification",
-    "StlDiscreteTimeOnlineSpecification",
-    "StlDiscreteTimeOnlineSpecificationCpp",
-    "StlDiscreteTimeSpecification",
-    "TimeInterpretation",
-]
