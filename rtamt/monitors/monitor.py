@@ -299,13 +299,13 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
     def __reduce__(self) -> tuple[Callable[..., Self], tuple[Specification], Any]:
         make, args, state = super().__reduce__()
-        return make, args, (state, b"" if self._history is None else self._history.tobytes())
+        return make, args, state if self._history is None else (state, self._history.tobytes())
 
     def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - that of the machine is its own
-        of_machine, history = state
-        super().__setstate__(of_machine)
         if self._history is not None:
-            self._history[:] = array("d", history)
+            state, samples = state
+            self._history[:] = array("d", samples)
+        super().__setstate__(state)
 
     def __repr__(self) -> str:
         return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
