@@ -14,7 +14,7 @@ from rtamt.language.node import Node
 
 
 def positive(f: Node, trace: Trace, i: int) -> bool:
-    """Whether an atom is away from its bound, on the side where it holds."""
+    """Whether the robustness of an atom is above 0."""
     return predicate(f, trace, i)[0] > 0
 
 

@@ -1,4 +1,4 @@
-"""Specifications of the released class for samples, declared and parsed, for its tests."""
+"""Specifications of `StlDiscreteTimeSpecification`, declared and parsed."""
 
 from strategies import VARIABLES
 

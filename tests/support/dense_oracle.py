@@ -111,7 +111,7 @@ class Definition:
         return min((sign * self.value(f, place) for place in places), default=INF)
 
     def _witnesses(self, x: float, y: float) -> list[tuple[float, float]]:
-        """Times in [x, y], a begin and a middle of every cell and the end; each with its place."""
+        """Times in [x, y]: begins and middles of cells, and the end; each with its cell."""
         times = [(t, g) for g in self.cells for t in (g, g + self.step / 2)]
         return [(t, g) for t, g in (*times, (self.end, self.end)) if x <= t <= y]
 
@@ -121,11 +121,11 @@ class Definition:
         return met + [self.end] * (x <= self.end <= y)
 
     def _right_open(self, x: float, y: float) -> list[float]:
-        """Those of [x, y)."""
+        """The cells that [x, y) meets."""
         return [g for g in self.cells if x < y and g < y and x < g + self.step]
 
     def _left_open(self, x: float, y: float) -> list[float]:
-        """Those of (x, y]."""
+        """The cells that (x, y] meets, and the end if it is inside."""
         return self._closed(x, y) if x < y else []
 
 

@@ -1,4 +1,4 @@
-"""Signals over dense time and ways to hand them over, for the property tests."""
+"""Signals over dense time, and their division into calls, for the property tests."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def signals(draw: st.DrawFn, values: st.SearchStrategy[float] = _values) -> Sign
 
 @functools.cache
 def chunks(most: int = 6) -> st.SearchStrategy[list[list[float]]]:
-    """Where the events of every variable are cut: for each a share of each call, from 0 to 1."""
+    """For every variable the shares of its events, from 0 to 1, at which a new call begins."""
     share = st.floats(0, 1)
     return st.lists(st.lists(share, min_size=most, max_size=most), min_size=3, max_size=3)
 
@@ -54,7 +54,7 @@ def chunked(whole: Signals, shares: list[list[float]]) -> Chunks:
 
 
 def of(monitor: DenseMonitor, chunk: Signals) -> Signals:
-    """What the monitor has variables for."""
+    """The events of the variables that the monitor has."""
     return {name: events for name, events in chunk.items() if name in monitor.variables}
 
 
@@ -64,6 +64,6 @@ def relevant(whole: Signals, names: tuple[str, ...]) -> Signals:
 
 
 def play(monitor: DenseMonitor, calls: Chunks) -> Breakpoints:
-    """All that the monitor gives for chunks and at the end."""
+    """Updates the monitor with every chunk and finishes it; all steps of the result."""
     given = [step for chunk in calls for step in monitor.update(of(monitor, chunk))]
     return given + monitor.finish()

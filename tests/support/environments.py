@@ -1,4 +1,4 @@
-"""Real environments, what is asked of each, and how an episode of one is run and compared."""
+"""Environments of three simulators, with specifications for them, and their rollouts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Env = gym.Env[Any, Any]
 
 @dataclass(frozen=True)
 class Case:
-    """An environment, what is asked of it, and where the signals are."""
+    """An environment, specifications for it, and the selectors of their signals."""
 
     env_id: str
     specs: str | dict[str, str]
@@ -100,7 +100,10 @@ def equal(left: object, right: object) -> bool:
 
 
 def restored(env: Env, original: Env) -> Env:
-    """Gymnasium's MuJoCo environments pickle their arguments alone: their state comes after."""
+    """The environment, in the state of the original.
+
+    Gymnasium's MuJoCo environments pickle the arguments that they were made of, not their state.
+    """
     simulation: Any = env.unwrapped
     if hasattr(simulation, "model"):
         source: Any = original.unwrapped

@@ -1,4 +1,4 @@
-"""FMUs made on the spot: a tank in C, for FMI 2.0 and 3.0."""
+"""Compiles and packs FMUs of a water tank, for FMI 2.0 and 3.0."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The golden files: formulas, traces and robustness from a program that is not in this project."""
+"""The golden files: formulas, traces, and their robustness as another program computed it."""
 
 import json
 from typing import Any
@@ -13,5 +13,5 @@ def cases(name: str) -> list[dict[str, Any]]:
 
 
 def length(case: dict[str, Any]) -> int:
-    """Samples of a case."""
+    """The number of samples of a case."""
     return len(case["trace"]["a"])

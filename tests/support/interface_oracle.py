@@ -1,4 +1,7 @@
-"""The definition of interface-aware robustness, written down naively; shares no code with it."""
+"""The definition of interface-aware robustness, written down naively.
+
+Shares no code with the library.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,11 @@ _COMPARISONS = {
 
 
 def reader(semantics: str, inputs: frozenset[str], outputs: frozenset[str]) -> Read:
-    """What a predicate over Y counts: the robustness with respect to U, relative to V."""
+    """How predicates are read: their robustness with respect to U, relative to V.
+
+    A predicate has its usual value if one of its variables is in U and the others are in U or V.
+    It is infinite, with the sign of its truth, if all are in V, and 0 if one is in neither.
+    """
 
     def read(f: Node, trace: Trace, i: int | None) -> Value:
         y = set(f.variables)

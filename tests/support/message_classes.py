@@ -1,4 +1,4 @@
-"""Messages, as packages of robots define them."""
+"""Classes of messages, as packages for robots define them."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def horizon(f: Node) -> float:
 
 
 def settled(f: Node) -> int:
-    """How long after the last seen sample a sub-formula may still change; the unseen are equal."""
+    """Samples after the last seen one until no value changes any more: the unseen are equal."""
     a, b = bounds(f)
     own = 0 if f.op is None else 1 + int(a if b == INF else b)
     return own + max(map(settled, f.args), default=0)

@@ -1,4 +1,4 @@
-"""Cases of golden/released.json, and the program that measures them with any library `rtamt`.
+"""Cases of golden/released.json, and the program that runs them with any library `rtamt`.
 
 The program uses the interface of the released library alone: under that library, version 0.4.10, it
 wrote the results into the file (``python tests/support/released_cases.py
@@ -18,7 +18,7 @@ Pairs = list[list[float]]
 
 
 def measure(case: dict[str, Any]) -> object:
-    """What the library says of a case."""
+    """The result of the library for a case."""
     if case["kind"].startswith("dense"):
         return measure_dense(case)
     spec = rtamt.StlDiscreteTimeSpecification(semantics=rtamt.Semantics(case["semantics"]))
@@ -35,7 +35,7 @@ def measure(case: dict[str, Any]) -> object:
 
 
 def measure_dense(case: dict[str, Any]) -> object:
-    """The same for dense time."""
+    """The result of the library for a case over dense time."""
     spec = rtamt.StlDenseTimeSpecification(semantics=rtamt.Semantics(case["semantics"]))
     declare(spec, case)
     signals = [[name, events] for name, events in case["trace"].items()]
@@ -48,7 +48,7 @@ def measure_dense(case: dict[str, Any]) -> object:
 def declare(
     spec: rtamt.StlDiscreteTimeSpecification | rtamt.StlDenseTimeSpecification, case: dict[str, Any]
 ) -> None:
-    """Declare what the case says, and parse."""
+    """Declares the variables of a case and parses its formula."""
     for name in case["trace"]:
         spec.declare_var(name, "float")
     for name in case["inputs"]:

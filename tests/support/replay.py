@@ -14,7 +14,12 @@ INF = math.inf
 
 
 class Replay(gym.Env[Any, Any]):
-    """Shows the given numbers one after the other, then ends as it is told."""
+    """Observes the given numbers one after the other; the last one ends the episode.
+
+    Args:
+        values: The numbers.
+        end: How the episode ends: ``"terminated"``, ``"truncated"`` or not at all.
+    """
 
     observation_space = spaces.Box(-INF, INF, (1,), np.float64)
     action_space = spaces.Box(-1.0, 1.0, (1,), np.float64)
@@ -49,7 +54,7 @@ X = {"x": "obs[0]"}
 
 
 def run(env: gym.Env[Any, Any], action: float = 0.5) -> list[dict[str, Any]]:
-    """The infos of one episode; the last has what it ended with."""
+    """The infos of one episode; the last one says whether it was terminated or truncated."""
     _, info = env.reset(seed=1)
     infos = [info]
     terminated = truncated = False

@@ -1,7 +1,7 @@
 """Formulas, traces and chunkings for the property tests; drawn from the table of operators.
 
-A new row in `OPERATORS` is generated from the moment it is registered. If it is a function that
-has no value everywhere, `_GUARDS` keeps its operands where it has one.
+A new row in `OPERATORS` is drawn too. If it is a function that is not defined everywhere, `_GUARDS`
+keeps its operands where it is.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def rooted(
     total: bool = True,
     dense: bool = False,
 ) -> Formula:
-    """A formula with this operator at its root, or in the term on its left.
+    """A formula with this operator at its root, or in the term on the left of its root.
 
     Args:
         draw: Given by hypothesis.

@@ -5,7 +5,7 @@ from typing import Literal, cast
 
 import numpy as np
 import pytest
-from episodes import feed, offered, verdict
+from episode_monitors import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracle import episode, horizon

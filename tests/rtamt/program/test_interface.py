@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interface_cases import RELATIVE, VACUITY, Case, cases, read
 from oracle import episode, horizon, robustness
-from signatures import RELATIVE, VACUITY, Case, cases, read
 from strategies import (
     INFINITIES,
     VARIABLES,

@@ -13,7 +13,7 @@ from dense_oracle import Definition
 from dense_signals import Signals, chunked, chunks, play, relevant, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from signatures import Case, cases, read
+from interface_cases import Case, cases, read
 
 from rtamt import DenseMonitor, evaluate_dense
 from rtamt.program.interface import Semantics

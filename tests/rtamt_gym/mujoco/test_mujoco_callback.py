@@ -8,7 +8,7 @@ import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
-from mechanisms import INTEGRATORS, arm, record, swing
+from mujoco_models import INTEGRATORS, arm, record, swing
 
 import rtamt
 from rtamt.errors import InputError, StateError

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mechanisms import INTEGRATORS, arm, record, swing
+from mujoco_models import INTEGRATORS, arm, record, swing
 from strategies import VARIABLES, formulas
 
 import rtamt

@@ -7,7 +7,7 @@ from typing import Any
 
 import mujoco  # type: ignore[import-untyped]
 import pytest
-from mechanisms import INTEGRATORS, arm
+from mujoco_models import INTEGRATORS, arm
 
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, StateError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mechanisms import arm, swing
+from mujoco_models import arm, swing
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor

@@ -14,7 +14,7 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import DictInfoToList
 from replay import Replay, X
-from vectors import MODES, Envs, Make, difference, native, sync, trajectory
+from vector_environments import MODES, Envs, Make, difference, native, sync, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
 from rtamt_gym.judges.specs import View

@@ -16,7 +16,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 from replay import Replay, X
-from vectors import (
+from vector_environments import (
     ANGLE,
     MODES,
     TEXT,

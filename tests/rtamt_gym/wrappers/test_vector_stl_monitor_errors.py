@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 from replay import Replay, X
-from vectors import Envs, native, sync
+from vector_environments import Envs, native, sync
 
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import VectorStlMonitor

@@ -14,7 +14,7 @@ from environments import CASES
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import DtypeObservation
 from replay import Replay, X
-from vectors import MODES, Make, difference, native, sync, trajectory
+from vector_environments import MODES, Make, difference, native, sync, trajectory
 
 from rtamt.errors import InputError
 from rtamt_gym import StlReward, VectorStlMonitor, VectorStlReward

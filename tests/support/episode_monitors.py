@@ -1,4 +1,4 @@
-"""What the tests of `EpisodeMonitor` ask of it."""
+"""Helpers of the tests of `EpisodeMonitor`."""
 
 from strategies import Trace, sample
 
@@ -6,17 +6,17 @@ from rtamt import EpisodeMonitor, Verdict
 
 
 def offered(monitor: EpisodeMonitor) -> tuple[float, float, float]:
-    """Robustness and bounds."""
+    """Robustness, lower and upper bound."""
     return monitor.robustness, monitor.lower, monitor.upper
 
 
 def feed(monitor: EpisodeMonitor, trace: Trace, i: int) -> float:
-    """What update gives at one sample of a trace."""
+    """Updates the monitor with sample i of a trace; the robustness."""
     return monitor.update(sample(trace, i, monitor.variables))
 
 
 def verdict(lower: float, upper: float) -> Verdict:
-    """The verdict that bounds decide."""
+    """The verdict that follows from the bounds."""
     if upper < 0:
         return Verdict.VIOLATED
     return Verdict.SATISFIED if lower > 0 else Verdict.UNDECIDED

@@ -1,4 +1,4 @@
-"""Formulas of systems with inputs and outputs, and what their predicates count by definition."""
+"""Specifications that declare inputs and outputs, each with a semantics, and their oracle."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cases(
     total: bool = True,
     dense: bool = False,
 ) -> Case:
-    """A formula whose text declares inputs and outputs, and a semantics that has some of them."""
+    """A specification with inputs and outputs, and a semantics of a side that has variables."""
     formula = draw(formulas(endless=endless, total=total, dense=dense))
     wanted = draw(semantics)
     role = wanted.partition("-")[0]
@@ -39,7 +39,7 @@ def cases(
 
 
 def read(case: Case) -> Read:
-    """The definition for a case."""
+    """How the oracle reads the predicates of a case."""
     spec, semantics = case
     sides = {
         io: frozenset(name for name, d in spec.declarations.items() if d.io == io)

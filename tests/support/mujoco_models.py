@@ -1,4 +1,4 @@
-"""Small MuJoCo models whose every name is known, and runs of them."""
+"""A small MuJoCo model, and a loop that simulates it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def arm(integrator: str = "Euler") -> tuple[Any, Any]:
 
 
 def swing(model: Any, data: Any) -> None:  # noqa: ANN401
-    """A controller that moves the arm without looking at it."""
+    """Sets controls that depend on the time alone."""
     data.ctrl[:] = [np.sin(3.0 * data.time), 0.3 * np.cos(7.0 * data.time)][: model.nu]
 
 
@@ -65,7 +65,7 @@ def record(
     *,
     forward: bool = False,
 ) -> list[float]:
-    """What a loop written by hand sees: the state at the start and after every step."""
+    """Simulates in a plain loop; the values of ``look`` at the start and after every step."""
     mujoco.mj_forward(model, data)
     seen = [look(data)]
     for _ in range(steps):

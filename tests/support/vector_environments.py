@@ -1,4 +1,4 @@
-"""Vector environments of several kinds, monitored as one and each by itself, and their runs."""
+"""Vector environments, with and without monitors, and comparisons of their trajectories."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def trajectory(envs: Envs, steps: int, seed: int = 7) -> list[tuple[Any, ...]]:
 
 
 def difference(left: object, right: object, at: str = "") -> str:
-    """Where two trajectories differ; nothing if they are equal, types included."""
+    """The first place where two trajectories differ; empty if they are equal, types included."""
     if isinstance(left, dict) and isinstance(right, dict):
         if left.keys() != right.keys():
             return f"{at}: {sorted(left.keys() ^ right.keys())} in one of them alone"
