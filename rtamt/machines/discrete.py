@@ -33,21 +33,21 @@ class PythonDiscreteMachine(PythonSampleMachine):
     """
 
     STATE = ("samples", "inputs", "registers", "_end", "_parts")
+    _end: float  # the trace has the times 0 <= time < end
 
     def __init__(self, program: Program, reader: SampleReader, observed: Sequence[int]) -> None:
         super().__init__(program, reader)
         self.observed = tuple(observed)
-        self._end = math.inf  # the trace has the times 0 <= time < end
         self._late = program.latency or 0
         self._result = program.result
-        self.registers = self._terms.initial
+        self._initial = self._terms.initial
         self._operations: list[Operation] = []
         self._parts: list[DelayLine | FoldedWindow] = []
         for slot, scheduled in schedule(program):
             if slot >= program.terms:
-                self.registers += [0.0] * (slot + 1 - len(self.registers))
+                self._initial += [0.0] * (slot + 1 - len(self._initial))
                 self._operations.append(self._compiled(slot, scheduled))
-        self._initial = self.state()
+        self.reset()
 
     def _compiled(self, out: int, scheduled: Scheduled) -> Operation:
         match scheduled:
@@ -145,6 +145,13 @@ class PythonDiscreteMachine(PythonSampleMachine):
             for _ in range(more):
                 self.take(self.registers, self.inputs)
                 yield
+
+    def reset(self) -> None:
+        super().reset()
+        self._end = math.inf
+        self.registers = self._initial[:]
+        for part in self._parts:
+            part.reset()
 
 
 def _delay(out: int, line: DelayLine, operand: int) -> Operation:

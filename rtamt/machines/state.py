@@ -16,34 +16,34 @@ class StateFields:
     same objects when they are restored.
 
     Attributes:
-        STATE: Names of the fields that change from one call to the next.
+        STATE: Names of the fields that change from one call to the next; ``reset`` gives them
+            their first values.
     """
 
     __slots__ = ()
     STATE: ClassVar[tuple[str, ...]]
+
+    def reset(self) -> None:
+        raise NotImplementedError
 
     def state(self) -> list[Any]:
         return [_copied(getattr(self, name)) for name in self.STATE]
 
     def restore(self, state: list[Any]) -> None:
         for name, saved in zip(self.STATE, state, strict=True):
-            match getattr(self, name):
-                case StateFields() as part:
-                    part.restore(saved)
-                case [StateFields(), *_] as parts:
-                    for part, its in zip(parts, saved, strict=True):
-                        part.restore(its)
-                case _:
-                    setattr(self, name, _copied(saved))
+            value = getattr(self, name) if type(saved) is list else None
+            if isinstance(value, StateFields):
+                value.restore(saved)
+            elif value and isinstance(value[0], StateFields):
+                for part, its in zip(value, saved, strict=True):
+                    part.restore(its)
+            else:
+                setattr(self, name, _copied(saved))
 
 
 def _copied(value: Any) -> Any:  # noqa: ANN401 - whatever a field holds
-    match value:
-        case StateFields():
-            return value.state()
-        case [StateFields() | deque(), *_]:
+    if isinstance(value, list | deque):
+        if value and isinstance(value[0], StateFields | deque):
             return [_copied(part) for part in value]
-        case list() | deque():
-            return value.copy()
-        case _:
-            return value
+        return value.copy()
+    return value.state() if isinstance(value, StateFields) else value

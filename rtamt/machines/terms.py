@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, NoReturn, TypeVar, assert_never
+from typing import Generic, NoReturn, TypeVar, assert_never
 
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.state import StateFields
@@ -90,14 +90,9 @@ def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:
 class PythonSampleMachine(StateFields):
     """What the Python machines on samples share."""
 
-    program: Program
-    _initial: list[Any]  # a snapshot of the new machine
-
     def __init__(self, program: Program, reader: SampleReader) -> None:
         self.program = program
         self.reader = reader
-        self.samples = 0
-        self.inputs: list[float] = []
         self._terms: Terms[int] = Terms(program, reader.refuse)
 
     def terms(self, values: list[float]) -> Registers:
@@ -114,4 +109,5 @@ class PythonSampleMachine(StateFields):
         raise NotImplementedError
 
     def reset(self) -> None:
-        self.restore(self._initial)
+        self.samples = 0
+        self.inputs: list[float] = []

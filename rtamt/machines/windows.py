@@ -51,16 +51,23 @@ class LatestWindow(FoldedWindow):
     def push(self, x: Element) -> Element:
         return x
 
+    def reset(self) -> None:
+        pass
+
 
 class RunningWindow(FoldedWindow):
     """A window over everything so far."""
 
-    __slots__ = ("_combine", "_total")
+    __slots__ = ("_combine", "_identity", "_total")
     STATE = ("_total",)
 
     def __init__(self, fold: LatticeFold) -> None:
         self._combine = fold.combine
-        self._total = fold.identity
+        self._identity = fold.identity
+        self.reset()
+
+    def reset(self) -> None:
+        self._total = self._identity
 
     def push(self, x: Element) -> Element:
         self._total = self._combine(self._total, x)
@@ -95,6 +102,9 @@ class SlidingWindow(FoldedWindow):
         self._identity = fold.identity
         self._block = length // 2
         self._odd = length % 2
+        self.reset()
+
+    def reset(self) -> None:
         self._offset = 0
         self._front: list[Element] = [self._identity] * self._block
         self._back: list[Element] = [self._identity] * self._block
@@ -125,11 +135,15 @@ class SlidingWindow(FoldedWindow):
 class DelayLine(StateFields):
     """A stream, ``length`` samples late."""
 
-    __slots__ = ("_place", "_ring")
+    __slots__ = ("_length", "_place", "_ring")
     STATE = ("_place", "_ring")
 
     def __init__(self, length: int) -> None:
-        self._ring = [0.0] * length
+        self._length = length
+        self.reset()
+
+    def reset(self) -> None:
+        self._ring = [0.0] * self._length
         self._place = 0
 
     def push(self, x: float) -> float:
@@ -137,7 +151,7 @@ class DelayLine(StateFields):
         place = self._place
         late = self._ring[place]
         self._ring[place] = x
-        self._place = (place + 1) % len(self._ring)
+        self._place = (place + 1) % self._length
         return late
 
 

@@ -42,17 +42,13 @@ class PythonDenseMachine(StateFields):
         observed: Registers whose values `values` lists.
     """
 
-    STATE = (
-        "finished",
-        "_first",
-        "_last",
-        "_begin",
-        "_end",
-        "_waits",
-        "_inputs",
-        "_streams",
-        "_nodes",
-    )
+    STATE = ("finished", "_first", "_last", "_begin", "_end", "_waits", "_parts")
+    finished: bool
+    _first: list[float]
+    _last: list[float]
+    _begin: float
+    _end: float
+    _waits: tuple[float, Registers] | None
 
     def __init__(self, dense: DenseProgram, reader: EventReader, observed: Sequence[int]) -> None:
         program = dense.program
@@ -64,12 +60,8 @@ class PythonDenseMachine(StateFields):
         self._streams = [Stream() for _ in program.instructions]
         self._nodes = [self._node(dense, r) for r in range(self._known, len(self._streams))]
         self._inputs = Joint(len(program.variables))
-        width = len(program.variables)
-        self.finished = False
-        self._first, self._last = [math.inf] * width, [-math.inf] * width
-        self._begin, self._end = math.inf, -math.inf
-        self._waits: tuple[float, Registers] | None = None
-        self._initial = self.state()
+        self._parts = [self._inputs, *self._streams, *self._nodes]
+        self.reset()
 
     def _node(self, dense: DenseProgram, register: int) -> StreamNode:
         out = self._streams[register]
@@ -179,4 +171,10 @@ class PythonDenseMachine(StateFields):
         return np.array(times), np.array(values)
 
     def reset(self) -> None:
-        self.restore(self._initial)
+        width = len(self.reader.variables)
+        self.finished = False
+        self._first, self._last = [math.inf] * width, [-math.inf] * width
+        self._begin, self._end = math.inf, -math.inf
+        self._waits = None
+        for part in self._parts:
+            part.reset()

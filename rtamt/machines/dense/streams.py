@@ -42,10 +42,11 @@ class Stream(StateFields):
     __slots__ = ("frontier", "new", "value")
     STATE = ("new", "frontier", "value")
 
-    new: list[Breakpoint]
-
     def __init__(self) -> None:
-        self.new = []
+        self.reset()
+
+    def reset(self) -> None:
+        self.new: list[Breakpoint] = []
         self.frontier = -math.inf
         self.value = math.nan
 
@@ -64,7 +65,12 @@ class Joint(StateFields):
 
     def __init__(self, width: int) -> None:
         self._waiting: list[deque[Breakpoint]] = [deque() for _ in range(width)]
-        self._now = [math.nan] * width
+        self.reset()
+
+    def reset(self) -> None:
+        for waiting in self._waiting:
+            waiting.clear()
+        self._now = [math.nan] * len(self._waiting)
 
     def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
         """Take in new steps of every stream."""
@@ -114,6 +120,9 @@ class StreamNode(StateFields):
     def __init__(self, args: Sequence[Stream], out: Stream) -> None:
         self._args, self._out = args, out
         self._joint = Joint(len(args))
+
+    def reset(self) -> None:
+        self._joint.reset()
 
     def advance(self, begin: float, known: float) -> None:
         """Go on as far as the operands are known; the trace is known up to a time."""

@@ -33,6 +33,11 @@ class WindowNode(StreamNode):
         self._inside = Total(fold) if math.isinf(lo) else Queue(fold, lo)
         self._begun = False
 
+    def reset(self) -> None:
+        super().reset()
+        self._inside.reset()
+        self._begun = False
+
     def advance(self, begin: float, known: float) -> None:
         """Go on to where steps may still come."""
         self._collect()
@@ -74,8 +79,11 @@ class Total(StateFields):
     leaves = math.inf
 
     def __init__(self, fold: LatticeFold) -> None:
-        self._combine = fold.combine
-        self._total = fold.identity
+        self._combine, self._identity = fold.combine, fold.identity
+        self.reset()
+
+    def reset(self) -> None:
+        self._total = self._identity
 
     def push(self, begin: float, x: Element) -> None:  # noqa: ARG002 - as in Queue
         """Take in the next step."""
@@ -104,6 +112,9 @@ class Queue(StateFields):
     def __init__(self, fold: LatticeFold, lo: float) -> None:
         self._combine, self._identity = fold.combine, fold.identity
         self._lo = lo
+        self.reset()
+
+    def reset(self) -> None:
         self._begins: deque[float] = deque()
         self._older: list[Element] = []
         self._younger: list[Element] = []

@@ -74,12 +74,11 @@ class PythonEpisodeMachine(PythonSampleMachine):
         "upper",
         "_keepers",
     )
+    _first: Registers
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
         placement = place(program)
         super().__init__(placement.program, reader)
-        self.finished = False
-        self._first: Registers = []
         self._tops = placement.tops
         self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
         self._streams: dict[int, Stream] = {}
@@ -96,10 +95,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
         self._values_of_unknowns = np.zeros((3, len(self._axes)))
-        for stream in self._streams.values():
-            stream.look(-1, self._values_of_unknowns)
-        self._conclude(-1)
-        self._initial = self.state()
+        self.reset()
 
     def _made(self, register: int) -> Stream:
         instruction = self.program.instructions[register]
@@ -196,3 +192,13 @@ class PythonEpisodeMachine(PythonSampleMachine):
         if self.lower <= 0.0 <= self.upper:
             self.lower = self.upper = self.robustness
         return self.robustness
+
+    def reset(self) -> None:
+        super().reset()
+        self.finished = False
+        self._first = []
+        for keeper in self._keepers:
+            keeper.reset()
+        for stream in self._streams.values():
+            stream.look(-1, self._values_of_unknowns)
+        self._conclude(-1)

@@ -55,8 +55,11 @@ class Polynomials(StateFields):
 
     STATE: ClassVar[tuple[str, ...]] = ("kept",)
 
-    def __init__(self, kept: Arrays) -> None:
-        self.kept = kept
+    def __init__(self, nothing: Arrays) -> None:
+        self.kept = self._nothing = nothing
+
+    def reset(self) -> None:
+        self.kept = self._nothing
 
     def substitute(self, axis: int, value: Array) -> None:
         """Replace an unknown by its value one sample later."""
@@ -86,9 +89,13 @@ class Stream(Polynomials):
         self.past = past
         self.keep = 1
         self.last = -1
-        # Of every world; `look` finds them anew after every sample.
+        # For every world; `look` finds them anew after every sample.
         self.open = [_NOTHING] * 3
         self.tail = [math.nan, -INF, INF]
+
+    def reset(self) -> None:
+        super().reset()
+        self.last = -1
 
     def settle(self, t: int) -> Array | None:
         """The value of time t - late, where it exists."""
@@ -284,6 +291,10 @@ class Running(_Windowed):
         operands.hold(self.late, hi)
         self._hi = hi
         self._total = Polynomials(operands.identities(1))
+
+    def reset(self) -> None:
+        super().reset()
+        self._total.reset()
 
     def _settled(self, time: int) -> Array:
         newest = self.operands.settled(time + self._hi, time + self._hi)
