@@ -216,7 +216,8 @@ def variable(name: str) -> Term:
     """The term of a variable: a name, or dotted names for the fields of a message.
 
     Raises:
-        SpecificationError: If the specification language could not read the name.
+        SpecificationError: If it is not such a name, or a reserved word such as ``always``. The
+            name of a function, such as ``min``, may name a variable too.
     """
     if not isinstance(name, str):
         msg = f"expected the name of a variable as text, got {type(name).__name__} {name!r}"
@@ -252,12 +253,16 @@ def disjunction(formulas: Iterable[Formula]) -> Formula:
 
 
 def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) -> Term | Formula:
-    """The node of an operator over its operands.
+    """The node of any operator over its operands: ``make("always", (p,), Interval.of(0, 5))``.
 
-    Operands of another kind, a wrong number of them, or an interval where none belongs are errors.
+    Args:
+        name: Name of the operator's row.
+        args: The operands.
+        interval: The interval of a temporal operator; None is ``[0, inf)``.
 
     Raises:
-        SpecificationError: As said, or if the tree would be too deep or too large.
+        SpecificationError: On operands of another kind, a wrong number of them, an interval where
+            none may stand, or a tree that is too deep or too large.
     """
     op = OPERATORS[name]
     kind: type[Node] = Term if op.operands == "term" else Formula

@@ -80,7 +80,7 @@ class Interval:
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse bounds that are no interval.
+        """Check the bounds and the unit.
 
         Raises:
             SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.

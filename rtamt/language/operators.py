@@ -1,4 +1,4 @@
-"""The table of operators: one row says how an operator is written and what it means.
+"""The rows of the table of operators: how each is written and what it means.
 
 The parser, the printer, the compiler and the documentation read the rows. A meaning is a function
 over a `Builder`: sugar is one line over the core (`map` of a function, a lattice fold over a window

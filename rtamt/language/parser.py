@@ -30,7 +30,7 @@ def parse(
     constants: Mapping[str, Exact] | None = None,
     modules: Modules | None = None,
 ) -> Specification:
-    """The specification that a text says.
+    """The specification of a text.
 
     Parsing is cached by text and arguments, unless `modules` are given.
 
@@ -39,11 +39,11 @@ def parse(
         unit: Unit of the bounds that have none: s, ms, us, ns or ps.
         constants: Values of constants that the text may use beside its own.
         modules: The modules from which the text imports types: by name, or names of modules to
-            import. A text itself imports nothing: without modules its types are mere names, and
-            messages of any class will do.
+            import. A text itself imports nothing: without modules its types are names only, and
+            messages of any class are taken.
 
     Raises:
-        ParseError: If the text is no specification, with line, column and the way out.
+        ParseError: If the text is not a specification, with line, column and the way out.
         SpecificationError: If an argument is wrong.
         ImportError: If a module that is named cannot be imported.
 
@@ -76,7 +76,7 @@ def parse_as(
         text: As for `parse`.
         unit: As for `parse`.
         constants: As for `parse`.
-        modules: Those that the text may import from; None: types are names.
+        modules: The modules that the text may import from; None: types are names only.
         chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
             ``since`` and ``unless`` alike; in the language itself that is an error.
 
@@ -90,7 +90,7 @@ def parse_as(
     if unit not in UNITS:
         raise SpecificationError(no_unit(unit))
     for name in constants:
-        variable(name)  # what can be read as a name, and is no word of the language
+        variable(name)  # raises if the text could not have the name
     given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())
     if modules:
         return _read(text, unit, given, modules, chains=chains)
@@ -108,7 +108,7 @@ def load(
 
     Raises:
         OSError: If the file cannot be read.
-        SpecificationError: As `parse` does, with a note that names the file; or if it is no UTF-8.
+        SpecificationError: As `parse` does, with a note that names the file; or if it is not UTF-8.
     """
     from pathlib import Path  # 5 ms of every import of the package
 
@@ -141,7 +141,7 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
 
 
 # Pickles are text: short, and equal trees stay one object. They are registered here because only
-# the parser can read them; formulas and specifications need not know of it.
+# the parser can read them.
 
 
 def _term_from_text(text: str) -> Term:
@@ -167,7 +167,7 @@ def _specification_from_text(
 
 
 def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[object, ...]]:
-    # Of a type that no other process could import by its name, the name is all that is kept.
+    # A type that another process could not import by its name is kept as a name only.
     imports = {
         name: (module, _by_name(spec.types.get(name))) for name, module in spec.imports.items()
     }

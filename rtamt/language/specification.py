@@ -1,7 +1,7 @@
-"""A specification: formulas with names, declarations, constants, and what can be said of them.
+"""A specification: its formulas, declarations and constants, and what follows from them.
 
-A specification never changes and does not know how it will be monitored. Two are equal if they say
-the same, however they are spelt.
+A specification never changes and does not know how it will be monitored. Two are equal if their
+contents are, however they are spelt.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ PRIMITIVES = (
 
 @dataclass(frozen=True, slots=True)
 class Declaration:
-    """What a text says of a variable.
+    """The declaration of a variable.
 
     Attributes:
         type: A primitive type or the name of an imported one.
-        io: Whether the system reads or sets the variable; None if neither is said.
-        default: Its value as long as none has come, or None.
+        io: Whether the system reads or sets the variable; None if the text does not say.
+        default: The value of the variable until a sample has one, or None.
     """
 
     type: str
@@ -58,11 +58,11 @@ class Specification:
         formula: The result: the last formula.
         name: The name that the text gives to the whole, or None.
         formulas: The named formulas, in order; the result is among them only if it has a name.
-        declarations: What the text says of variables, used or not.
+        declarations: Variable to its declaration, used or not.
         constants: Values of the constants, those given to `parse` among them.
         topics: Variable to the path of its topic.
         imports: Imported type to its module.
-        types: Imported type to its class, if it is one.
+        types: Imported type to its class, if the module was given and the type is a class.
         unit: Unit of the bounds that have none.
         given: Exact values of the constants that were given to `parse`.
         chains: Whether the text was read with operators that group to the left where they chain.
@@ -84,7 +84,7 @@ class Specification:
     positions: Mapping[Node, tuple[int, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Close the mappings."""
+        """Make the mappings read-only."""
         for attribute in _MAPPINGS:
             closed = MappingProxyType(dict(getattr(self, attribute)))
             object.__setattr__(self, attribute, closed)
@@ -157,7 +157,7 @@ class Specification:
         return interval.begin * scale, end
 
     def declaration(self, variable: str) -> Declaration | None:
-        """What the text says of a variable, or of the message of which it is a field."""
+        """The declaration of a variable or of the message of which it is a field, or None."""
         return self.declarations.get(self._declared(variable))
 
     def error(self, node: Node, reason: str, hint: str = "") -> SpecificationError:

@@ -1,7 +1,8 @@
-"""What the table of operators is made of: a row, the builder of its meaning, and the table."""
+"""The table of operators: what a row has, and what is derived from all rows."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -9,14 +10,14 @@ from typing import Literal, Protocol
 __all__ = ["KEYWORDS", "Bounds", "Builder", "Meaning", "Notation", "Operator", "Table"]
 
 KEYWORDS = frozenset({"inf", "const", "input", "output", "specification", "from", "import"})
-"""The words of the language that are no operators; the grammar has them."""
+"""The words of statements, which the grammar has; no operator is spelt like one."""
 
 Bounds = tuple[int, int | None]
 """Bounds of an interval in samples; None is no upper bound."""
 
 
 class Builder(Protocol):
-    """The instructions that a meaning is written in; each returns the register of its value."""
+    """Writes the instructions of a meaning; every method returns the register of a value."""
 
     def constant(self, value: float) -> int:
         """The same value at every sample, seen or not."""
@@ -107,8 +108,9 @@ class Table(Mapping[str, Operator]):
     Attributes:
         spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.
         words: Spelling to its row, for the spellings that are words.
-        reserved: Words that cannot name a variable: keywords, truths and operators. A function is
-            one only where ``(`` follows, but ``G - 3`` would have two readings.
+        reserved: Words that cannot name a variable: keywords, ``true`` and ``false``, and operators
+            (``G - 3`` would have two readings). The name of a function can: it is a function only
+            where ``(`` follows.
     """
 
     spellings: Mapping[tuple[str, Notation], Operator]
@@ -122,17 +124,20 @@ class Table(Mapping[str, Operator]):
         """Make these the rows of the table.
 
         Raises:
-            AssertionError: If two rows have the same name or word, or a row has a keyword.
+            AssertionError: If two rows have the same name, the same word, or the same symbol in the
+                same notation, or a row has a keyword.
         """
         rows = tuple(rows)
-        words = [(s, row) for row in rows for s in row.spellings if s.isidentifier()]
-        taken = [*(row.name for row in rows), *KEYWORDS, *(s for s, row in words if s != row.name)]
-        if len(set(taken)) != len(taken):
-            twice = sorted({word for word in taken if taken.count(word) > 1})
+        spellings = [((s, row.notation), row) for row in rows for s in row.spellings]
+        words = [(s, row) for (s, _), row in spellings if s.isidentifier()]
+        seen = Counter[object](row.name for row in rows)
+        seen |= Counter([*KEYWORDS, *(word for word, _ in words)])
+        seen |= Counter(key for key, _ in spellings)
+        if twice := [str(key) for key, count in seen.items() if count > 1]:
             msg = f"expected one meaning for a word, got several for {', '.join(twice)}"
             raise AssertionError(msg)
         self._rows = {row.name: row for row in rows}
-        self.spellings = {(s, row.notation): row for row in rows for s in row.spellings}
+        self.spellings = dict(spellings)
         self.words = dict(words)
         self.reserved = KEYWORDS.union(s for s, row in words if row.notation != "call")
 

@@ -1,1 +1,1 @@
-"""The grammar of the specification language, and text to specifications by it; see parser.py."""
+"""Reads text by the grammar Stl.g4; `rtamt.language.parser` is the way in."""

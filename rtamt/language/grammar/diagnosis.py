@@ -1,4 +1,4 @@
-"""What is wrong where the grammar refuses a token, and the way out."""
+"""Errors of text: what was expected where, what came instead, and the way out."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import UNITS
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES
-from rtamt.language.table import Notation
+from rtamt.language.table import Notation, Operator
 
 __all__ = [
     "Token",
@@ -42,12 +42,12 @@ class Token(Protocol):
 
 
 def fail(text: str, token: Token, reason: str, hint: str = "") -> ParseError:
-    """The error with its caret under a token."""
+    """The error that points at a token."""
     return ParseError(reason, text, token.line, token.column + 1, hint)
 
 
 def nearest(word: str, words: Iterable[str], otherwise: str = "") -> str:
-    """A hint that names the word most like the one that was written, if one is like it."""
+    """A hint with the most similar word; ``otherwise`` if none is similar."""
     close = difflib.get_close_matches(word, tuple(words), 1)
     return f"did you mean '{close[0]}'?" if close else otherwise
 
@@ -179,13 +179,9 @@ def _misplaced(token: Token) -> str:
 
 def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseError:
     if StlParser.NUMBER in expected:
-        endless = token.type == StlParser.CLOSE_INTERVAL
-        hint = (
-            "an interval without end is [0:inf] or [0,)"
-            if endless
-            else "write a number, a constant or inf"
-        )
-        return no_bound(text, token, hint)
+        if token.type == StlParser.CLOSE_INTERVAL:
+            return no_bound(text, token, "an interval without end is [0:inf] or [0,)")
+        return no_bound(text, token, "write a number, a constant or inf")
     if StlParser.COLON in expected:
         reason = f"expected ':' and the other bound, got {_got(token)}"
         return fail(text, token, reason, "write both bounds: [0:5]")
@@ -222,7 +218,7 @@ def _no_operand(text: str, before: Token, token: Token) -> ParseError:
             hint = f"write '{joined}' in one piece"
     elif misplaced := _misplaced(token):
         hint = misplaced
-    elif row is not None and before.text != row.symbol:
+    elif row is not None and (before.text != row.symbol or _named(row, token)):
         hint = OPERATORS.refusal(before.text)
     return fail(text, token, reason, hint)
 
@@ -253,7 +249,7 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
 def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
     """The error if the name before the refused token is meant as an operator or a function."""
     word = before.text
-    functions = _words("call")
+    functions = [name for name, row in OPERATORS.words.items() if row.notation == "call"]
     operators = [*_words("prefix"), *_words("infix")]
     if word.lower() in _ELSEWHERE:
         hint = f"write '{_ELSEWHERE[word.lower()]}'"
@@ -270,8 +266,14 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
     return None
 
 
+def _named(prefix: Operator, token: Token) -> bool:
+    """Whether the word of a prefix operator is meant as a variable, as in ``next > 3``."""
+    row = OPERATORS.spellings.get((token.text, "infix"))
+    return prefix.notation == "prefix" and row is not None and row.operands == "term"
+
+
 def _words(notation: Notation) -> list[str]:
-    """The words of a notation that are long enough to be misspelt."""
+    """The words of a notation, but for single letters, which are like no other word."""
     return [s for s, row in OPERATORS.words.items() if row.notation == notation and len(s) > 1]
 
 

@@ -1,4 +1,4 @@
-"""Tokens of an expression to its tree, by precedence."""
+"""From the tokens of an expression to its tree, by precedence."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class TreeBuilder:
         if token.type == StlParser.NAME:
             return self._place(self.resolve(token), token)
         if token.type == StlParser.TRUTH:
-            return make(token.text, ())
+            return make(OPERATORS.words[token.text].name, ())
         try:
             return number(float(token.text))
         except SpecificationError:

@@ -1,4 +1,4 @@
-"""Statements to a `Specification`: what names stand for."""
+"""From statements to a `Specification`: declarations, and what names stand for."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Text to tokens and statements: all that runs ANTLR.
+"""From text to tokens and statements: the module that runs ANTLR.
 
 The scanner takes the lexer's tokens one by one, so that ten thousand open brackets cost no more
-than the first two hundred, and decides which newlines end a statement. The parser is then run for
-its verdict and for the parts of the statements; expressions are built from their tokens.
+than the first two hundred. It gives words and symbols their types and decides which newlines end a
+statement. The parser then checks the syntax and finds the parts of the statements; the trees of
+expressions are built from their tokens (expressions.py).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ __all__ = ["Part", "Statement", "Statements", "read"]
 
 
 class Part(Protocol):
-    """What a rule of the grammar has read."""
+    """The first and the last token that a rule of the grammar has read."""
 
     start: Token
     stop: Token
@@ -59,7 +60,7 @@ class Statements(Protocol):
     definitions: Sequence[Statement]
 
 
-# The type of a word or symbol, by notation of its row and whether an interval may follow.
+# The type of a word or symbol, by the notation of its row and whether an interval may follow.
 _TYPES: Mapping[tuple[Notation, bool], int] = {
     ("prefix", True): StlParser.TEMPORAL,
     ("prefix", False): StlParser.PREFIX,
@@ -68,11 +69,12 @@ _TYPES: Mapping[tuple[Notation, bool], int] = {
     ("atom", False): StlParser.TRUTH,
     ("call", False): StlParser.NAME,  # until a bracket follows
 }
+_SPELT = frozenset({StlParser.NAME, StlParser.SYMBOL})
 _PREFIX = frozenset({StlParser.TEMPORAL, StlParser.PREFIX, StlParser.MINUS})
 _INFIX = frozenset({StlParser.BINDING, StlParser.INFIX, StlParser.MINUS, StlParser.SLASH})
 # After these a newline ends nothing; what follows the end of an interval is an operand.
 _UNFINISHED = _PREFIX | _INFIX | {StlParser.EQUALS}
-# The name after these is one that a statement gives, and calls no function.
+# A statement names something after these: that name calls no function.
 _NAMING = frozenset({StlParser.NAME, StlParser.SPECIFICATION, StlParser.IMPORT})
 _OPEN_ENDS = frozenset({StlParser.COLON, StlParser.COMMA, StlParser.INF})
 
@@ -114,7 +116,7 @@ class _Scanner:
                 if not (self.unfinished or self.brackets or self.newline):
                     self.newline = token
                 continue
-            if token.type in (StlParser.NAME, StlLexer.SYMBOL):
+            if token.type in _SPELT:
                 token.type = self._type(token)
             elif token.type == StlParser.OPEN and self._calls():
                 self.tokens[-1].type = StlParser.FUNCTION
@@ -219,7 +221,7 @@ def _place(token: Token) -> str:
 
 
 class _Stream:
-    """The tokens as a stream for ANTLR; its own fetches and filters, at five times the cost."""
+    """The tokens as a stream for ANTLR, whose own streams cost five times as much."""
 
     def __init__(self, tokens: Sequence[Token]) -> None:
         self.tokens = tokens

@@ -18,8 +18,8 @@ from rtamt.program.algebra import FUNCTIONS, Function
 
 Add = Callable[[Operator], None]
 
-W_NEXT = Operator(
-    ("w_next", "wX"),
+LATER = Operator(
+    ("later", "lX"),
     "prefix",
     7,
     "p(i+1); at the last sample +inf",
@@ -30,7 +30,7 @@ W_NEXT = Operator(
 NAND = Operator(
     ("nand",), "infix", 5, "-min(p, q)", lambda b, p, q: b.map("neg", b.map("min", p, q)), (2, 2)
 )
-TANH = _function("tanh", "hyperbolic tangent")
+TWICE = _function("twice", "2 x")
 
 x, y = variable("x"), variable("y")
 TRACE = {"x": [1.0, 3.0, -2.0, 0.5], "y": [0.0, 2.0, 4.0, -1.0]}
@@ -51,25 +51,25 @@ def formula(text: str) -> Formula:
 
 @pytest.mark.parametrize("backend", ["python", "auto"])
 def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) -> None:
-    add(W_NEXT)
-    made = cast("Formula", make("w_next", (x > 1,)))
-    assert formula("w_next(x > 1)") is formula("wX x > 1") is made
-    assert str(made & (y > 0)) == "w_next(x > 1) and y > 0"
+    add(LATER)
+    made = cast("Formula", make("later", (x > 1,)))
+    assert formula("later(x > 1)") is formula("lX x > 1") is made
+    assert str(made & (y > 0)) == "later(x > 1) and y > 0"
     assert formula(str(made.always(0, 2))) is made.always(0, 2)
-    assert rtamt.parse("always[0:2] w_next(x > 1)").horizon == 3
+    assert rtamt.parse("always[0:2] later(x > 1)").horizon == 3
     values = rtamt.evaluate(made, TRACE, backend=backend)
     assert values.tolist() == [2.0, -3.0, -0.5, math.inf]
     explanation = rtamt.explain(made, TRACE, sample=1, backend=backend)
     assert [(str(step.formula), step.sample) for step in explanation.steps] == [
-        ("w_next(x > 1)", 1),
+        ("later(x > 1)", 1),
         ("x > 1", 2),
     ]
-    with pytest.raises(ParseError, match="did you mean 'w_next'"):
-        formula("w_nex(x > 1)")
-    with pytest.raises(SpecificationError, match="'wX' is the operator 'w_next' and cannot name"):
-        variable("wX")
-    with pytest.raises(ParseError, match="'w_next' speaks of neighbouring samples"):
-        rtamt.DenseMonitor("w_next(x > 1)")
+    with pytest.raises(ParseError, match="did you mean 'later'"):
+        formula("lather(x > 1)")
+    with pytest.raises(SpecificationError, match="'lX' is the operator 'later' and cannot name"):
+        variable("lX")
+    with pytest.raises(ParseError, match="'later' speaks of neighbouring samples"):
+        rtamt.DenseMonitor("later(x > 1)")
 
 
 def test_an_infix_operator_is_one_row(add: Add) -> None:
@@ -85,31 +85,31 @@ def test_an_infix_operator_is_one_row(add: Add) -> None:
 def test_a_function_is_a_row_here_and_one_in_the_algebra(
     add: Add, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add(TANH)
+    add(TWICE)
     monkeypatch.setitem(
-        cast("dict[str, Function]", FUNCTIONS), "tanh", Function("tanh", 1, math.tanh)
+        cast("dict[str, Function]", FUNCTIONS), "twice", Function("twice", 1, lambda x: 2 * x)
     )
-    made = cast("Term", make("tanh", (x,))) > 0.25
-    assert formula("tanh(x) > 0.25") is made
-    assert str(made.always()) == "always(tanh(x) > 0.25)"
+    made = cast("Term", make("twice", (x,))) > 0.25
+    assert formula("twice(x) > 0.25") is made
+    assert str(made.always()) == "always(twice(x) > 0.25)"
     assert formula(str(made)) is made
-    expected = [math.tanh(value) - 0.25 for value in TRACE["x"]]
+    expected = [2 * value - 0.25 for value in TRACE["x"]]
     assert rtamt.evaluate(made, TRACE, backend="python").tolist() == expected
     monitor = rtamt.EpisodeMonitor(made.always(), backend="python", history=True)
     for value in TRACE["x"]:
         monitor.update(x=value)
     assert [(c.variable, c.sample) for c in monitor.explain().causes] == [("x", 2)]
-    assert formula("tanh > 1") is (variable("tanh") > 1)
-    with pytest.raises(ParseError, match=r"hint: write tanh\(x\)"):
-        formula("1 < tanh x")
-    with pytest.raises(ParseError, match=r"functions are abs, .*, tanh"):
+    assert formula("twice > 1") is (variable("twice") > 1)
+    with pytest.raises(ParseError, match=r"hint: write twice\(x\)"):
+        formula("1 < twice x")
+    with pytest.raises(ParseError, match=r"functions are abs, .*, twice"):
         formula("foo(x) > 1")
 
 
 def test_a_row_that_is_gone_leaves_nothing_behind() -> None:
-    assert formula("w_next > 1") is (variable("w_next") > 1)
-    with pytest.raises(ParseError, match="unknown function 'tanh'"):
-        formula("tanh(x) > 0.25")
+    assert formula("later > 1") is (variable("later") > 1)
+    with pytest.raises(ParseError, match="unknown function 'twice'"):
+        formula("twice(x) > 0.25")
 
 
 @pytest.mark.parametrize("word", ["next", "X", "min", "inf"])
