@@ -39,6 +39,13 @@ def test_error_says_what_was_expected_where_and_the_way_out(text: str, message: 
     assert str(caught.value).splitlines() == message
 
 
+def test_an_unknown_function_is_told_the_known_ones() -> None:
+    with pytest.raises(ParseError, match=r"^STL:1:1: unknown function 'foo'") as caught:
+        rtamt.parse("foo(x) > 3")
+    functions = [row.symbol for row in OPERATORS.values() if row.notation == "call"]
+    assert caught.value.hint == f"functions are {', '.join(functions)}"
+
+
 PIECES = (
     *sorted({s for row in OPERATORS.values() for s in row.spellings} | OPERATORS.reserved),
     *"()[]:,;=@/-. \n\té",

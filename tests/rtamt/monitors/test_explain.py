@@ -45,7 +45,7 @@ def offsets(formula: Formula, i: int, n: int) -> range:
     """The samples of the trace in the window of a temporal operator."""
     assert formula.op is not None
     first, last = bounds(formula)
-    if formula.op.name in ("prev", "s_prev", "next", "s_next", "rise", "fall"):
+    if formula.op.sampled:
         first = last = 1
     if formula.op.future:
         return range(i + first, int(min(n - 1, i + last)) + 1)
