@@ -47,7 +47,7 @@ def exact(value: Exact, what: str) -> Fraction:
 
 
 def _is_short(value: Exact) -> bool:
-    """Whether the exponent is one to compute with: 1e999999999 is text of ten characters only."""
+    """Whether the exponent is small enough to compute with: 1e999999999 is short text."""
     exponent = str(value).lower().partition("e")[2] if isinstance(value, str | Decimal) else ""
     return not exponent or abs(int(exponent)) <= 300
 

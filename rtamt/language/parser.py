@@ -1,4 +1,4 @@
-"""Text to a `Specification`."""
+"""From text to a `Specification`."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ _HEADS = {
     StlParser.OUTPUT: "write output float NAME",
 }
 _LONG = 60
-_ASCII = "names are of letters, digits, '_' and dots, operators as in: not (x >= 3) -> y < 2"
+_ASCII = "names have letters, digits, '_' and dots; operators are as in: not (x >= 3) -> y < 2"
 _INSTEAD = {
     "#": "a comment begins with //",
     "^": "write pow(x, 2) for a power",

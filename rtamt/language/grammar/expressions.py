@@ -39,13 +39,13 @@ class _Frame:
 
 
 class TreeBuilder:
-    """Builds the trees of a text whose syntax the grammar has found right.
+    """Builds the trees of a text whose syntax has been checked.
 
     Args:
         text: The text.
         tokens: Its tokens.
-        constants: Values of the names that bounds may have.
-        resolve: The node of a name.
+        constants: Values of the names that may be bounds of intervals.
+        resolve: Gives the node of a name.
         chains: Whether ``implies``, ``until``, ``since`` and ``unless`` group to the left where
             they chain; else that is an error.
 

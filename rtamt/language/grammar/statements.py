@@ -32,7 +32,7 @@ def read_specification(
     """The specification of a text; the arguments are those of `parse_as`, checked.
 
     Raises:
-        ParseError: If the text is no specification.
+        ParseError: If the text is not a specification.
     """
     statements, tokens = read(text)
     return _Reader(text, tokens, given, modules, chains=chains).specification(statements, unit)
@@ -171,7 +171,7 @@ class _Reader:
         for step in steps:
             if step.text[0] not in "/." and not step.text[0].isalnum() and step.text[0] != "_":
                 reason = f"expected a name in the path, got '{step.text}'"
-                raise self._fail(step, reason, "a path is of names between '/'")
+                raise self._fail(step, reason, "a path is names with '/' between them")
         self.topics[name] = "".join(step.text for step in steps)
 
     def _define(self, statement: Statement) -> Formula:
@@ -217,7 +217,7 @@ class _Reader:
             raise self._fail(token, f"'{token.text}' is not declared", hint)
 
     def _check_field(self, token: Token) -> str:
-        """The message of which a name is a field, if it is declared; else what is left of it."""
+        """The declared message that a name is a field of; if there is none, its first part."""
         message = token.text
         while message not in self.declared and "." in message:
             message = message.rpartition(".")[0]
