@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rtamt_gym.recorded.trace import Trace
 
 __all__ = [
+    "add_output",
     "add_period_and_view",
     "add_specs_and_trace",
     "check_outputs",
@@ -42,6 +43,11 @@ def add_period_and_view(parser: argparse.ArgumentParser, default: str) -> None:
         help="episode: a formula is evaluated at the first sample; step: at every sample, and all "
         "have to satisfy it (default: episode)",
     )
+
+
+def add_output(parser: argparse.ArgumentParser, option: str, help_line: str) -> None:
+    """Adds an option that names a file to write."""
+    parser.add_argument(option, type=Path, metavar="FILE", help=help_line)
 
 
 def add_specs_and_trace(parser: argparse.ArgumentParser) -> None:

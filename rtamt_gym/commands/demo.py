@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rtamt_gym.commands.arguments import check_outputs, whole
+from rtamt_gym.commands.arguments import add_output, check_outputs, whole
 
 __all__ = ["add_arguments", "run"]
 
@@ -20,13 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=whole, default=0, metavar="S", help="seed of every episode (default: 0)"
     )
-    parser.add_argument(
-        "--plot",
-        type=Path,
-        default=Path("rtamt-demo.png"),
-        metavar="FILE",
-        help="file of the picture (default: rtamt-demo.png)",
-    )
+    add_output(parser, "--plot", "file of the picture (default: rtamt-demo.png)")
+    parser.set_defaults(plot=Path("rtamt-demo.png"))
 
 
 def run(options: argparse.Namespace) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from rtamt import InputError, Verdict
 from rtamt_gym.commands.arguments import (
+    add_output,
     add_specs_and_trace,
     check_outputs,
     read_samples,
@@ -31,15 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="rows are events at any time, and a value holds until the next event; an empty cell "
         "is no event; with the columns time, variable and value a row is one event",
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FILE",
-        help="write the robustness of every formula to a .csv file",
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the signals and the robustness"
-    )
+    add_output(parser, "--out", "write the robustness of every formula to a .csv file")
+    add_output(parser, "--plot", "draw the signals and the robustness")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
+    add_output,
     add_period_and_view,
     check_outputs,
     positive,
@@ -77,13 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="time limit of an episode in steps (default: the environment's own)",
     )
     add_period_and_view(parser, "the environment's own")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the first violated episode")
-    parser.add_argument(
-        "--json",
-        type=Path,
-        metavar="FILE",
-        help='write the outcomes as strict JSON, with "inf" and "-inf" for infinities',
-    )
+    add_output(parser, "--plot", "draw the first violated episode")
+    infinities = 'with "inf" and "-inf" for infinities'
+    add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
 
 
 def run(options: argparse.Namespace) -> int:
