@@ -6,14 +6,13 @@ import enum
 import math
 from array import array
 from collections.abc import Callable
-from typing import Any, Self, TypeVar, Unpack
+from typing import Any, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import StateError
 from rtamt.inputs.samples import Columns, SampleReader
-from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DiscreteMachine, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
@@ -297,9 +296,9 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     def _arguments(self) -> dict[str, Any]:
         return super()._arguments() | {"history": self._history is not None}
 
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Specification], Any]:
-        make, args, state = super().__reduce__()
-        return make, args, state if self._history is None else (state, self._history.tobytes())
+    def _state(self) -> object:
+        state = self._machine.state()
+        return state if self._history is None else (state, self._history.tobytes())
 
     def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - that of the machine is its own
         if self._history is not None:

@@ -79,18 +79,21 @@ class Online(Generic[_M, _P]):
             "backend": self.backend,
         }
 
+    def _state(self) -> object:
+        return self._machine.state()
+
     def __copy__(self) -> Self:
-        make, args, state = self.__reduce__()
-        twin = make(*args)
-        twin.__setstate__(state)
+        make: Callable[..., Self] = type(self)
+        twin = make(self.specification, **self._arguments())
+        twin.__setstate__(self._state())
         return twin
 
     def __deepcopy__(self, memo: object) -> Self:
         return self.__copy__()
 
-    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Specification], Any]:
+    def __reduce__(self) -> tuple[Callable[..., Self], tuple[Specification], object]:
         make = functools.partial(type(self), **self._arguments())
-        return make, (self.specification,), self._machine.state()
+        return make, (self.specification,), self._state()
 
     def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - each machine has its own
         self._machine.restore(state)

@@ -47,13 +47,8 @@ class SampleOptions(Options, total=False):
     nan: NanPolicy
 
 
-_DEFAULTS: SampleOptions = {
-    "semantics": "standard",
-    "inputs": None,
-    "outputs": None,
-    "backend": "auto",
-    "nan": "raise",
-}
+_DEFAULTS: Options = {"semantics": "standard", "inputs": None, "outputs": None, "backend": "auto"}
+_SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise"}
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
@@ -78,10 +73,13 @@ def compiled(
     Returns:
         Specification, interface, chosen back-end, nan policy, period in seconds, program.
     """
-    specification, interface, backend, nan = _checked(caller, spec, options, SampleOptions)
+    given: SampleOptions = {**_SAMPLE_DEFAULTS, **options}
+    if len(given) > len(_SAMPLE_DEFAULTS):
+        raise _unknown(caller, given, _SAMPLE_DEFAULTS)
+    specification, interface, backend = _understood(spec, given)
     seconds = as_period(period)
     program = compile_program(specification, seconds, interface=interface, online=online)
-    return specification, interface, backend, nan, seconds, program
+    return specification, interface, backend, given["nan"], seconds, program
 
 
 def compiled_dense(
@@ -94,7 +92,10 @@ def compiled_dense(
     Returns:
         Specification, interface, chosen back-end, program.
     """
-    specification, interface, backend, _ = _checked(caller, spec, options, Options)
+    given: Options = {**_DEFAULTS, **options}
+    if len(given) > len(_DEFAULTS):
+        raise _unknown(caller, given, _DEFAULTS)
+    specification, interface, backend = _understood(spec, given)
     program = compile_dense(specification, interface=interface, online=online)
     return specification, interface, backend, program
 
@@ -107,7 +108,10 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
     keyword = inspect.Parameter.KEYWORD_ONLY
     listed = [
         inspect.Parameter(
-            name, keyword, default=cast("Any", _DEFAULTS)[name], annotation=kind.__forward_arg__
+            name,
+            keyword,
+            default=cast("Any", _SAMPLE_DEFAULTS)[name],
+            annotation=kind.__forward_arg__,
         )
         for name, kind in options.__annotations__.items()
     ]
@@ -121,19 +125,16 @@ def listed_in_signature(options: type) -> Callable[[_F], _F]:
     return decorate
 
 
-def _checked(
-    caller: Callable[..., object], spec: Spec, options: SampleOptions | Options, kind: type
-) -> tuple[Specification, Interface, BackendName, NanPolicy]:
-    given = _DEFAULTS
-    if options:
-        if not options.keys() <= kind.__annotations__.keys():
-            unknown = next(name for name in options if name not in kind.__annotations__)
-            names = inspect.signature(caller).parameters
-            hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
-            raise TypeError(
-                f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}"
-            )
-        given = {**_DEFAULTS, **options}
+def _understood(spec: Spec, options: Options) -> tuple[Specification, Interface, BackendName]:
     specification = as_specification(spec)
-    interface = as_interface(specification, given["semantics"], given["inputs"], given["outputs"])
-    return specification, interface, choose(given["backend"]), given["nan"]
+    interface = as_interface(
+        specification, options["semantics"], options["inputs"], options["outputs"]
+    )
+    return specification, interface, choose(options["backend"])
+
+
+def _unknown(caller: Callable[..., object], given: Options, known: Options) -> TypeError:
+    unknown = next(name for name in given if name not in known)
+    names = inspect.signature(caller).parameters
+    hint = nearest(unknown, names) or f"; its arguments are {', '.join(names)}"
+    return TypeError(f"{caller.__name__}() got an unexpected keyword argument '{unknown}'{hint}")
