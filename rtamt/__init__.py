@@ -1,10 +1,10 @@
 """Robustness monitors from Signal Temporal Logic.
 
-Text becomes a formula, a formula a program of four instructions, and small machines run it: on
-samples as they come (`Monitor`), on a whole episode with bounds from the first sample on
+Text becomes a formula, a formula becomes a program of four instructions, and small machines run it:
+on samples as they come (`Monitor`), on an episode with bounds from the first sample on
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
-recorded traces (`evaluate`), on events over dense time (`DenseMonitor`, `evaluate_dense`);
-`explain` says which samples decided.
+recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`DenseMonitor`,
+`evaluate_dense`). `explain` finds the samples that decided a robustness.
 """
 
 import importlib
@@ -69,13 +69,13 @@ __all__ = [
     "variable",
 ]
 
-# Where programs for the released library import from: rtamt.spec.stl.discrete_time.specification.
+# Programs for the released library import from rtamt.spec.stl.discrete_time.specification.
 __path__ += [f"{path}/compat/paths" for path in __path__]  # noqa: F405 - every package has one
 
-if not TYPE_CHECKING:  # which would then believe in any name
+if not TYPE_CHECKING:  # a type checker would accept any name
 
     def __getattr__(name: str) -> object:
-        """The classes of the released library, loaded when first asked for."""
+        """A class of the released library, loaded when it is first used."""
         if not name.startswith("_"):
             released = importlib.import_module("rtamt.compat")
             if name in released.__all__:

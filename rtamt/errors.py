@@ -1,4 +1,4 @@
-"""Errors of the toolkit: what was expected, what came, where, and the way out."""
+"""Errors of the toolkit: what was expected, what came, where, and how to correct it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class RtamtError(Exception):
 
 
 class SpecificationError(RtamtError, ValueError):
-    """A specification without a meaning: bounds, units, depth, types, unbounded future."""
+    """A specification without a meaning: wrong bounds, units, depth or types, unbounded future."""
 
 
 class ParseError(SpecificationError):
@@ -33,7 +33,8 @@ class ParseError(SpecificationError):
         reason: The message without its place.
         line: Line in the text, from 1.
         column: Column in the line, from 1.
-        hint: The way out, or an empty string.
+        text: The whole text.
+        hint: How to correct the text, or an empty string.
     """
 
     def __init__(self, reason: str, text: str, line: int, column: int, hint: str = "") -> None:

@@ -1,9 +1,9 @@
 """The classes of the released library, for programs that were written for it.
 
-They are names over `rtamt.Monitor`, `rtamt.EpisodeMonitor`, `rtamt.evaluate`, `rtamt.DenseMonitor`
-and `rtamt.evaluate_dense`, and have their values; docs/differences.md says where those are not what
-the released library gave. ``rtamt.StlDiscreteTimeSpecification`` and all the others are attributes
-of `rtamt`, loaded when first asked for.
+They call `rtamt.Monitor`, `rtamt.EpisodeMonitor`, `rtamt.evaluate`, `rtamt.DenseMonitor` and
+`rtamt.evaluate_dense`, and give their values; docs/differences.md lists where these differ from
+those of the released library. ``rtamt.StlDiscreteTimeSpecification`` and the other classes are
+attributes of `rtamt`, loaded when they are first used.
 """
 
 from functools import partial

@@ -36,14 +36,13 @@ __all__ = [
 
 
 class _Sampled(AbstractSpecification):
-    """A specification of samples that should come at a fixed period.
+    """A specification of samples with a fixed period.
 
     Attributes:
         sampling_period: The period, in `sampling_period_unit`.
         sampling_period_unit: s, ms, us, ns or ps.
         sampling_tolerance: Share of the period by which a sample may be early or late.
-        sampling_violation_counter: Samples that were earlier or later than that. Times of samples
-            are in `unit`.
+        sampling_violation_counter: The number of samples that were earlier or later than that.
     """
 
     def __init__(
@@ -63,7 +62,7 @@ class _Sampled(AbstractSpecification):
         """Set the period, before the first sample.
 
         Args:
-            sampling_period: The period. 0 is no period: then no bounds can be read.
+            sampling_period: The period; 0 for a specification without bounds.
             unit: s, ms, us, ns or ps.
             tolerance: Share of the period by which a sample may be early or late.
 
@@ -99,7 +98,7 @@ class _Sampled(AbstractSpecification):
         return self._seconds() if self._specification().timed else None
 
     def _durations(self) -> tuple[float, float]:
-        """The least and the longest time between two samples that is no violation, in `unit`."""
+        """The shortest and the longest time between two samples without a violation, in `unit`."""
         if self.sampling_period == 0:
             return 0.0, 0.0
         period = self._seconds() / UNITS[self.unit]

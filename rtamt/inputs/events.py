@@ -1,7 +1,7 @@
 """Signals over dense time: events, and the reader of those that a caller hands in.
 
-Both back-ends use the reader: the machine in Python for all events, that in C++ for the argument
-forms that it does not read itself, and for every error.
+Both back-ends use the reader: the machine in Python for all events, the one in C++ for the argument
+forms that it does not read itself and for every error.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ Lanes = NDArray[np.bool_]
 class LaneReader:
     """Reads samples of many lanes, and masks of the lanes that take them.
 
-    Both back-ends use it: that in C++ for rare argument forms and for every error.
+    Both back-ends use it, the one in C++ for rare argument forms and for every error.
 
     Args:
         program: Its variables are read; its terms are named in errors.

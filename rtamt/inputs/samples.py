@@ -1,7 +1,7 @@
 """The samples that a caller hands in, read as floats: argument forms, checks and error texts.
 
 Both back-ends use the reader: the machines in Python for every sample, those in C++ for the
-argument forms that they do not read themselves, and for every error.
+argument forms that they do not read themselves and for every error.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class SampleReader:
 
     def refuse_nan(self, name: str, sample: int) -> NoReturn:
         """Raise the error that names a variable which is nan at a sample."""
-        hint = "nan='hold' keeps the last value, which the first sample has not"
+        hint = "nan='hold' keeps the last value, and the first sample has none"
         if self.nan == "raise":
             hint = "pass nan='hold' to keep the last value instead"
         raise InputError(f"variable '{name}' is nan at sample {sample}{self._where}; {hint}")

@@ -1,1 +1,1 @@
-"""What users call: monitors, evaluation of traces, explanations."""
+"""The objects that users call: monitors, evaluations of traces, explanations."""

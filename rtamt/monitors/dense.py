@@ -56,7 +56,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        interpolation: What a signal is between events: ``"previous"``, the last value.
+        interpolation: The value of a signal between events: ``"previous"``, the last one.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
@@ -97,7 +97,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 
     @property
     def interpolation(self) -> Interpolation:
-        """What a signal is between events."""
+        """The value of a signal between events: ``"previous"``, the last one."""
         return "previous"
 
     @property

@@ -164,7 +164,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
 
 class Verdict(enum.IntEnum):
-    """What is certain about an episode."""
+    """The verdict on an episode, decided as soon as the bounds exclude 0."""
 
     VIOLATED = -1
     """No continuation can satisfy the specification: the upper bound is below 0."""
@@ -185,15 +185,15 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     ``always(...)``. Future operators need no end. After every sample
 
     * ``robustness`` is the one that the episode has if it ends now: `evaluate`'s for sample 0;
-    * ``lower`` and ``upper`` bound the robustness over all ways to go on for ever (the robust
+    * ``lower`` and ``upper`` bound the robustness over all infinite continuations (the robust
       satisfaction interval): a predicate at an unseen sample lies in [-inf, +inf], and bounds go
       through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never rises;
     * ``verdict`` is decided as soon as the bounds exclude 0: a violation is known at the first
       sample at which interval arithmetic shows that nothing can save the episode.
 
-    ``lower <= robustness <= upper`` holds but for one case: where a window is empty because the
+    ``lower <= robustness <= upper`` holds with one exception: if a window is empty because the
     trace ends (``eventually[5:9]`` of a trace of 3 samples is -inf, ``always[5:9]`` +inf, under
-    any polarity), ``robustness`` may lie outside the bounds, which speak of longer traces.
+    any polarity), ``robustness`` may lie outside the bounds, which are about longer traces.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -248,7 +248,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
     @property
     def verdict(self) -> Verdict:
-        """What is certain."""
+        """The verdict on the episode, decided as soon as the bounds exclude 0."""
         if self._machine.upper < 0.0:
             return _VIOLATED
         return _SATISFIED if self._machine.lower > 0.0 else _UNDECIDED

@@ -85,7 +85,7 @@ class _Signal:
 
 
 class _Definition:
-    """A builder of the table's meanings whose registers are signals, the operands first."""
+    """Builds a meaning of the table on signals; the first registers are the operands."""
 
     def __init__(self, operands: Sequence[Floats]) -> None:
         self._samples = len(operands[0])

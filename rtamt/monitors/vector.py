@@ -164,7 +164,7 @@ class VectorEpisodeMonitor(
         return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(
-        "verdict", "What is certain about each lane: -1 violated, 1 satisfied, 0 undecided."
+        "verdict", "The verdict on each lane: -1 violated, 0 undecided, 1 satisfied."
     )
 
     def finish(self, mask: ArrayLike | None = None) -> NDArray[np.float64]:

@@ -262,7 +262,7 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
         InputError,
         (
             "variable 'x' is nan at sample 0; "
-            "nan='hold' keeps the last value, which the first sample has not"
+            "nan='hold' keeps the last value, and the first sample has none"
         ),
     ),
     (

@@ -184,7 +184,7 @@ def test_hold_keeps_the_last_value(backend: Backend) -> None:
 
 def test_hold_has_nothing_to_hold_at_the_first_sample(backend: Backend) -> None:
     held = Monitor("x > 0", backend=backend, nan="hold")
-    with pytest.raises(InputError, match="which the first sample has not"):
+    with pytest.raises(InputError, match="and the first sample has none"):
         held.update(NAN)
     held.update(3.0)
     held.reset()

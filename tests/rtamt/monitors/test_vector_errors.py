@@ -147,7 +147,7 @@ def test_a_nan_that_cannot_be_held_is_refused(backend: Backend) -> None:
         vector.update([[NAN, 1.0], [NAN, 1.0]])
     assert str(caught.value) == (
         "variable 'x' is nan at sample 0 of lane 1; "
-        "nan='hold' keeps the last value, which the first sample has not"
+        "nan='hold' keeps the last value, and the first sample has none"
     )
     assert vector.update([[NAN, 1.0], [1.0, 1.0]]).tolist() == [2.0, 2.0]
     vector.reset([True, False])
