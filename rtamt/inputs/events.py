@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NoReturn, cast, overload
+from typing import NoReturn, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rtamt.errors import InputError, InputTypeError, StateError
 from rtamt.inputs.messages import Messages
@@ -225,7 +225,7 @@ class EventReader:
         if not messages:
             return events
         return self._messages.spread(
-            {n: _pairs(e, n) if n in messages else e for n, e in events.items()},
+            {n: _messages(e, n) if n in messages else e for n, e in events.items()},
             lambda field, pairs: [(time, field.of(m, time, "time")) for time, m in pairs],
         )
 
@@ -252,68 +252,61 @@ def _column(given: object, name: str, after: float) -> Column:
     return times, values
 
 
-def _pairs(given: object, message: str) -> list[tuple[object, object]]:
-    """The events of a message."""
-    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
-        raise InputTypeError(
-            f"expected events of '{message}' as a sequence of (time, message), got {kind_of(given)}"
-        )
-    events = list(given)
-    for i, event in enumerate(events):
-        if not isinstance(event, Sequence) or isinstance(event, str | bytes) or len(event) != 2:
-            raise InputError(
-                f"expected (time, message) as event {i} of '{message}', got {kind_of(event)}"
-            )
-    return events
-
-
 def _table(given: object, name: str) -> Floats:
-    # An object with keys iterates over the keys, or over values without times (a pandas column).
-    if isinstance(given, str | bytes) or hasattr(given, "keys") or not isinstance(given, Iterable):
-        raise InputTypeError(f"expected {_forms(name)}, got {kind_of(given)}")
+    """The events of a variable as an array of shape (n, 2)."""
+    forms = (
+        f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or "
+        "Events(times, values)"
+    )
     if isinstance(given, np.ndarray):
         table = array_of_numbers(given, f"the events of '{name}'")
         if not table.size:
             return np.empty((0, 2))
-        if table.ndim != 2 or table.shape[1] != 2:
-            raise _misshapen(table, name)
-        return table
-    events = list(given)
-    try:
-        table = np.array(events)
-    except (ValueError, TypeError):  # pairs and others
-        table = _NOTHING
-    if table.dtype.kind in "biuf" and table.ndim == 2:
-        if table.shape[1] != 2:
-            raise _misshapen(table, name)
-        return table.astype(np.float64, copy=False)
-    pairs = [_pair(event, i, name) for i, event in enumerate(events)]
-    return np.array(pairs, np.float64).reshape(-1, 2)
+    else:
+        events = _listed(given, forms)
+        try:
+            table = np.array(events)
+        except (ValueError, TypeError):  # pairs and others
+            table = _NOTHING
+        if table.dtype.kind not in "biuf" or table.ndim != 2:
+            pairs = [_floats(event, i, name) for i, event in enumerate(events)]
+            return np.array(pairs, np.float64).reshape(-1, 2)
+    if table.ndim != 2 or table.shape[1] != 2:
+        raise InputError(f"expected {forms}, got shape {table.shape}")
+    return table.astype(np.float64, copy=False)
 
 
-def _misshapen(table: NDArray[np.generic], name: str) -> InputError:
-    return InputError(f"expected {_forms(name)}, got shape {table.shape}")
+def _messages(given: object, name: str) -> list[list[object]]:
+    """The events of a message, as pairs of time and message."""
+    events = _listed(given, f"events of '{name}' as a sequence of (time, message)")
+    return [_pair(event, "message", i, name) for i, event in enumerate(events)]
 
 
-def _forms(name: str) -> str:
-    return (
-        f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or "
-        "Events(times, values)"
-    )
+def _listed(given: object, forms: str) -> list[object]:
+    # An object with keys iterates over the keys, or over values without times (a pandas column).
+    if isinstance(given, str | bytes) or hasattr(given, "keys") or not isinstance(given, Iterable):
+        raise InputTypeError(f"expected {forms}, got {kind_of(given)}")
+    return list(given)
 
 
-def _pair(event: object, i: int, name: str) -> tuple[float, float]:
+def _pair(event: object, what: str, i: int, name: str) -> list[object]:
     if isinstance(event, Sequence | np.ndarray) and not isinstance(event, str | bytes):
-        parts = list(event) if np.ndim(cast("ArrayLike", event)) else []
+        parts = [] if isinstance(event, np.ndarray) and not event.ndim else list(event)
         if len(parts) == 2:
-            time, value = number(parts[0]), number(parts[1])
-            if time is not None and value is not None:
-                return time, value
-            what, wrong = ("time", parts[0]) if time is None else ("value", parts[1])
+            return parts
+    raise InputError(f"expected (time, {what}) as event {i} of '{name}', got {kind_of(event)}")
+
+
+def _floats(event: object, i: int, name: str) -> list[float]:
+    floats = []
+    for what, part in zip(("time", "value"), _pair(event, "value", i, name), strict=True):
+        read = number(part)
+        if read is None:
             raise InputTypeError(
-                f"expected a number as the {what} of event {i} of '{name}', got {kind_of(wrong)}"
+                f"expected a number as the {what} of event {i} of '{name}', got {kind_of(part)}"
             )
-    raise InputError(f"expected (time, value) as event {i} of '{name}', got {kind_of(event)}")
+        floats.append(read)
+    return floats
 
 
 def _check(times: Floats, values: Floats, name: str, after: float) -> None:

@@ -94,6 +94,11 @@ WRONG: list[tuple[Any, Error, str]] = [
         f"expected {FORMS}, got Column 3.0 1 4.0 2",
     ),
     (
+        {"req": [(3, [1, 2]), (4, 1)]},
+        InputTypeError,
+        "expected a number as the value of event 0 of 'req', got list [1, 2]",
+    ),
+    (
         {"req": (3, 1)},
         InputError,
         "expected (time, value) as event 0 of 'req', got int 3",
