@@ -4,7 +4,6 @@ import functools
 import math
 import re
 from collections.abc import Callable, Iterator
-from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
@@ -366,70 +365,3 @@ def test_an_error_points_into_the_text_that_was_given(backend: Backend) -> None:
     for blanks in range(3):
         with pytest.raises(RtamtError, match=rf"^STL:1:{11 + blanks}: 'always'"):
             DenseMonitor(" " * blanks + "once[0:1] always (x > 1)", backend=backend)
-
-
-# What means events. ------------------------------------------------------------------------------
-
-PAIRS = [(0.0, 3.0), (1.0, 1.0), (2.5, 2.0), (4.0, 2.0)]
-TABLE = np.array(PAIRS)
-
-
-def read_only(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    array = array.copy()
-    array.flags.writeable = False
-    return array
-
-
-@pytest.mark.parametrize(
-    "form",
-    [
-        lambda: PAIRS,
-        lambda: tuple(PAIRS),
-        lambda: [list(pair) for pair in PAIRS],
-        lambda: iter(PAIRS),
-        lambda: (pair for pair in PAIRS),
-        lambda: [(np.float32(t), Fraction(v)) for t, v in PAIRS],
-        lambda: [np.array(pair) for pair in PAIRS],
-        lambda: [(np.array(t), v) for t, v in PAIRS],
-        lambda: TABLE,
-        lambda: TABLE.astype(np.float32),
-        lambda: TABLE.astype(">f8"),
-        lambda: np.asfortranarray(TABLE),
-        lambda: np.repeat(TABLE, 2, axis=0)[::2],
-        lambda: np.hstack([TABLE, TABLE])[:, 2:],
-        lambda: read_only(TABLE),
-        lambda: Events(TABLE[:, 0], TABLE[:, 1]),
-        lambda: zip(TABLE[:, 0], TABLE[:, 1], strict=True),
-    ],
-)
-def test_every_form_of_events_means_the_same(form: Callable[[], Any], backend: Backend) -> None:
-    expected = [(0, 2), (1, 0), (2.5, 1)]
-    assert evaluate_dense("x > 1", {"x": form()}, backend=backend) == expected
-    monitor = DenseMonitor("x > 1", backend=backend)
-    assert monitor.update({"x": form()}) + monitor.finish() == expected
-
-
-def test_integers_and_booleans_are_numbers(backend: Backend) -> None:
-    expected = [(0, 0), (1, 1), (2, 0)]
-    for events in (
-        [(0, False), (1, True), (2, False)],
-        np.array([[0, 0], [1, 1], [2, 0]], np.uint8),
-        Events(range(3), [False, True, False]),
-    ):
-        assert evaluate_dense("x > 0", {"x": events}, backend=backend) == expected
-
-
-def test_what_the_caller_hands_over_is_not_changed(backend: Backend) -> None:
-    pairs, table, events = list(PAIRS), TABLE.copy(), Events(*TABLE.T)
-    given_away: dict[str, Any] = {"x": pairs, "y": table, "z": events}
-    text = "always[0:1](x > 0) and once[0:1](y > 0) and z > 0"
-    first = evaluate_dense(text, given_away, backend=backend)
-    monitor = DenseMonitor(text, backend=backend)
-    monitor.update(given_away)
-    assert list(given_away) == ["x", "y", "z"]
-    assert pairs == PAIRS
-    assert (table == TABLE).all()
-    assert events == PAIRS
-    table += 1  # nor does the monitor keep it
-    assert monitor.update({}) == []
-    assert evaluate_dense(text, given_away | {"y": PAIRS}, backend=backend) == first
