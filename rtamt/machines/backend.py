@@ -32,9 +32,9 @@ Backend = Literal["auto", BackendName]
 
 @dataclass(frozen=True, slots=True)
 class Factories:
-    """What makes the machines of a back-end.
+    """The functions that make the machines of a back-end.
 
-    A reader turns arguments into samples or events, and refuses them; ``num`` is a number of lanes.
+    A reader turns arguments into samples or events, or refuses them; ``num`` is how many lanes.
 
     Attributes:
         discrete_machine: ``(program, reader, observed)``: every register has a latency, and
@@ -61,7 +61,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonEpisodeBank,
     )
 }
-"""The back-ends that are built."""
+"""The back-ends that are built, by name."""
 
 try:
     from rtamt.machines import native
@@ -84,7 +84,7 @@ _NAMES = get_args(BackendName)
 
 
 def choose(backend: Backend) -> BackendName:
-    """The back-end that is meant, a key of `BACKENDS`.
+    """The name of the back-end that an argument asks for, a key of `BACKENDS`.
 
     Raises:
         InputError: If it is unknown, or native and not built.

@@ -1,4 +1,4 @@
-"""The Python machines in lockstep: a list of single ones, which take a sample all or none."""
+"""The Python machines in lockstep: lists of single ones, which take in a row of samples or none."""
 
 from __future__ import annotations
 

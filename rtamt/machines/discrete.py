@@ -22,9 +22,9 @@ __all__ = ["PythonDiscreteMachine"]
 class PythonDiscreteMachine(PythonSampleMachine):
     """Runs a program whose every register has a latency, one sample after the other.
 
-    At sample t the register r holds its value of time t - latency(r). A window takes in the
-    operand's value of a time only if the trace has that time, else the identity of its fold: that
-    cuts every window to the trace, at its begin and, in `run` with ``final=True``, at its end.
+    After sample t the register r holds its value of time t - latency(r). For times outside the
+    trace a window takes in the identity of its fold instead of its operands' values: that cuts it
+    to the trace, at the begin and, in `run` with ``final=True``, at the end.
 
     Args:
         program: What to run.
@@ -117,11 +117,12 @@ class PythonDiscreteMachine(PythonSampleMachine):
         Args:
             columns: For every variable its n values.
             n: How many samples.
-            final: Whether the trace ends with them; the machine is of no use after that.
+            final: Whether the trace ends with them. The machine must be new, and must be reset
+                before it takes in another sample.
 
         Returns:
-            For every observed register n values: not final, what `update` gives at each sample
-            (nan before the latency); final, with the machine new, the values of times 0 to n - 1.
+            For every observed register an array of n values. If ``final`` is true, these are its
+            values of times 0 to n - 1; if not, those after each sample, nan before the latency.
         """
         rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
         terms = [self._terms(row, self.samples + i) for i, row in enumerate(rows)]

@@ -1,8 +1,8 @@
-"""Whole traces: the online machine, run to the end; unbounded future in passes over reversed time.
+"""Evaluates whole traces with online machines; futures without end by passes over reversed time.
 
-A program of finite latency is run over n samples and its latency more. A window without end is
-cut out: its operands are computed first, folded over the reversed trace by the mirrored window
-(future is past with time flipped), and read back as one more variable by what uses it.
+A program of finite latency runs over the n samples and as many more as its latency. A window
+without end is cut out: its operands are computed first, then folded over the reversed trace by the
+mirrored window (future is past with time flipped). The folded values become one more variable.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Passes:
     """The machines that evaluate the named formulas of a program, one trace after the other.
 
     Args:
-        program: With or without unbounded future.
-        reader: For the errors of terms that are nan.
-        machine: Makes the machine of a back-end.
+        program: The program; its windows may have no end.
+        reader: Raises the errors of terms that are nan.
+        machine: Makes the discrete machines of a back-end.
         n: Length of the longest trace, 1 or more.
     """
 
@@ -52,7 +52,7 @@ class Passes:
             assert isinstance(window, Window)  # noqa: S101 - for the type checker
             args = _part(program, reader, machine, window.args)
             self._backwards.append((args, _mirrored(program, machine, window)))
-            # No variable of a specification is named so.
+            # A variable of a specification cannot have such a name.
             program = _with_variable(program, cut, f"#{len(program.variables)}")
         self._names = tuple(program.outputs)
         self._last = _part(program, reader, machine, tuple(program.outputs.values()))
@@ -78,9 +78,9 @@ def run_offline(
     """The robustness at every sample of a trace of n samples.
 
     Args:
-        program: With or without unbounded future.
-        reader: For the errors of terms that are nan.
-        machine: Makes the machine of a back-end.
+        program: The program; its windows may have no end.
+        reader: Raises the errors of terms that are nan.
+        machine: Makes the discrete machines of a back-end.
         columns: For every variable its n values.
         n: Length of the trace, 1 or more.
     """
@@ -91,7 +91,7 @@ def run_offline(
 def run_outputs(
     program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
 ) -> dict[str, Array]:
-    """The named formulas at every sample of a trace of n samples; the arguments are the same."""
+    """The named formulas at every sample of a trace; the arguments are those of `run_offline`."""
     return Passes(program, reader, machine, n).run(columns, n)
 
 
@@ -103,7 +103,7 @@ def _run(machine: DiscreteMachine, columns: Sequence[Array], n: int) -> list[Arr
 def _part(
     program: Program, reader: SampleReader, machine: MakeMachine, registers: Sequence[int]
 ) -> DiscreteMachine:
-    """The machine of some registers."""
+    """A machine that computes these registers."""
     names = {str(i): r for i, r in enumerate(registers)}
     part = program.restricted(registers[0], names)
     checked = SampleReader(part, reader.nan)
@@ -111,7 +111,7 @@ def _part(
 
 
 def _mirrored(program: Program, machine: MakeMachine, window: Window) -> DiscreteMachine:
-    """The machine that folds the operands of a window without end over reversed time."""
+    """A machine that folds the operands of a window without end over reversed time."""
     width = len(window.args)
     inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(width))
     mirrored = Window(FOLDS[window.fold].mirror, None, -(window.lo or 0), tuple(range(width)))
@@ -130,7 +130,7 @@ def _mirrored(program: Program, machine: MakeMachine, window: Window) -> Discret
 
 
 def _with_variable(program: Program, cut: int, name: str) -> Program:
-    """The program that reads a variable, first of all, where it had a window."""
+    """The program with a window replaced by a variable, which becomes its first register."""
     instructions = list(program.instructions)
     instructions[cut] = Load(name)
     loaded = replace(

@@ -1,4 +1,4 @@
-"""Snapshots of the Python machines: a class names the fields that are its state."""
+"""Snapshots of the Python machines, by the names of their fields."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ __all__ = ["StateFields"]
 
 
 class StateFields:
-    """Copies the fields that a class names into a snapshot and back.
+    """An object whose state is the fields that its class names.
 
     A field holds a number, a tuple or array that is never changed in place, a list or deque of
-    such values, a part with state fields of its own, or a list of parts or deques. Parts stay the
-    same objects when they are restored.
+    such values, another such object, or a list of such objects or of deques. Snapshots share no
+    list with the object, and `restore` keeps the objects that fields refer to.
 
     Attributes:
         STATE: Names of the fields that change from one call to the next; ``reset`` gives them

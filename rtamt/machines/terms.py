@@ -24,8 +24,9 @@ class Terms(Generic[_Place]):
     """Evaluates the terms of a program on one sample.
 
     Args:
-        program: Its terms.
-        refuse: Raises the error of a term that is nan: for these values, at a sample or a time.
+        program: The program whose terms are evaluated.
+        refuse: Raises the error of a term that is nan, from the values of the variables and their
+            place: a sample number or a time.
     """
 
     def __init__(self, program: Program, refuse: Callable[[list[float], _Place], NoReturn]) -> None:
@@ -49,11 +50,11 @@ class Terms(Generic[_Place]):
 
     @property
     def initial(self) -> Registers:
-        """The registers before the first sample: constants in place."""
+        """The registers before the first sample, with the constants in their places."""
         return self._constants[:]
 
     def __call__(self, values: list[float], place: _Place) -> Registers:
-        """The registers of the terms; touches no state.
+        """Compute the registers of the terms; changes nothing.
 
         Raises:
             InputError: If a term is nan.
@@ -88,7 +89,7 @@ def map_operation(out: int, function: str, args: tuple[int, ...]) -> Operation:
 
 
 class PythonSampleMachine(StateFields):
-    """What the Python machines on samples share."""
+    """The base of the Python machines that take in samples."""
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
         self.program = program
@@ -105,7 +106,7 @@ class PythonSampleMachine(StateFields):
 
     @property
     def result(self) -> float:
-        """What `update` returns."""
+        """What `update` returned for the last sample."""
         raise NotImplementedError
 
     def reset(self) -> None:

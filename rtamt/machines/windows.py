@@ -1,4 +1,4 @@
-"""Folds over a stream, one push a sample, and over arrays.
+"""Folds of windows over a stream, one push a sample, and of windows over arrays.
 
 `SlidingWindow` is a two-stack queue whose flip is spread over the pushes (after Tangwongsan, Hirzel
 and Schneider, "In-order sliding-window aggregation in worst-case constant time", 2021, for windows
@@ -26,7 +26,7 @@ __all__ = [
 
 
 class FoldedWindow(StateFields):
-    """The fold of the elements that a window covers; before the first, of identities."""
+    """A window over a stream of elements, and their fold; it begins full of identities."""
 
     __slots__ = ()
 
@@ -36,7 +36,7 @@ class FoldedWindow(StateFields):
 
 
 def make_window(fold: LatticeFold, length: int | None) -> FoldedWindow:
-    """The window over the last ``length`` elements; None: over all of them."""
+    """A window over the last ``length`` elements; None: over all of them."""
     if length is None:
         return RunningWindow(fold)
     return LatestWindow() if length == 1 else SlidingWindow(fold, length)
@@ -56,7 +56,7 @@ class LatestWindow(FoldedWindow):
 
 
 class RunningWindow(FoldedWindow):
-    """A window over everything so far."""
+    """A window over all elements so far."""
 
     __slots__ = ("_combine", "_identity", "_total")
     STATE = ("_total",)
@@ -77,10 +77,11 @@ class RunningWindow(FoldedWindow):
 class SlidingWindow(FoldedWindow):
     """A window over the last ``length`` elements, in blocks of half that length.
 
-    The window is the end of the block before the last one (its suffix folds stand in ``_front``),
-    the whole last block (its fold is ``_middle``) and the block being filled (``_prefix``). While
-    a block is filled, into the places of ``_front`` that are consumed, the last block in ``_back``
-    is turned into suffix folds from its end, one a push.
+    The window covers the end of the block before the last one, the whole last block and the block
+    that is being filled. ``_front`` has the suffix folds of the first, ``_middle`` is the fold of
+    the second and ``_prefix`` that of the third. New elements are written into the places of
+    ``_front`` that are used up; meanwhile the last block, in ``_back``, is turned into suffix folds
+    from its end, one a push.
     """
 
     __slots__ = (
@@ -133,7 +134,7 @@ class SlidingWindow(FoldedWindow):
 
 
 class DelayLine(StateFields):
-    """A stream, ``length`` samples late."""
+    """A queue that gives back every value ``length`` samples later."""
 
     __slots__ = ("_length", "_place", "_ring")
     STATE = ("_place", "_ring")
@@ -147,7 +148,7 @@ class DelayLine(StateFields):
         self._place = 0
 
     def push(self, x: float) -> float:
-        """Take in x; what came ``length`` pushes ago (0.0 before that, which nobody reads)."""
+        """Take in x; the value of ``length`` pushes ago, 0.0 before there is one."""
         place = self._place
         late = self._ring[place]
         self._ring[place] = x
@@ -156,7 +157,7 @@ class DelayLine(StateFields):
 
 
 def slide(fold: LatticeFold, elements: Arrays, width: int) -> Arrays:
-    """The folds of all windows of ``width`` elements, from windows of powers of two."""
+    """The folds of all windows of ``width`` elements, made from windows of powers of two."""
     count = elements[0].shape[-1] - width + 1
     power, size, taken = elements, 1, 0
     result: Arrays | None = None

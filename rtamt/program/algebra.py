@@ -1,6 +1,6 @@
-"""What the instructions compute: functions of doubles, and the lattice folds of windows.
+"""Two tables of what instructions compute: functions of doubles, and lattice folds of windows.
 
-Both are tables; the C++ machines know the same names.
+The C++ machines know the same names.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ INF = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A total function on doubles, known by the same name to the C++ machine."""
+    """A total function on doubles; the C++ machines have one of the same name."""
 
     name: str
     arity: int
@@ -59,7 +59,7 @@ def _pow(x: float, y: float) -> float:
     except (
         OverflowError,
         ValueError,
-    ):  # where math raises, IEEE has a value: let numpy say it
+    ):  # where math raises, IEEE has a value, which numpy gives
         with np.errstate(all="ignore"):
             return float(np.power(x, y))
 
@@ -68,7 +68,7 @@ def _log(x: float, base: float) -> float:
     return _div(_ln(x), _ln(base))
 
 
-# min and max keep a nan of either side: `a if a <= b else b` alone would lose one of them.
+# min and max return nan if either operand is nan; `a if a <= b else b` would lose one of the two.
 def _min(x: float, y: float) -> float:
     return x if x <= y or x != x else y  # noqa: PLR0124
 
@@ -135,9 +135,9 @@ class LatticeFold:
     Attributes:
         width: Numbers in an element; the last one is the result.
         mirror: The same fold with time flipped.
-        dual: The same fold with the order of the reals flipped: the fold under a negation.
+        dual: The same fold with min and max exchanged, for negated operands.
         combine: The fold of two elements.
-        combine_arrays: The same, number by number of arrays.
+        combine_arrays: The fold of two elements whose numbers are arrays.
     """
 
     name: str
@@ -261,7 +261,7 @@ def _table(*rows: LatticeFold) -> Mapping[str, LatticeFold]:
         if _differences(both, mirror.combine_arrays(y, x)):
             msg = f"'{row.mirror}' is not the mirror of '{row.name}'"
             raise AssertionError(msg)
-        # An episode machine keeps one unknown for the result of all that is still to come.
+        # An episode machine has one unknown for the fold of all samples that are still to come.
         if not any(_reads_one_number(fold) for fold in (row, mirror)):
             msg = f"'{row.name}' and its mirror read more of what is younger than its last number"
             raise AssertionError(msg)

@@ -1,8 +1,7 @@
-"""From a specification to a program over dense time.
+"""Compiles a specification over dense time.
 
-The meanings are those of the table of operators, the instructions those of discrete time. Offsets
-are whole numbers of ticks, the greatest time that divides every bound: they are exact, and become
-seconds only where a machine is made.
+Meanings and instructions are those of samples. Offsets are exact: whole numbers of ticks, where a
+tick is the greatest time that divides every bound. They become floats when a machine is made.
 """
 
 from __future__ import annotations
@@ -28,15 +27,15 @@ class DenseProgram:
     """A compiled specification over dense time.
 
     Attributes:
-        program: Its offsets and latencies are in ticks.
-        tick: A tick in the specification's unit.
+        program: The instructions, with offsets and latencies in ticks.
+        tick: The length of a tick in the specification's unit.
     """
 
     program: Program
     tick: Fraction
 
     def time(self, ticks: int) -> float:
-        """Ticks in the specification's unit."""
+        """A number of ticks as a time in the specification's unit."""
         return float(ticks * self.tick)
 
     def latency(self, register: int) -> float:
@@ -63,7 +62,7 @@ class _DenseBuilder(ProgramBuilder):
         return int(begin / self._tick), None if end is None else int(end / self._tick)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
-        """Write p on (t', t]: a witness inside a step needs p on the rest of that step."""
+        """Since: p on (t', t]; a witness inside a step needs p on the rest of that step."""
         begin, end = bounds
         oldest = None if end is None else begin - end
         if oldest == 0:
@@ -77,7 +76,7 @@ class _DenseBuilder(ProgramBuilder):
         return self.map("min", held, self.window("max", -begin, -begin, recent))
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
-        """Write p on [t, t'): up to the begin of the interval, and from there to the witness."""
+        """Until: p on [t, t'), up to the begin of the interval and from there to the witness."""
         begin, end = bounds
         # [t, t + begin] in place of [t, t + begin): another value at isolated instants only.
         reached = self.window("until", 0, None if end is None else end - begin, p, q)
@@ -87,7 +86,7 @@ class _DenseBuilder(ProgramBuilder):
         return self.map("min", held, self.window("max", begin, begin, reached))
 
     def lower(self, node: Node, known: Mapping[Node, int]) -> int:
-        """Write one node, unless it speaks of samples."""
+        """Write one node; operators on neighbouring samples are refused."""
         if node.op is not None and node.op.sampled:
             symbol = node.op.symbol
             ways = "eventually[0:d]" if node.op.future else "once[0:d]"
@@ -106,12 +105,12 @@ def compile_dense(
 
     Args:
         specification: What to compile.
-        interface: Which robustness is meant; see `rtamt.program.interface`.
+        interface: Whose robustness it computes; see `rtamt.program.interface`.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:
-        SpecificationError: On operators that speak of neighbouring samples (`prev`, `next`, `rise`,
-            `fall`), a formula without variables, or if ``online`` on a future without end.
+        SpecificationError: On operators on neighbouring samples (`prev`, `next`, `rise`, `fall`),
+            or a formula without variables; with ``online``, also on a future without end.
     """
     # Equal specifications may differ in their text, at which errors point.
     return _cached(specification, specification.text, interface, online)

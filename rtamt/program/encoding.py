@@ -1,8 +1,8 @@
 """Programs as the C++ machines read them: tuples of names and numbers.
 
 Names of instructions, functions and lattice folds cross as text. `rtamt/native/python/encoded.hpp`
-and `bind_dense.cpp` read the fields by position, in the order in which they stand here. Where an
-instruction has no second operand, the first stands twice.
+and `bind_dense.cpp` read the fields by position, in the order of their definition. An instruction
+without a second operand repeats the first.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class DiscreteRow(NamedTuple):
     """An instruction or a delay line on samples.
 
     Attributes:
-        slot: Where its value is written.
+        slot: Where the value is written.
         length: Samples in a window or a delay line; 0 for a window without begin.
-        start: The first sample at which a window has something to take in.
+        start: The first sample at which a window takes in a value of its operands.
     """
 
     slot: int
@@ -49,7 +49,7 @@ class DiscreteRow(NamedTuple):
 
 
 class FormulaRow(NamedTuple):
-    """An instruction behind the terms; the bounds of a window may be None."""
+    """An instruction after the terms; a bound is None where a window has none."""
 
     kind: str
     name: str
@@ -60,7 +60,7 @@ class FormulaRow(NamedTuple):
 
 
 class DenseRow(NamedTuple):
-    """An instruction over dense time; bounds are times, -inf and inf where there is none."""
+    """An instruction over dense time; bounds are times, -inf or inf where a window has none."""
 
     kind: str
     name: str
@@ -90,8 +90,7 @@ class EncodedEpisode(NamedTuple):
     variables: tuple[str, ...]
 
 
-# Programs are cached by their compilers and differ by identity, so that the same program comes
-# again and again.
+# Programs are equal only if they are the same object: compilers cache them, so it comes again.
 @functools.lru_cache(maxsize=512)
 def encoded_discrete(program: Program) -> Encoded:
     """The schedule of a program on samples."""

@@ -3,8 +3,8 @@
 Only predicates change. The robustness with respect to the variables U, relative to the variables V,
 of a predicate over the variables Y is
 
-* 0 if Y has a variable outside U and V: it is of no concern;
-* +inf if the predicate holds and -inf if not, if Y lies inside V: it is given;
+* 0 if Y has a variable outside U and V;
+* +inf or -inf, by whether the predicate holds, if Y lies inside V;
 * the usual value otherwise.
 
 ======================  =======  ==============
@@ -37,7 +37,7 @@ Semantics = Literal[
 ]
 Names = Iterable[str]
 Reading = Literal["value", "sign", "zero"]
-"""The usual value; +-inf by whether the predicate holds; 0."""
+"""The usual value of a predicate, +inf or -inf by whether it holds, or 0."""
 
 Role = Literal["input", "output"]
 
@@ -47,19 +47,19 @@ _MEANINGS: Mapping[Semantics, tuple[Role, bool]] = {
     "input-robustness": ("input", True),
     "output-vacuity": ("output", False),
 }
-"""The role of U, and whether V is all the rest; else V is empty."""
+"""The role of the variables U, and whether V is all other variables; else V is empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """A semantics, and which variables a system reads and sets.
+    """A semantics, and the variables that a system reads and sets.
 
-    Made by `as_interface`, which checks names against a specification.
+    `as_interface` makes one, and checks the names against a specification.
 
     Attributes:
-        semantics: Which robustness is meant.
-        inputs: Variables, or messages all of whose fields are meant.
-        outputs: Likewise.
+        semantics: The name of the semantics.
+        inputs: Variables that the system reads; the name of a message means all its fields.
+        outputs: Variables that the system sets; the name of a message means all its fields.
     """
 
     semantics: Semantics = "standard"
@@ -67,7 +67,7 @@ class Interface:
     outputs: tuple[str, ...] = ()
 
     def role(self, variable: str) -> Role | None:
-        """What a variable is to the system; the innermost name that says so decides."""
+        """The role of a variable; that of a field decides before that of its message."""
         for name in _with_messages(variable):
             if name in self.inputs:
                 return "input"
@@ -76,7 +76,7 @@ class Interface:
         return None
 
     def reading(self, predicate: Node) -> Reading:
-        """What a predicate counts."""
+        """What a predicate counts for, by the roles of its variables."""
         if self.semantics == "standard":
             return "value"
         role, relative = _MEANINGS[self.semantics]
@@ -87,7 +87,7 @@ class Interface:
 
 
 STANDARD = Interface()
-"""Every predicate counts its usual value."""
+"""The standard semantics, in which every predicate counts its usual value."""
 
 
 def as_interface(
@@ -96,20 +96,21 @@ def as_interface(
     inputs: Names | None = None,
     outputs: Names | None = None,
 ) -> Interface:
-    """The interface that a monitor of a specification was given.
+    """The interface of a monitor, from its arguments and the declarations of its specification.
 
     Args:
-        spec: Declares inputs and outputs, where they are not given.
-        semantics: Which robustness is meant.
-        inputs: Variables that the system reads; the name of a message stands for its fields. None:
+        spec: Declares the inputs and outputs that are not given.
+        semantics: The name of the semantics.
+        inputs: Variables that the system reads; the name of a message means all its fields. None:
             those that the text declares ``input``; empty: there are none.
-        outputs: Variables that the system sets, likewise.
+        outputs: Variables that the system sets; the name of a message means all its fields. None:
+            those that the text declares ``output``; empty: there are none.
 
     Raises:
         InputError: On an unknown semantics, a name that is no variable of the specification or
-            that is both input and output, or if the semantics is about inputs (outputs) and
-            neither text nor argument says which.
-        InputTypeError: On names that are no texts.
+            that is both input and output, or a semantics about inputs (outputs) where neither the
+            text nor the argument names any.
+        InputTypeError: On names that are no strings.
 
     Example:
         >>> from rtamt.language.parser import parse
@@ -118,7 +119,7 @@ def as_interface(
         ('gnt',)
     """
     if semantics == "standard" and inputs is None and outputs is None:
-        return STANDARD  # monitors are made at every episode: this is all that most of them need
+        return STANDARD  # most monitors; some are made at every episode
     *others, last = get_args(Semantics)
     if semantics not in (*others, last):
         choices = f"{', '.join(map(repr, others))} or {last!r}"
@@ -150,7 +151,7 @@ def as_interface(
 
 
 def _declared(spec: Specification, role: Role) -> tuple[str, ...]:
-    # A declaration of what a formula computes is of no variable.
+    # A declared name that a formula computes is no variable.
     return tuple(n for n, d in spec.declarations.items() if d.io == role and n not in spec.formulas)
 
 
@@ -178,7 +179,7 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
 
 
 def _with_messages(variable: str) -> Iterator[str]:
-    """A variable, and the messages of which it is a field, from the innermost."""
+    """A variable, and the messages that it is a field of, from the innermost."""
     yield variable
     while "." in variable:
         variable = variable.rpartition(".")[0]

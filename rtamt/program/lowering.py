@@ -1,4 +1,4 @@
-"""From a specification to its program: every node once, by the meaning in its operator's row."""
+"""Compiles a specification: every node once, by the meaning in its operator's row."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["ProgramBuilder", "compile_program"]
 
 
 class ProgramBuilder:
-    """Writes instructions; equal ones share a register."""
+    """Writes the instructions of a specification; equal ones share a register."""
 
     def __init__(
         self, specification: Specification, period: Fraction | None, interface: Interface
@@ -101,8 +101,8 @@ class ProgramBuilder:
                 assert_never(never)
 
     def _emit(self, instruction: Instruction, *, term: bool) -> int:
-        # A term and a formula of the same shape stay apart: at an unseen sample the one is
-        # unknown as a whole, the other by its parts. The text tells 0.0 from -0.0.
+        # A term and a formula of the same shape have registers of their own: at an unseen sample
+        # a term is unknown as a whole, a formula operand by operand. The text tells 0.0 from -0.0.
         key = (instruction, term, listed(instruction))
         register = self.registers.get(key)
         if register is None:
@@ -118,7 +118,7 @@ class ProgramBuilder:
         return self._emit(Const(value), term=True)
 
     def map(self, function: str, *args: int) -> int:
-        """The function of the operands' values now; of constants, a constant."""
+        """The function of the operands' values now; a constant if all operands are."""
         values = [i.value for i in map(self.instructions.__getitem__, args) if isinstance(i, Const)]
         if len(values) == len(args):
             value = FUNCTIONS[function].apply(*values)
@@ -128,7 +128,7 @@ class ProgramBuilder:
         return self._emit(Map(function, args), term=self.term)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
-        """The fold over offsets lo to hi from now; of the present alone, the last operand."""
+        """The fold over offsets lo to hi from now; of the present alone it is the last operand."""
         if fold not in FOLDS:
             msg = (
                 f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "
@@ -140,7 +140,7 @@ class ProgramBuilder:
         return self._emit(Window(fold, lo, hi, args), term=False)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
-        """The fold up to the begin of the interval, and p since then."""
+        """Since: the fold up to the begin of the interval, and p from there to now."""
         begin, end = bounds
         fold = self.window("since", None if end is None else -end, -begin, p, q)
         if begin == 0:
@@ -148,7 +148,7 @@ class ProgramBuilder:
         return self.map("min", self.window("min", 1 - begin, 0, p), fold)
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
-        """P up to the begin of the interval, and the fold from there."""
+        """Until: p from now to the begin of the interval, and the fold from there."""
         begin, end = bounds
         late_p, late_q = self.latencies[p], self.latencies[q]
         if begin == end:
@@ -173,17 +173,17 @@ def compile_program(
     interface: Interface = STANDARD,
     online: bool = False,
 ) -> Program:
-    """The program of a specification.
+    """The program of a specification over samples.
 
     Args:
         specification: What to compile.
         period: Seconds between samples; None: bounds are in samples.
-        interface: Which robustness is meant; see `rtamt.program.interface`.
+        interface: Whose robustness it computes; see `rtamt.program.interface`.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:
-        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`),
-            or if ``online`` on a future without end.
+        SpecificationError: On bounds that are no whole number of samples (see `timing.samples`);
+            with ``online``, also on a future without end.
     """
     # Equal specifications may differ in their text, at which errors point.
     return _cached(specification, specification.text, period, interface, online)

@@ -1,7 +1,7 @@
-"""What an episode machine runs: a program without negations, by where its registers are read.
+"""At which times an episode machine reads each register of a program.
 
-The upper part of the program is read at time 0 alone; what stands below a window is read at all
-times, as a stream.
+The operators above all windows are read at time 0 alone. The operands of windows are read at all
+times, as streams.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from rtamt.program.program import Map, Program, Window
 __all__ = ["MAX_UNKNOWNS", "Placement", "place"]
 
 MAX_UNKNOWNS = 6
-"""Windows without end that may stand inside other temporal operators."""
+"""How many windows without end a formula may have inside other temporal operators."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
-    """A program and where its registers are read.
+    """A program and the times at which its registers are read.
 
     Attributes:
-        program: Without negations above its predicates.
+        program: The program, without negations above its predicates.
         tops: Registers that are read at time 0 alone, in order; the last is the result.
         streams: Registers that are read at all times, in order. One may be read both ways.
         unknowns: Streams of windows without end, which never settle.
@@ -38,7 +38,7 @@ class Placement:
 
 @functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
 def place(program: Program) -> Placement:
-    """The program as an episode machine runs it.
+    """Place the registers of a program, after its negations are removed.
 
     Raises:
         SpecificationError: On more than `MAX_UNKNOWNS` windows without end inside others.

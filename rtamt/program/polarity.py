@@ -14,9 +14,10 @@ __all__ = ["positive"]
 def positive(program: Program) -> Program:
     """The same robustness with negations pushed down to the predicates.
 
-    What stands under both polarities becomes two registers, as interval arithmetic treats it.
-    A negated predicate is a term: at an unseen sample it is as unknown as the predicate.
-    Windows that begin late and have no end become a shift of a window that begins now.
+    A register that is read both negated and not becomes two registers, whose bounds are
+    independent, as in interval arithmetic. A negated predicate becomes a term: at an unseen sample
+    it is as unknown as the predicate. A window that begins late and has no end becomes a shift of
+    a window that begins now.
     """
     writer = _Writer(program)
     writer.write(program.result, negated=False)

@@ -1,16 +1,16 @@
-"""A specification as a program of four instructions, with latencies that are plain numbers.
+"""A compiled specification: a program of four instructions, whose latencies are numbers.
 
 =======================  =====================================================================
 ``LOAD variable``        the variable's sample
-``CONST value``          the same value at every sample
+``CONST value``          one value at every sample
 ``MAP f args``           a function of the registers' values at one time
 ``WINDOW f lo hi args``  a lattice fold over offsets lo to hi from now, cut to the trace
 =======================  =====================================================================
 
-A register is the index of its instruction. The first `Program.terms` instructions are arithmetic
-over the present sample; what follows are formulas. A register of latency L gives, at sample t, its
-value of time t - L; operands of less latency reach it through delay lines (`Program.delay`), which
-is the paper's pastification, done once and on numbers instead of on syntax trees.
+Each instruction writes the register of its index. The first `Program.terms` instructions are
+arithmetic over the present sample; the others are formulas. A register of latency L has, at sample
+t, its value of time t - L; operands of less latency reach it through delay lines (`Program.delay`).
+This is pastification (Nickovic and Yamaguchi, ATVA 2020) on numbers instead of syntax trees.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Const:
-    """The same value at every sample, seen or not."""
+    """One value at every sample, seen or not."""
 
     value: float
 
@@ -69,7 +69,7 @@ class Window:
 
     @property
     def length(self) -> int | None:
-        """How many samples it covers; None is without end."""
+        """The number of samples that it covers; None is unbounded."""
         return None if self.lo is None or self.hi is None else self.hi - self.lo + 1
 
 
@@ -92,14 +92,14 @@ class Program:
     """A compiled specification.
 
     Attributes:
-        instructions: In an order in which every register is written before it is read.
-        terms: How many instructions, from the first, are arithmetic over the present sample.
+        instructions: Ordered so that every register is written before it is read.
+        terms: How many of the first instructions are arithmetic over the present sample.
         latencies: Samples by which each register is late; None if it needs the whole future.
         result: Register of the robustness.
         outputs: Registers of the named formulas.
         variables: Names of the inputs, in the order in which samples list them.
-        sources: What each register was compiled from, for errors and listings.
-        specification: Where it comes from.
+        sources: The node that each register was compiled from, for errors and listings.
+        specification: The specification that was compiled.
     """
 
     instructions: tuple[Instruction, ...]
@@ -131,7 +131,7 @@ class Program:
         return read - late
 
     def start(self, register: int) -> int:
-        """The first sample at which the window has something to take in."""
+        """The first sample at which a window takes in a value of its operands."""
         instruction, late = self.instructions[register], self.latencies[register]
         if not isinstance(instruction, Window) or instruction.hi is None or late is None:
             msg = f"register {register} is no bounded window"
@@ -139,10 +139,10 @@ class Program:
         return late - instruction.hi
 
     def verify(self) -> None:
-        """Check the program against its own rules.
+        """Check that the program is well formed.
 
         Raises:
-            AssertionError: If it breaks one; that is a bug in this package.
+            AssertionError: If it is not, which is a bug in this package.
         """
         for register, instruction in enumerate(self.instructions):
             self._check(register, instruction)
@@ -191,7 +191,7 @@ class Program:
     def online(
         self, monitor: str = "Monitor", instead: str = "EpisodeMonitor or evaluate()"
     ) -> Program:
-        """The program whose every register has a latency, for a monitor.
+        """The program for a monitor, in which every register has a latency.
 
         A top-level ``always p`` or ``eventually p`` without end becomes the fold over all samples
         so far. Any other unbounded future is refused.
@@ -231,11 +231,11 @@ class Program:
         return program
 
     def pruned(self) -> Program:
-        """The program without what neither the result nor an output needs."""
+        """The program without registers that neither the result nor an output needs."""
         return self.restricted(self.result, self.outputs)
 
     def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
-        """The part of the program that other outputs need."""
+        """The part of the program that computes this result and these outputs."""
         needed: set[int] = set()
         stack = [result, *outputs.values()]
         while stack:
@@ -248,7 +248,7 @@ class Program:
         return part.reordered(kept, sum(r < self.terms for r in kept))
 
     def reordered(self, kept: list[int], terms: int) -> Program:
-        """The program of these registers, in this order; the first ``terms`` are terms."""
+        """The program of these registers in this order, of which the first ``terms`` are terms."""
         new = {old: i for i, old in enumerate(kept)}
         instructions = tuple(_renumbered(self.instructions[r], new) for r in kept)
         return replace(
@@ -262,7 +262,7 @@ class Program:
         )
 
     def clamped(self, n: int) -> Program:
-        """The program with no bound beyond n: the same on every trace of n samples or less."""
+        """The program with bounds cut to n: equivalent on traces of n samples or less."""
         instructions: list[Instruction] = []
         for instruction in self.instructions:
             if isinstance(instruction, Window):
@@ -275,7 +275,7 @@ class Program:
         return replace(self, instructions=tuple(instructions), latencies=latencies_of(instructions))
 
     def __str__(self) -> str:
-        """A listing: register, instruction, latency, and what it was compiled from."""
+        """A listing, in columns: register, instruction, latency, source."""
         rows = []
         for register, instruction in enumerate(self.instructions):
             late = self.latencies[register]

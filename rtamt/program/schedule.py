@@ -23,9 +23,9 @@ Scheduled = Instruction | Delay
 
 
 def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
-    """The instructions with the slots that they write; late operands have slots of their own.
+    """The instructions and the slots that they write, with a delay line before each late operand.
 
-    Slots from 0 are the program's registers; those of delay lines follow.
+    The first slots are the program's registers; those of delay lines follow.
     """
     slots: dict[tuple[int, int], int] = {}
     for register, instruction in enumerate(program.instructions):

@@ -1,4 +1,4 @@
-"""Time to samples, exactly: periods, units and the bounds of intervals."""
+"""Periods and the bounds of intervals as exact numbers of samples."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _DOUBLE = np.dtype(np.float64).itemsize
 def as_period(period: Period | None) -> Fraction | None:
     """The period in seconds, exactly; None stays None.
 
-    A float is the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and ``0.1``
-    mean what they say; a float of numpy with less precision, within that.
+    A float is taken for the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and
+    ``0.1`` are exact; a numpy float of less precision, for the simplest within that precision.
 
     Raises:
         SpecificationError: If it is not a positive, finite time.
@@ -97,11 +97,11 @@ def samples(
         interval: The interval; None is [0, inf).
         period: Seconds between samples, or None: bounds without unit are samples.
         unit: The unit of bounds that name none.
-        error: Makes the error from reason and hint, with the place that only the caller knows.
+        error: Makes an error from a reason and a hint; it adds the place in the text.
 
     Raises:
-        SpecificationError: From ``error``: a unit without a period, a bound that does not divide,
-            or one beyond `MAX_WINDOW`.
+        SpecificationError: From ``error``, on a unit without a period, a bound that is no multiple
+            of the period, or one beyond `MAX_WINDOW` samples.
     """
     if interval is None:
         return 0, None
@@ -149,6 +149,6 @@ def _count(
         f"bound {decimal_text(bound)} {name} is not a multiple of the period "
         f"{seconds_text(period)} s ({steps:g} steps)",
         f"use {seconds_text(low)} {name} or {seconds_text(high)} {name}, "
-        # No period=: who gives another than that of the data gets wrong bounds in silence.
+        # Not another period=: one that is not that of the data gives wrong bounds silently.
         f"or take samples {seconds_text(finer * UNITS[name])} s apart",
     )

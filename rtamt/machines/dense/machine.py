@@ -1,4 +1,4 @@
-"""The reference machine over dense time: readable, and what the C++ is tested against."""
+"""The machine over dense time in Python: the definition that the C++ machine is tested against."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ __all__ = ["PythonDenseMachine"]
 class PythonDenseMachine(StateFields):
     """Runs a program on events, in chunks of any size, each variable at its own pace.
 
-    The trace begins when the last variable does; it is known up to the first of the variables'
-    last events. Terms are computed wherever a variable has an event, then each register of a
-    formula goes as far as its operands are known. The row of the last known time waits: if nothing
-    follows, it is the end of the trace, an instant; else a step begins there.
+    The trace begins with the latest of the variables' first events, and is known up to the earliest
+    of their last events. Terms are computed wherever a variable has an event; then each register of
+    a formula goes as far as its operands are known. The terms at the last known time wait: if no
+    event follows, that time is the end of the trace, an instant; if one does, a step begins there.
 
     Args:
-        dense: What to run.
+        dense: The program.
         reader: Turns arguments into events, and refuses them.
         observed: Registers whose values `values` lists.
     """
@@ -82,7 +82,7 @@ class PythonDenseMachine(StateFields):
 
     @property
     def settled(self) -> float:
-        """Before this time the result is known; -inf until every variable has an event."""
+        """The time before which the result is known; -inf until every variable has an event."""
         return self._end if self.finished else self._streams[self._result].frontier
 
     @property
@@ -91,7 +91,7 @@ class PythonDenseMachine(StateFields):
         return [self._streams[r].value for r in self._observed]
 
     def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> list[Breakpoint]:
-        """Take in new events; the steps of the result that are settled by them."""
+        """Take in new events; the breakpoints of the result that are settled by them."""
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
@@ -125,7 +125,7 @@ class PythonDenseMachine(StateFields):
         return self._settled_steps()
 
     def _rows(self, begin: float, end: float) -> list[tuple[float, Registers]]:
-        """The terms at all times of the trace that are new; touches no state."""
+        """The terms at all new times of the trace; changes nothing."""
         if begin > end:
             return []
         return [
@@ -152,7 +152,7 @@ class PythonDenseMachine(StateFields):
         return settled
 
     def finish(self) -> list[Breakpoint]:
-        """End the trace with the first variable; the steps that are left, its end included."""
+        """End the trace where the first variable ends; the breakpoints that are left."""
         if self.finished:
             return []
         if self._waits is None:

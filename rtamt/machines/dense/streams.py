@@ -1,9 +1,9 @@
-"""The parts of the machine over dense time: streams of steps, and what makes one out of others.
+"""Streams over dense time, and the nodes that make one stream from others.
 
-A stream is a right-continuous function of time, given by its steps: a step (time, value) lasts
-until the time of the next one. It is known before its *frontier*. Every part takes in the steps
-that are new, and goes as far as the frontiers of what it reads allow: the steps that it makes do
-not depend on how the events were divided into calls.
+A stream is a right-continuous step function of time. It is given by its breakpoints: from a
+breakpoint (time, value) to the next it has that value, which is called a step. It is known before
+its *frontier*. A node takes in new breakpoints, and goes as far as the frontiers of its operands
+allow: the breakpoints that it makes do not depend on how events were divided into calls.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ Values = tuple[float, ...]
 
 
 def just_after(time: float) -> float:
-    """The least number above: what is before it includes the time itself."""
+    """The next float after a time: a stream that is known before it is known at the time."""
     return math.nextafter(time, math.inf)
 
 
 class Stream(StateFields):
-    """What is known of a register.
+    """The value of a register as far as it is known.
 
     Attributes:
-        new: The steps that came with this call.
-        frontier: Before this time it is known.
-        value: Its value just before the frontier; nan where there is none.
+        new: The breakpoints that came with this call.
+        frontier: The time before which the register is known.
+        value: The value just before the frontier; nan where there is none.
     """
 
     __slots__ = ("frontier", "new", "value")
@@ -51,14 +51,14 @@ class Stream(StateFields):
         self.value = math.nan
 
     def push(self, time: float, value: float) -> None:
-        """Take in the value from a time on; a step only if it is another one."""
+        """Take in the value from a time on; it makes a breakpoint only if it differs."""
         if value != self.value:
             self.new.append((time, value))
             self.value = value
 
 
 class Joint(StateFields):
-    """Steps of several streams that wait to be read together."""
+    """Breakpoints of several streams, which wait to be read together."""
 
     __slots__ = ("_now", "_waiting")
     STATE = ("_now", "_waiting")
@@ -73,23 +73,23 @@ class Joint(StateFields):
         self._now = [math.nan] * len(self._waiting)
 
     def extend(self, steps: Sequence[Iterable[Breakpoint]]) -> None:
-        """Take in new steps of every stream."""
+        """Take in new breakpoints of every stream."""
         for waiting, new in zip(self._waiting, steps, strict=True):
             waiting.extend(new)
 
     def retract(self, counts: Sequence[int]) -> None:
-        """Give back the newest steps of every stream."""
+        """Remove the newest breakpoints of every stream, as many as each count says."""
         for waiting, count in zip(self._waiting, counts, strict=True):
             for _ in range(count):
                 waiting.pop()
 
     @property
     def next(self) -> float:
-        """The time of the next step of any of them; inf if none waits."""
+        """The time of the next breakpoint of any stream; inf if none waits."""
         return min((waiting[0][0] for waiting in self._waiting if waiting), default=math.inf)
 
     def take(self) -> Values:
-        """The values of all streams from the next time on."""
+        """Remove the breakpoints of the next time; the values of all streams from then on."""
         time = self.next
         for i, waiting in enumerate(self._waiting):
             if waiting and waiting[0][0] == time:
@@ -97,7 +97,7 @@ class Joint(StateFields):
         return tuple(self._now)
 
     def ahead(self, last: float) -> Iterator[tuple[float, Values]]:
-        """What `take` will give at all times up to the last, with the times; takes nothing."""
+        """The times up to the last with the values that `take` will return; removes nothing."""
         now = self._now[:]
         steps = heapq.merge(*itertools.starmap(_labelled, enumerate(self._waiting)))
         for time, group in itertools.groupby(steps, key=operator.itemgetter(0)):
@@ -113,7 +113,7 @@ def _labelled(i: int, steps: Iterable[Breakpoint]) -> Iterator[tuple[float, int,
 
 
 class StreamNode(StateFields):
-    """Makes the stream of one register out of others."""
+    """Makes the stream of a register from those of its operands."""
 
     STATE: ClassVar[tuple[str, ...]] = ("_joint",)
 
@@ -125,11 +125,11 @@ class StreamNode(StateFields):
         self._joint.reset()
 
     def advance(self, begin: float, known: float) -> None:
-        """Go on as far as the operands are known; the trace is known up to a time."""
+        """Go as far as the operands are known, in a trace known from ``begin`` to ``known``."""
         raise NotImplementedError
 
     def finish(self, begin: float, end: float) -> None:
-        """Go on to the end of the trace; the operands are known there."""
+        """Go to the end of the trace; the operands are known up to there."""
         raise NotImplementedError
 
     def _collect(self) -> None:
@@ -137,7 +137,7 @@ class StreamNode(StateFields):
 
 
 class MapNode(StreamNode):
-    """A function of the operands' values at one time."""
+    """Applies a function to the operands' values at one time."""
 
     def __init__(self, function: str, args: Sequence[Stream], out: Stream) -> None:
         super().__init__(args, out)

@@ -1,4 +1,4 @@
-"""Folds over windows of dense time: of the steps that a window meets, or of all to the end."""
+"""Folds of windows over dense time: of the steps that a window meets, or of all to the end."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["SuffixNode", "WindowNode"]
 
 
 class WindowNode(StreamNode):
-    """The fold of all steps that a window meets.
+    """Folds the steps that a window meets.
 
     The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and
     s + lo < t'. So it comes at s = t - hi and leaves at s = t' - lo, and the fold is a
@@ -39,14 +39,12 @@ class WindowNode(StreamNode):
         self._begun = False
 
     def advance(self, begin: float, known: float) -> None:
-        """Go on to where steps may still come."""
         self._collect()
         before = min(known, min(arg.frontier for arg in self._args) - self._hi)
         self._run(begin, before)
         self._out.frontier = before
 
     def finish(self, begin: float, end: float) -> None:
-        """Go on to the end; windows that begin later are empty."""
         self._collect()
         after = just_after(end)
         if self._lo > 0:
@@ -60,7 +58,7 @@ class WindowNode(StreamNode):
     def _run(self, begin: float, before: float) -> None:
         joint, inside = self._joint, self._inside
         while True:
-            # The first value is that of the trace's begin, whenever the first step comes.
+            # The first value is that at the begin of the trace, even if no step has come by then.
             now = min(joint.next - self._hi, inside.leaves) if self._begun else begin
             if not now < before:
                 break
@@ -73,7 +71,7 @@ class WindowNode(StreamNode):
 
 
 class Total(StateFields):
-    """The fold of all steps so far, for windows that nothing leaves."""
+    """The fold of all steps so far, for windows without begin."""
 
     STATE = ("_total",)
     leaves = math.inf
@@ -90,7 +88,6 @@ class Total(StateFields):
         self._total = self._combine(self._total, x)
 
     def pop(self) -> None:
-        """Nothing leaves."""
         raise AssertionError
 
     @property
@@ -100,11 +97,11 @@ class Total(StateFields):
 
 
 class Queue(StateFields):
-    """The fold of the steps inside a window, first in, first out, in two stacks.
+    """The steps inside a window, first in, first out, in two stacks, and their fold.
 
-    ``_older`` holds the folds of its steps with all younger ones of it; when it is used up, the
-    steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and Schneider, "General
-    incremental sliding-window aggregation", VLDB 2015).
+    ``_older`` has, for each of its steps, the fold of that step and the younger ones in ``_older``.
+    When it is used up, the steps of ``_younger`` move there, each once (Tangwongsan, Hirzel and
+    Schneider, "General incremental sliding-window aggregation", VLDB 2015).
     """
 
     STATE = ("_begins", "_older", "_younger", "_total")
@@ -127,7 +124,7 @@ class Queue(StateFields):
         self._total = self._combine(self._total, x)
 
     def pop(self) -> None:
-        """Let the oldest step go."""
+        """Remove the oldest step."""
         if not self._older:
             fold = self._identity
             while self._younger:
@@ -144,23 +141,22 @@ class Queue(StateFields):
 
     @property
     def leaves(self) -> float:
-        """When the oldest step leaves; it ends where the next one, which has come, begins."""
+        """The time at which the oldest step leaves; it ends where the next one begins."""
         return self._begins[1] - self._lo if len(self._begins) > 1 else math.inf
 
 
 class SuffixNode(StreamNode):
-    """The fold of all steps from s + lo to the end of the trace: known when that has come."""
+    """Folds all steps from s + lo to the end of the trace; known only when the trace has ended."""
 
     def __init__(self, fold: LatticeFold, lo: float, args: Sequence[Stream], out: Stream) -> None:
         super().__init__(args, out)
         self._fold, self._lo = fold, lo
 
     def advance(self, begin: float, known: float) -> None:  # noqa: ARG002 - as all nodes
-        """Collect the steps."""
         self._collect()
 
     def finish(self, begin: float, end: float) -> None:
-        """Fold the steps from the last to the first; one leaves where the next one begins."""
+        # From the last step to the first; each leaves the window where the next one begins.
         self.advance(begin, end)
         steps: list[tuple[float, Element]] = []
         while (time := self._joint.next) <= end:
@@ -170,7 +166,7 @@ class SuffixNode(StreamNode):
         for time, x in reversed(steps):
             fold = self._fold.combine(x, fold)
             folds.append((time, fold[-1]))
-        # Of what happens at one time, and of all before the begin, the last counts.
+        # The last of several folds at one time counts, and the last of those before the begin.
         values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
         for time, value in values.items():
             self._out.push(time, value)

@@ -1,23 +1,24 @@
 """The machine of `EpisodeMonitor` in Python: the whole episode's robustness and its bounds.
 
-The value at time 0 is wanted in three worlds: ``NOW``, in which the episode ended with the last
-sample, and ``LOWER`` and ``UPPER``, in which it goes on for ever and every predicate is -inf or
-+inf at every unseen sample. Where a program has no negations (`rtamt.program.polarity`), every
-register is monotone in the predicates, so the last two are the bounds over all continuations.
+It computes the value at time 0 in three worlds. In ``NOW`` the episode ended with the last sample.
+In ``LOWER`` and ``UPPER`` it goes on for ever, and every predicate is -inf or +inf at every unseen
+sample. The program has no negations (`rtamt.program.polarity`), so every register is monotone in
+the predicates, and the last two values are the bounds over all continuations.
 
-After sample t a register of reach H (into the future) and past E (what it remembers) has
+Take a register whose value depends on H samples of the future and E samples of the past. After
+sample t it has
 
-* settled values, up to time t - H: the same in all worlds;
-* open values, of times t - H + 1 to t + E (in ``NOW`` to t), one array a world;
-* a tail: one value a world for every time after that.
+* settled values up to time t - H, which are the same in all worlds;
+* open values of times t - H + 1 to t + E (in ``NOW`` to t), an array for each world;
+* a tail: one number for each world, its value at all later times.
 
 A window without end inside another operator never settles. Its value u at the first open time is
-left as an unknown, and values before that are lattice polynomials in the unknowns: monotone
-functions max over S of min(c_S, u_i for i in S), stored by their values at the corners u in
-{-inf, +inf}. Folds act corner by corner; a sample that settles replaces u by op(sample, u), and a
-world replaces u by its value. Every settled array has one axis of length 2 an unknown, in front.
+an unknown, and values before that are lattice polynomials in the unknowns: monotone functions max
+over S of min(c_S, u_i for i in S), stored by their values at the corners u in {-inf, +inf}. Folds
+act corner by corner. A sample that settles replaces u by op(sample, u); a world replaces u by its
+value. Every settled array has an axis of length 2 for each unknown, in front.
 
-Only the operators above the streams are read at time 0 alone; they keep one fold each.
+Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.top`).
 """
 
 from __future__ import annotations

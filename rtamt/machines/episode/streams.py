@@ -1,7 +1,8 @@
-"""Registers of the episode machine as signals over all times: settled, open and tail.
+"""Registers of the episode machine as signals over all times.
 
-See `rtamt.machines.episode.machine` for the words. Times are sample numbers; arrays run over time
-in their last axis, and settled ones have an axis of length 2 for every unknown in front.
+`rtamt.machines.episode.machine` explains settled and open values, tails, worlds and unknowns. Times
+are sample numbers; the last axis of an array is time, and settled arrays have an axis of length 2
+for each unknown in front.
 """
 
 from __future__ import annotations
@@ -44,14 +45,14 @@ _NOTHING: Array = np.zeros(0)
 
 
 def in_world(settled: Array, unknowns: Array) -> Array:
-    """The lattice polynomials at a value of every unknown."""
+    """The settled values for given values of the unknowns."""
     for u in unknowns:
         settled = np.maximum(settled[0], np.minimum(settled[1], u))
     return settled
 
 
 class Polynomials(StateFields):
-    """Arrays of settled values, an axis of length 2 an unknown in front."""
+    """Arrays of settled values."""
 
     STATE: ClassVar[tuple[str, ...]] = ("kept",)
 
@@ -74,9 +75,9 @@ class Stream(Polynomials):
 
     Attributes:
         corners: The shape in front of settled values, a 2 for each unknown.
-        late: Samples into the future that a value depends on, unknowns aside.
-        past: Samples after the last one at which a value still depends on what was seen.
-        keep: Settled values that the readers need.
+        late: How many samples of the future a value depends on, apart from the unknowns.
+        past: For how many times after the last sample a value depends on samples.
+        keep: How many settled values other registers read.
         last: Time of the last settled value, -1 before there is one.
     """
 
@@ -98,11 +99,11 @@ class Stream(Polynomials):
         self.last = -1
 
     def settle(self, t: int) -> Array | None:
-        """The value of time t - late, where it exists."""
+        """The value that settles with sample t, that of time t - late; None before time 0."""
         return None if t < self.late else self._settled(t - self.late)
 
     def _settled(self, time: int) -> Array:
-        """The value of a time that sample ``time + late`` settles."""
+        """The value of a time, which settles with sample ``time + late``."""
         raise NotImplementedError
 
     def look(self, t: int, unknowns: Array) -> None:
@@ -122,7 +123,7 @@ class Stream(Polynomials):
         return history[..., begin - first : end - first + 1]
 
     def seen(self, world: int, begin: int, end: int, unknowns: Array) -> Array:
-        """The values of times begin to end in a world; in NOW they must exist."""
+        """The values of times begin to end in a world; in ``NOW`` the last must not be after t."""
         parts = []
         if begin <= self.last:
             known = self.settled(begin, min(end, self.last))
@@ -137,7 +138,7 @@ class Stream(Polynomials):
 
 
 class Predicate(Stream):
-    """A term read as a formula: settled at once, unknown at every unseen sample."""
+    """A term read as a formula: it settles at once, and is unknown at every unseen sample."""
 
     def __init__(self, corners: tuple[int, ...], register: int) -> None:
         super().__init__(corners, 0, 0)
@@ -153,7 +154,7 @@ class Predicate(Stream):
 
 
 class Constant(Stream):
-    """The same value at every time, seen or not."""
+    """One value at every time, seen or not."""
 
     def __init__(self, corners: tuple[int, ...], value: float) -> None:
         super().__init__(corners, 0, 0)
@@ -175,12 +176,12 @@ class Operands:
         self.past = max(s.past for s in streams)
 
     def hold(self, late: int, oldest: int) -> None:
-        """Have the operands keep what a reader needs who reads offset ``oldest`` at t - late."""
+        """Have the operands keep their values from time t - late + oldest on."""
         for s in self.streams:
             s.keep = max(s.keep, late - s.late - oldest + 1)
 
     def identities(self, count: int) -> Arrays:
-        """As many settled elements that change no fold."""
+        """As many settled elements, all of them the identity of the fold."""
         return tuple(np.full((*self.corners, count), e) for e in self.fold.identity)
 
     def settled(self, begin: int, end: int) -> Arrays:
@@ -201,14 +202,14 @@ class Operands:
         return padded(self.fold, elements, first - begin, end - last)
 
     def tail(self, world: int) -> Arrays:
-        """The element of every time beyond what is open."""
+        """The element of all times after the open ones."""
         if world == NOW:
             return tuple(np.array([e]) for e in self.fold.identity)
         return tuple(np.array([s.tail[world]]) for s in self.streams)
 
 
 class _Windowed(Stream):
-    """A stream of folds."""
+    """The folds of a window at every time."""
 
     def __init__(self, operands: Operands, late: int, past: int) -> None:
         super().__init__(operands.corners, late, past)
@@ -223,7 +224,7 @@ class _Windowed(Stream):
             self.open[world] = self._open(world, begin, max(0, count), t, unknowns)
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
-        """The values of ``count`` times from begin on; notes the tail."""
+        """The values of ``count`` times from begin on; sets the tail."""
         raise NotImplementedError
 
 
@@ -251,7 +252,7 @@ class Sliding(_Windowed):
 
 
 class Pointwise(Sliding):
-    """The least or greatest of the operands at one time: of each a window of one sample."""
+    """The least or greatest of the operands at one time."""
 
     def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
         super().__init__(fold, 0, 0, streams)
@@ -320,10 +321,10 @@ class Running(_Windowed):
 
 
 class Endless(_Windowed):
-    """The fold over all offsets from 0 on: never settled but for an unknown.
+    """The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
 
     Attributes:
-        axis: Which unknown is its value at the first open time.
+        axis: The axis of its unknown, the value at the first open time.
     """
 
     def __init__(self, fold: LatticeFold, axis: int, streams: Sequence[Stream]) -> None:

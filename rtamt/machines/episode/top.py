@@ -1,7 +1,6 @@
-"""Folds of the episode machine that are read at time 0 alone.
+"""Windows of the episode machine that are read at time 0 alone.
 
-See `rtamt.machines.episode.machine` for the words, and `rtamt.machines.episode.streams` for what is
-folded.
+`rtamt.machines.episode.machine` explains the terms.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ __all__ = ["TopFold"]
 
 
 class TopFold(Polynomials):
-    """The fold over offsets lo to hi from time 0, read at time 0 alone."""
+    """The fold over times lo to hi."""
 
     def __init__(
         self, fold: LatticeFold, lo: int | None, hi: int | None, streams: Sequence[Stream]
@@ -32,14 +31,14 @@ class TopFold(Polynomials):
         return self._begin <= time and (self._end is None or time <= self._end)
 
     def settle(self, t: int) -> None:
-        """Fold in what settled with sample t."""
+        """Fold in the element that settled with sample t."""
         time = t - self._operands.late
         if self._inside(time):
             newest = self._operands.settled(time, time)
             self.kept = self.fold.combine_arrays(self.kept, newest)
 
     def value(self, world: int, t: int, unknowns: Array) -> float:
-        """The fold over settled, open and all later values in a world."""
+        """The fold over settled, open and later values in a world."""
         operands = self._operands
         total = tuple(in_world(a, unknowns[world]) for a in self.kept)
         begin = max(self._begin, t - operands.late + 1)
