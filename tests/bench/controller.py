@@ -1,4 +1,4 @@
-"""Subjects in processes of their own, measured in turns so that all see the same machine."""
+"""Runs subjects in processes of their own, in turns, so that all see the same machine."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Subject:
         return answer
 
     def stop(self) -> str:
-        """End the process; its last words."""
+        """End the process; the last line that it wrote to standard error."""
         if self.process is None:
             return ""
         self.process.kill()
@@ -81,7 +81,7 @@ def single_threaded() -> dict[str, str]:
 
 @dataclass
 class Setting:
-    """Who takes part in a run, and how long it may take."""
+    """The peers and the floor of a run, and whether it is a quick one."""
 
     peers: dict[str, str]
     floor: Path | None
@@ -114,7 +114,7 @@ Figures = dict[str, list[float]]
 def race(
     entries: dict[str, tuple[Subject, dict[str, Any]]], repeats: int, notes: dict[str, str]
 ) -> Figures:
-    """The least of some repeats for every entry, taken in turns.
+    """The least figures of some repeats for every entry, measured in turns.
 
     Args:
         entries: By column: who measures, and the case.

@@ -39,7 +39,7 @@ SECTIONS = (
 
 
 def peer(text: str) -> tuple[str, str]:
-    """NAME=PYTHON, checked."""
+    """Read NAME=PYTHON."""
     name, _, python = text.partition("=")
     if name not in MODULES or not Path(python).exists():
         msg = f"expected NAME=PYTHON, NAME out of {', '.join(MODULES)}, got {text!r}"
@@ -72,6 +72,8 @@ def main() -> None:
     machine = f"{platform.python_implementation()} {platform.python_version()}, NumPy"
     print(f"rtamt {rtamt.__version__} ({rtamt.BACKEND}), {machine} {np.__version__}")
     print("lower is better; /floor and /peer: the project over C, over the best peer")
+    if missing := sorted(set(MODULES) - set(dict(arguments.peer))):
+        print(f"not compared with {', '.join(missing)}: see --peer")
     tables = []
     with tempfile.TemporaryDirectory() as folder:
         problem = floor.build(Path(folder))

@@ -1,4 +1,4 @@
-"""The inside of a subject: a process that prepares a case, then measures it whenever asked."""
+"""Runs inside the process of a subject: prepares a case, then measures it when asked."""
 
 from __future__ import annotations
 

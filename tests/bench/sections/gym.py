@@ -1,4 +1,4 @@
-"""Around `env.step`: what a monitored environment costs more than a bare one."""
+"""Time that a monitor adds to `env.step`."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ EPISODE = (
 
 
 def episode(setting: Setting) -> Table:
-    """What is paid once an episode."""
+    """Time that is spent once an episode."""
     subject = setting.project("steps")
     table = Table("Once an episode", "us")
     try:

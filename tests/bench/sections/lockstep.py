@@ -28,7 +28,7 @@ def measure(setting: Setting) -> Iterator[Table]:
 
 
 def monitors(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """The sliding minimum, and what calling costs one lane."""
+    """The sliding minimum, and the cost of a call for a single lane."""
     table = Table("VectorMonitor.update, W1", "ns a lane")
     for k in (100, 1_000):
         for num in NUMBERS:

@@ -1,4 +1,4 @@
-"""Around `mj_step` and `doStep`: what a monitored simulation costs more than a bare one."""
+"""Time that a monitor adds to `mj_step`, to steps of environments, and to `doStep` of FMUs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stopping at the first certain violation saves, against running to the end and judging then.
+"""Time saved by stopping at the first certain violation instead of judging whole episodes.
 
 The verdicts of all episodes are equal; an episode where they are not is an error.
 """

@@ -50,7 +50,7 @@ def row(
 
 
 def w1(setting: Setting, subjects: dict[str, Subject]) -> Table:
-    """The sliding minimum, at sizes that only a constant cost survives."""
+    """The sliding minimum, in windows so long that only a constant cost is bearable."""
     title = "Monitor.update, always[0:k](a + b > -2); python: at most 2k"
     table = Table(title, "ns")
     for name, k in SIZES.items():

@@ -1,4 +1,4 @@
-"""Around the step of a vector environment: what monitoring all of them adds."""
+"""Time that a monitor adds to the step of a vector environment."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ seen: dict[str, float] = {}
 
 
 def lap(name: str) -> None:
-    """Call what has run since the last lap by a name."""
+    """Record the time since the last lap under a name."""
     global begin  # noqa: PLW0603 - a script, and nothing may run between two laps
     seen[name] = (time.perf_counter() - begin) * 1e3
     begin = time.perf_counter()

@@ -42,7 +42,7 @@ def actions(name: str) -> list[Any]:
 
 
 class Naive(gym.Wrapper):
-    """A wrapper as one writes it in ten lines: the value of one peer's monitor, nothing else."""
+    """A minimal wrapper of a peer's monitor: it computes the value and adds no information."""
 
     def __init__(self, env: Any) -> None:  # noqa: ANN401
         super().__init__(env)

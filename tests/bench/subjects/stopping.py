@@ -1,4 +1,4 @@
-"""Seeded episodes of MuJoCo environments, run to the end and judged after, or stopped when sure."""
+"""Episodes of MuJoCo environments, judged as a whole or stopped at a certain violation."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ CASES: dict[str, tuple[Callable[[int], Policy], dict[str, str], dict[str, Any]]]
 
 
 def to_the_end(env: Any, name: str, seed: int) -> tuple[bool, int]:  # noqa: ANN401
-    """Runs an episode, evaluates it offline; whether it was violated, and its steps."""
+    """Runs a whole episode and evaluates it; whether it was violated, and its steps."""
     make, specs, signals = CASES[name]
     policy, columns = make(seed), {variable: [] for variable in signals}
     places = [(columns[v].append, int(s[4:-1])) for v, s in signals.items()]
@@ -93,7 +93,7 @@ def to_the_end(env: Any, name: str, seed: int) -> tuple[bool, int]:  # noqa: ANN
 
 
 def stopped(env: Any, name: str, seed: int) -> tuple[bool, int]:  # noqa: ANN401
-    """Runs an episode until a violation is certain; the same of it."""
+    """Runs an episode until a violation is certain; whether there was one, and its steps."""
     make, specs, signals = CASES[name]
     run = simulate(env, specs, signals, policy=make(seed), seed=seed)
     return run.verdict < 0, run.steps

@@ -28,7 +28,7 @@ def make(num: int) -> Any:  # noqa: ANN401
 
 
 def actions(num: int, *, ends: bool) -> list[Any]:
-    """Random ones, under which poles fall all the time; else such as keep all poles up."""
+    """Actions: random ones, under which poles keep falling, or ones that keep all poles up."""
     if ends:
         return list(np.random.default_rng(1).integers(0, 2, (STEPS, num)))
     env, chosen = make(num), []
