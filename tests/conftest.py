@@ -1,4 +1,4 @@
-"""The same examples in every run and on every machine; ``--hypothesis-profile=search`` looks on."""
+"""Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=search``."""
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,8 +16,13 @@ settings.register_profile(
 settings.register_profile("search", deadline=None, max_examples=2000)
 settings.load_profile("repeatable")
 
-# Where no compiler was at hand there is one machine to test; CI requires both.
+# Without a compiler there is one back-end to test; CI requires both.
 BACKENDS = ("python", "native") if rtamt.BACKEND == "native" else ("python",)
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """The whole suite runs on every core; tests that were chosen start no workers."""
+    return None if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 0
 
 
 @pytest.fixture(scope="session", params=BACKENDS)

@@ -23,13 +23,15 @@ if TYPE_CHECKING:
 SOURCE = Path(__file__).with_suffix(".c")
 BUILD = ROOT / "build" / "steps"
 
-# Types of two modules of one nanobind domain are the same types.
+# In one nanobind domain, the classes of this build and of the installed one would be the same.
 FLAGS = "-O0 -fsanitize-coverage=trace-pc -DNB_DOMAIN=steps"
 
 
 def counting_machines() -> ModuleType:
-    """The native machines, compiled so that they count their steps; takes half a minute once."""
+    """The native module, compiled so that it counts its steps; the first build takes longest."""
     BUILD.mkdir(parents=True, exist_ok=True)
+    for linked in BUILD.glob("_native.*"):
+        linked.unlink()  # the counter inside may be an old one
     counter = BUILD / "steps.o"
     cc = [os.environ.get("CC", "cc"), "-O0", "-fPIC", "-c", str(SOURCE), "-o", str(counter)]
     options = {
@@ -62,10 +64,10 @@ def counting_machines() -> ModuleType:
 
 
 class StepCounter:
-    """Counts the lines of Python that a call executes, and the steps of native machines.
+    """Counts the lines of Python that a call executes, and the steps of the native module.
 
     Args:
-        machines: What `counting_machines` gave; None: only Python is counted.
+        machines: The result of `counting_machines`; None: only Python is counted.
     """
 
     def __init__(self, machines: ModuleType | None = None) -> None:
