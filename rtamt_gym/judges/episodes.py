@@ -1,45 +1,90 @@
-"""What is said of an episode when it has ended, by the scalar and by the vector wrapper."""
+"""Records of episodes that have ended: the entries of ``stl_episodes``."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
-__all__ = ["outcome", "record"]
+import numpy as np
+from numpy.typing import NDArray
 
+from rtamt_gym.judges.infos import Lanewise, Where, present
 
-def outcome(robustness: float, verdict: str, decided_at: int | None) -> dict[str, Any]:
-    """What became of one specification, an entry of ``info["stl_episode"]``.
-
-    Args:
-        robustness: Of the whole episode.
-        verdict: ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``.
-        decided_at: The sample that decided it; None while it is open.
-    """
-    said = {"robustness": robustness, "verdict": verdict, "satisfied": verdict == "SATISFIED"}
-    return said if decided_at is None else {**said, "decided_at": decided_at}
+__all__ = ["EpisodeRecords", "record"]
 
 
 def record(
-    specs: Mapping[str, Mapping[str, Any]],
-    violated_by: str | None,
-    *,
-    samples: int,
-    terminated: bool,
-    truncated: bool,
+    outcomes: Mapping[str, Any],
+    violated_by: Lanewise,
+    violated_at: Lanewise,
+    samples: Lanewise,
+    terminated: Lanewise,
+    truncated: Lanewise,
 ) -> dict[str, Any]:
-    """The episode as ``stl_episodes`` keeps it.
+    """The record of an episode, or of several: an array for each key.
 
     Args:
-        specs: By name of the specification, what `outcome` gives.
+        outcomes: The outcome of every specification.
         violated_by: The specification that was violated first.
-        samples: How many the episode had.
-        terminated: How it ended.
-        truncated: Likewise.
+        violated_at: The sample that showed it; -1 if none was violated.
+        samples: How many samples the episode had.
+        terminated: Whether it was terminated.
+        truncated: Whether it was truncated.
     """
-    # Copies: a logger that empties the info leaves the record alone.
-    kept = {name: dict(said) for name, said in specs.items()}
-    made = {"samples": samples, "terminated": terminated, "truncated": truncated, "specs": kept}
-    if violated_by is None:
-        return made
-    return {**made, "violated_by": violated_by, "violated_at": kept[violated_by]["decided_at"]}
+    violated = violated_at >= 0
+    return {
+        "samples": samples,
+        "terminated": terminated,
+        "truncated": truncated,
+        "specs": outcomes,
+        "violated_by": Where(violated, violated_by),
+        "violated_at": Where(violated, violated_at),
+    }
+
+
+class EpisodeRecords:
+    """The records of the last episodes that ended in a vector environment.
+
+    They are kept as the arrays of `record`, one set for each step that ended episodes: to make
+    Python values of all would take longer than the step.
+
+    Args:
+        length: How many records are kept.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._count = 0
+        self._steps: deque[tuple[NDArray[np.integer[Any]], dict[str, Any]]] = deque()
+
+    def append(self, envs: NDArray[np.integer[Any]], records: dict[str, Any]) -> None:
+        """Adds the records of some environments, by their numbers; forgets the oldest."""
+        self._steps.append((envs, records))
+        self._count += len(envs)
+        while self._steps and self._count - len(self._steps[0][0]) >= self._length:
+            self._count -= len(self._steps.popleft()[0])
+
+    def newest(self) -> deque[dict[str, Any]]:
+        """The records, the newest last, each with ``"env"``, the number of the environment."""
+        held = ((envs, records, i) for envs, records in self._steps for i in range(len(envs)))
+        surplus = max(self._count - self._length, 0)
+        return deque(
+            (
+                {"env": int(envs[i]), **present(_element(records, i))}
+                for envs, records, i in islice(held, surplus, None)
+            ),
+            self._length,
+        )
+
+
+def _element(value: Any, i: int) -> Any:  # noqa: ANN401
+    """Element i of all arrays in a record, as a Python value."""
+    match value:
+        case Where():
+            return Where(value.there[i], value.value.item(i))
+        case dict():
+            return {key: _element(part, i) for key, part in value.items()}
+        case _:
+            return value.item(i)

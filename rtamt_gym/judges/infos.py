@@ -1,179 +1,151 @@
-"""Infos of vector environments: for every key an array, and a mask ``_key`` of those who have it.
+"""The keys that the wrappers add to ``info``, for one environment and for many.
 
-The form is that in which Gymnasium's `SyncVectorEnv` gathers the infos of its environments: zeros
-(None among objects) where an environment has no value, no key that nobody has, dictionaries inside
-of dictionaries.
+Every key is written here once; a key that not every environment has gets a `Where`.
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from gymnasium import spaces
-from numpy.typing import NDArray
-
-from rtamt import InputError
-from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.columns import Lanes
 
 __all__ = [
-    "final_infos",
-    "final_observations",
-    "mask_of",
-    "put",
-    "put_at",
-    "put_group",
-    "who_has",
+    "VERDICTS",
+    "Cost",
+    "Lanewise",
+    "Where",
+    "last_info",
+    "outcome",
+    "present",
+    "spec_state",
+    "step_cost",
+    "step_info",
 ]
 
+VERDICTS = np.array(["UNDECIDED", "SATISFIED", "VIOLATED"], dtype=object)
+"""The names of verdicts: of 0, 1 and -1."""
 
-def put(infos: dict[str, Any], key: str, values: NDArray[Any], lanes: Lanes | None) -> None:
-    """Gives the environments of the mask their values; None: all of them, and the array itself."""
-    if lanes is None:
-        infos[key], infos[f"_{key}"] = values, _all(len(values)).copy()
-    else:
-        at = np.flatnonzero(lanes)
-        put_at(infos, key, values[at], at, len(lanes))
+Lanewise = Any
+"""A value of one environment, or an array with an element for each of many."""
 
-
-def put_at(
-    infos: dict[str, Any],
-    key: str,
-    values: NDArray[Any],
-    at: NDArray[np.integer[Any]],
-    num: int,
-) -> None:
-    """Gives the environments of these numbers, out of ``num``, a value each."""
-    if len(at) == 0:
-        return
-    held = np.full(num, None) if values.dtype == object else np.zeros(num, values.dtype)
-    held[at] = values
-    infos[key], infos[f"_{key}"] = held, mask_of(at, num)
+Cost = Literal["indicator", "depth", "first"]
+"""What ``info["cost"]`` measures."""
 
 
-def put_group(
-    infos: dict[str, Any], key: str, group: dict[str, Any], lanes: Lanes | None, num: int
-) -> None:
-    """Gives the environments of the mask, None: all of them, a dictionary made by `put`."""
-    infos[key] = group
-    infos[f"_{key}"] = (_all(num) if lanes is None else lanes).copy()
+class Where(NamedTuple):
+    """A value that is there only where a condition holds: a bool, or an array of them."""
+
+    there: Lanewise
+    value: Lanewise
 
 
-def mask_of(at: NDArray[np.integer[Any]], num: int) -> Lanes:
-    """The mask of the environments of these numbers."""
-    mask = np.zeros(num, np.bool_)
-    mask[at] = True
-    return mask
-
-
-@functools.cache
-def _all(num: int) -> Lanes:
-    """A mask to copy, which takes a quarter of the time of making one."""
-    return np.ones(num, np.bool_)
-
-
-def who_has(infos: Mapping[str, Any], key: str, num: int) -> Lanes:
-    """The environments that have a key: all, if there is no mask."""
-    mask = infos.get(f"_{key}", np.full(num, key in infos))
-    return np.asarray(mask, np.bool_)
-
-
-def final_observations(
-    space: spaces.Space[Any],
-    obs: Any,  # noqa: ANN401
-    infos: Mapping[str, Any],
-    ended: Lanes,
-) -> Any:  # noqa: ANN401
-    """The observations of a step before the environments that ended in it were reset.
+def step_info(
+    info: Mapping[str, Any],
+    robustness: Lanewise,
+    lower: Lanewise,
+    upper: Lanewise,
+    states: Mapping[str, Any] | None = None,
+    cost: Lanewise = None,
+) -> dict[str, Any]:
+    """Adds the keys that every info has; returns a new dictionary.
 
     Args:
-        space: The observation space of one environment.
-        obs: The observations after the resets.
-        infos: Holds the terminal ones as ``final_obs``: an array with one object for each
-            environment, as Gymnasium has it, or a batch.
-        ended: The environments that ended.
-
-    Raises:
-        InputError: If there are none.
+        info: The info of the environment.
+        robustness: The least robustness over the specifications.
+        lower: The least of their lower bounds.
+        upper: The least of their upper bounds.
+        states: The `spec_state` of every specification, if it is wanted.
+        cost: The `step_cost`, if it is wanted; not at reset.
     """
-    if "final_obs" not in infos:
-        raise InputError(
-            "expected the observations at the ends of episodes in infos['final_obs'], as "
-            f"AutoresetMode.SAME_STEP has them, got the keys {listing(infos)}"
-        )
-    final = infos["final_obs"]
-    if isinstance(final, np.ndarray) and final.dtype == object:
-        return _stacked(space, obs, list(final[ended]), ended)
-    return _replaced(obs, final, ended)
+    made = {
+        **info,
+        "robustness": robustness,
+        "stl_lower": lower,
+        "stl_upper": upper,
+        "stl_violated": upper < 0.0,
+    }
+    if states is not None:
+        made["stl"] = states
+    if cost is not None:
+        made["cost"] = cost
+    return made
 
 
-def _stacked(
-    space: spaces.Space[Any],
-    obs: Any,  # noqa: ANN401
-    final: list[Any],
-    ended: Lanes,
-) -> Any:  # noqa: ANN401
-    match space:
-        case spaces.Dict():
-            return {
-                key: _stacked(part, obs[key], [each[key] for each in final], ended)
-                for key, part in space.spaces.items()
-            }
-        case spaces.Tuple():
-            return tuple(
-                _stacked(part, obs[i], [each[i] for each in final], ended)
-                for i, part in enumerate(space.spaces)
-            )
-        case spaces.Box() | spaces.Discrete() | spaces.MultiDiscrete() | spaces.MultiBinary():
-            batch = np.array(obs)
-            batch[ended] = final
-            return batch
-        case _:  # no array, and no signal
-            return obs
+def spec_state(
+    robustness: Lanewise,
+    lower: Lanewise,
+    upper: Lanewise,
+    verdict: Lanewise,
+) -> dict[str, Any]:
+    """The state of one specification, an entry of ``info["stl"]``."""
+    return {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
 
 
-def _replaced(obs: Any, final: Any, ended: Lanes) -> Any:  # noqa: ANN401
-    if isinstance(obs, Mapping):
-        return {key: _replaced(obs[key], final[key], ended) for key in obs}
-    if isinstance(obs, tuple):
-        return tuple(_replaced(a, b, ended) for a, b in zip(obs, final, strict=True))
-    batch = np.array(obs)
-    batch[ended] = np.asarray(final)[ended]
-    return batch
-
-
-def final_infos(infos: dict[str, Any], ended: Lanes) -> dict[str, Any]:
-    """The infos of a step before the environments that ended in it were reset.
+def step_cost(kind: Cost, upper: Lanewise, charged: Lanewise) -> Lanewise:
+    """The cost of a step.
 
     Args:
-        infos: Holds the terminal ones as ``final_info``, a dictionary in the form of infos.
-        ended: The environments that ended.
+        kind: What the cost measures.
+        upper: The least upper bound after the step.
+        charged: Whether the episode was violated before the step.
     """
-    before = {k: v for k, v in infos.items() if k not in _FINAL}
-    return _merged(before, infos.get("final_info", {}), ended)
+    if kind == "depth":
+        return max(0.0, -upper) if isinstance(upper, float) else np.maximum(0.0, -upper)
+    violated = upper < 0.0
+    return 1.0 * (violated > charged if kind == "first" else violated)
 
 
-_FINAL = frozenset({"final_info", "_final_info", "final_obs", "_final_obs"})
+def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> dict[str, Any]:
+    """The outcome of one specification, an entry of ``info["stl_episode"]``.
+
+    Args:
+        robustness: The robustness of the whole episode.
+        verdict: 1 if it is satisfied, -1 if it is violated, 0 while that is open.
+        decided_at: The sample that decided the verdict; -1 while it is open.
+    """
+    return {
+        "robustness": robustness,
+        "verdict": VERDICTS[verdict],
+        "satisfied": verdict > 0,
+        "decided_at": Where(decided_at >= 0, decided_at),
+    }
 
 
-def _merged(infos: Mapping[str, Any], final: Mapping[str, Any], ended: Lanes) -> dict[str, Any]:
-    merged: dict[str, Any] = {}
-    keys = {**infos, **final}
-    for key in keys:
-        if key.startswith("_") and key[1:] in keys:
-            continue
-        old, new = infos.get(key), final.get(key)
-        if isinstance(old, Mapping) or isinstance(new, Mapping):
-            merged[key] = _merged(old or {}, new or {}, ended)
-        elif old is None or new is None:
-            merged[key] = new if old is None else old
-        else:
-            held = np.array(old, np.result_type(old, new))
-            held[ended] = np.asarray(new)[ended]
-            merged[key] = held
-        num = len(ended)
-        merged[f"_{key}"] = np.where(ended, who_has(final, key, num), who_has(infos, key, num))
-    return merged
+def last_info(
+    outcomes: Mapping[str, Any],
+    violated_by: Lanewise,
+    violated_at: Lanewise,
+    decided: Lanewise,
+    reported: Lanewise,
+) -> dict[str, Any]:
+    """The keys that only the last info of an episode has.
+
+    Args:
+        outcomes: The `outcome` of every specification.
+        violated_by: The specification that was violated first.
+        violated_at: The sample that showed it; -1 if none was violated.
+        decided: Whether all verdicts are decided.
+        reported: Whether the environment itself reports ``is_success``, which is kept then.
+    """
+    violated = violated_at >= 0
+    known = np.logical_and(np.logical_or(violated, decided), np.logical_not(reported))
+    return {
+        "stl_episode": outcomes,
+        "stl_violated_by": Where(violated, violated_by),
+        "stl_violated_at": Where(violated, violated_at),
+        "is_success": Where(known, violated_at < 0),
+    }
+
+
+def present(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Copies the info of one environment, without the keys that are not there."""
+    made = {}
+    for key, value in info.items():
+        if isinstance(value, dict):
+            made[key] = present(value)
+        elif not isinstance(value, Where):
+            made[key] = value
+        elif value.there:
+            made[key] = value.value
+    return made

@@ -1,4 +1,4 @@
-"""The monitors of several specifications, fed together, and what they have decided."""
+"""The monitors of several specifications in one environment."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from typing import Any
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError
-from rtamt_gym.judges.episodes import outcome
-from rtamt_gym.judges.specs import InstantMonitor, Nan, View, machine_state, make_monitor
+from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
+from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitor
+from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.signals import Read
 
-__all__ = ["Assessment", "Feed", "Panel"]
+__all__ = ["Assessment", "Feed", "Monitors", "Panel"]
 
 Assessment = tuple[float, float, float]
 """Robustness of the samples so far, and the lower and upper bound of what it can become."""
@@ -23,24 +24,29 @@ Feed = Callable[..., Assessment]
 """Feeds one sample to the monitors of a panel; takes the arguments of a `Read`."""
 
 
-class Panel:
-    """A panel of judges: a monitor for every specification.
+Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
+"""The monitors of each specification: ``(robustness source, judge)``."""
 
-    `rtamt_gym.judges.vector_panel.Lockstep` is its vector version.
+
+class Panel:
+    """The monitors of several specifications, fed together, and the verdicts they have decided.
+
+    Its vector twin is `rtamt_gym.judges.vector_panel.VectorPanel`.
 
     Attributes:
-        variables: By specification, the names of what it reads.
+        monitors: The monitors of each specification: ``(robustness source, judge)``.
+        variables: The names that each specification reads.
         settled: How many verdicts are decided.
         violated_by: The specification that was violated first; None while none is.
 
     Args:
-        specs: By name.
+        specs: Specifications by name.
         period: Time between samples.
         view: Whether formulas speak of the episode or of every instant.
         nan: Whether a signal that is nan is refused, or keeps its last value.
 
     Raises:
-        SpecificationError: As `rtamt_gym.judges.specs.make_monitor` does.
+        SpecificationError: As `rtamt_gym.judges.monitors.make_monitor` does.
     """
 
     def __init__(
@@ -50,11 +56,13 @@ class Panel:
         view: View,
         nan: Nan = "raise",
     ) -> None:
+        self.monitors: Monitors = {
+            name: make_monitor(name, spec, period, view, nan) for name, spec in specs.items()
+        }
         self.variables = {name: spec.variables for name, spec in specs.items()}
         self._described = {name: str(spec.formula) for name, spec in specs.items()}
-        self._monitors = [
-            (name, *make_monitor(name, spec, period, view, nan)) for name, spec in specs.items()
-        ]
+        self._sources = [source for source, _ in self.monitors.values()]
+        self._judges = [judge for _, judge in self.monitors.values()]
         self._decided: dict[str, int] = {}
         self.settled = 0
         self.violated_by: str | None = None
@@ -62,17 +70,12 @@ class Panel:
     @property
     def period(self) -> Fraction | None:
         """Seconds between samples; None where bounds count samples."""
-        return self._monitors[0][2].period
+        return self._judges[0].period
 
     @property
     def samples(self) -> int:
         """Samples fed since the reset."""
-        return self._monitors[0][2].samples
-
-    @property
-    def monitors(self) -> dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]:
-        """Of every specification, what says the robustness and who judges the episode."""
-        return {name: (monitor, judge) for name, monitor, judge in self._monitors}
+        return self._judges[0].samples
 
     @property
     def violated_at(self) -> int | None:
@@ -82,28 +85,25 @@ class Panel:
     @property
     def all_decided(self) -> bool:
         """Whether no verdict is open."""
-        return self.settled == len(self._monitors)
+        return self.settled == len(self.monitors)
 
     @property
     def robustness(self) -> float:
         """The least robustness over the specifications; nan before the first sample."""
-        return min(monitor.robustness for _, monitor, _ in self._monitors)
+        return min(source.robustness for source in self._sources)
 
     @property
     def lower(self) -> float:
-        """The least that it can still become."""
-        return min(judge.lower for _, _, judge in self._monitors)
+        """The least that the robustness can still become."""
+        return min(judge.lower for judge in self._judges)
 
     @property
     def upper(self) -> float:
-        """The greatest that it can still become."""
-        return min(judge.upper for _, _, judge in self._monitors)
+        """The greatest that the robustness can still become."""
+        return min(judge.upper for judge in self._judges)
 
     def read(self) -> Assessment:
-        """Least robustness, lower and upper bound, of the samples so far."""
-        if len(self._monitors) == 1:
-            ((_, monitor, judge),) = self._monitors
-            return monitor.robustness, judge.lower, judge.upper
+        """Reads robustness, lower and upper bound of the samples so far."""
         return self.robustness, self.lower, self.upper
 
     def feeder(
@@ -127,7 +127,7 @@ class Panel:
             curves: For each specification a list, which gets the three numbers of every sample.
         """
         note = decide or self.note
-        if len(self._monitors) == 1 and reads is not None and len(reads) == 1 and curves is None:
+        if len(self.monitors) == 1 and reads is not None and len(reads) == 1 and curves is None:
             return self._feeder_of_one(reads[0], note)
         parts = self._parts(names, curves)
 
@@ -157,8 +157,8 @@ class Panel:
 
     def _feeder_of_one(self, read: Read, note: Callable[[], None]) -> Feed:
         """The `feeder` of one signal for one monitor, the common case: without lists and loops."""
-        ((_, monitor, judge),) = self._monitors
-        update, bounds = monitor.update, judge.bounds
+        ((source, judge),) = self.monitors.values()
+        update, bounds = source.update, judge.bounds
 
         def feed(
             obs: Any = None,  # noqa: ANN401
@@ -179,24 +179,24 @@ class Panel:
     ) -> list[tuple[Any, ...]]:
         """What `feeder` needs of each specification."""
         parts: list[tuple[Any, ...]] = []
-        for place, (name, monitor, judge) in enumerate(self._monitors):
+        for place, (name, (source, judge)) in enumerate(self.monitors.items()):
             indices = tuple(names.index(variable) for variable in self.variables[name])
             alone = indices[0] if len(indices) == 1 else None
             keep = None if curves is None else curves[place].append
-            parts.append((monitor.update, alone, _pick(indices), judge.bounds, keep))
+            parts.append((source.update, alone, _pick(indices), judge.bounds, keep))
         return parts
 
     def reset(self) -> None:
         """Forgets every sample."""
-        for _, monitor, _ in self._monitors:
-            monitor.reset()
+        for source in self._sources:
+            source.reset()
         self._decided = {}
         self.settled = 0
         self.violated_by = None
 
     def note(self) -> None:
         """Records the verdicts that the last sample, or the end of the trace, has decided."""
-        for name, _, judge in self._monitors:
+        for name, (_, judge) in self.monitors.items():
             if judge.verdict != 0 and name not in self._decided:
                 self._decided[name] = judge.samples - 1
                 if judge.verdict < 0 and self.violated_by is None:
@@ -205,7 +205,7 @@ class Panel:
 
     def finish(self) -> tuple[float, float]:
         """Ends the trace, which settles the bounds; returns the least of each."""
-        for _, _, judge in self._monitors:
+        for judge in self._judges:
             judge.finish()
         self.note()
         return self.lower, self.upper
@@ -213,29 +213,25 @@ class Panel:
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification."""
         return {
-            name: {
-                "robustness": monitor.robustness,
-                "lower": judge.lower,
-                "upper": judge.upper,
-                "verdict": judge.verdict.name,
-            }
-            for name, monitor, judge in self._monitors
+            name: spec_state(source.robustness, judge.lower, judge.upper, _NAMES[judge.verdict])
+            for name, (source, judge) in self.monitors.items()
         }
 
     def outcomes(self) -> dict[str, dict[str, Any]]:
-        """What became of every specification so far."""
+        """The outcome of every specification so far."""
+        decided = self._decided
         return {
-            name: outcome(judge.robustness, judge.verdict.name, self._decided.get(name))
-            for name, _, judge in self._monitors
+            name: present(outcome(judge.robustness, judge.verdict, decided.get(name, -1)))
+            for name, (_, judge) in self.monitors.items()
         }
 
     def state(self) -> tuple[Any, ...]:
         """What `restore` takes; small, and fit for pickle."""
-        monitors = [
-            monitor.state() if isinstance(monitor, InstantMonitor) else machine_state(monitor)
-            for _, monitor, _ in self._monitors
+        sources = [
+            source.state() if isinstance(source, InstantMonitor) else machine_state(source)
+            for source in self._sources
         ]
-        return self._described, monitors, dict(self._decided), self.violated_by
+        return self._described, sources, dict(self._decided), self.violated_by
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state` of a panel of the same specifications.
@@ -243,19 +239,22 @@ class Panel:
         Raises:
             InputError: If they are others.
         """
-        described, monitors, decided, violated_by = state
+        described, sources, decided, violated_by = state
         if described != self._described:
             raise InputError(
                 f"expected a state of the specifications {self._described}, got one of {described}"
             )
-        for (_, monitor, _), held in zip(self._monitors, monitors, strict=True):
-            if isinstance(monitor, InstantMonitor):
-                monitor.restore(held)
+        for source, held in zip(self._sources, sources, strict=True):
+            if isinstance(source, InstantMonitor):
+                source.restore(held)
             else:
-                monitor.__setstate__(held)
+                source.__setstate__(held)
         self._decided = dict(decided)
         self.settled = len(self._decided)
         self.violated_by = violated_by
+
+
+_NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time
 
 
 def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:

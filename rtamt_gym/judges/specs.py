@@ -18,16 +18,12 @@ import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 
 __all__ = [
-    "InstantMonitor",
     "Nan",
     "SpecLike",
     "SpecsLike",
     "View",
     "autoreset_mode",
-    "check_looks_ahead",
     "load_specs",
-    "machine_state",
-    "make_monitor",
     "read_period",
     "recordable",
     "resolve_period",
@@ -48,57 +44,6 @@ Nan = Literal["raise", "hold"]
 
 Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
-
-
-class InstantMonitor:
-    """``view="step"``: robustness instant by instant, and a judge of ``always(formula)``.
-
-    Attributes:
-        robustness: That of the newest instant whose horizon has passed; before the first, that of
-            the samples so far.
-        judge: Bounds and verdict of ``always(formula)``, fed with the same samples.
-    """
-
-    def __init__(
-        self, spec: rtamt.Specification, period: float | str | None, nan: Nan = "raise"
-    ) -> None:
-        self._instant = rtamt.Monitor(spec, period=period, nan=nan)
-        self._sofar = rtamt.EpisodeMonitor(spec, period=period, nan=nan)
-        self.judge = rtamt.EpisodeMonitor(spec.always(), period=period, nan=nan)
-        self.robustness = math.nan
-
-    def update(self, *values: float) -> float:
-        """Feeds one sample; returns the robustness."""
-        robustness = self._instant.update(*values)
-        self.judge.update(*values)
-        if math.isnan(robustness):
-            robustness = self._sofar.update(*values)
-        self.robustness = robustness
-        return robustness
-
-    def reset(self) -> None:
-        """Forgets every sample."""
-        self._instant.reset()
-        self._sofar.reset()
-        self.judge.reset()
-
-    def state(self) -> tuple[Any, ...]:
-        """What `restore` takes."""
-        return [machine_state(monitor) for monitor in self._parts()], self.robustness
-
-    def restore(self, state: tuple[Any, ...]) -> None:
-        """Goes back to a `state`."""
-        states, self.robustness = state
-        for monitor, held in zip(self._parts(), states, strict=True):
-            monitor.__setstate__(held)
-
-    def _parts(self) -> list[rtamt.Monitor | rtamt.EpisodeMonitor]:
-        return [self._instant, self._sofar, self.judge]
-
-
-def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque
-    """What ``__setstate__`` of a monitor of the same specification takes."""
-    return monitor.__reduce__()[2]
 
 
 def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:
@@ -210,37 +155,6 @@ def resolve_period(
                     "say how long a step lasts; give period= in seconds, or period=1 to count steps"
                 )
     return period
-
-
-def make_monitor(
-    name: str, spec: rtamt.Specification, period: float | str | None, view: View, nan: Nan
-) -> tuple[rtamt.EpisodeMonitor | InstantMonitor, rtamt.EpisodeMonitor]:
-    """What to feed for one specification, and who judges the episode: the same, or its part.
-
-    Raises:
-        SpecificationError: If a bound is not a multiple of the period, if the formula speaks of
-            the first sample only and ``view`` is ``"episode"``, or if its future has no bound and
-            ``view`` is ``"step"``.
-    """
-    if view == "step":
-        monitor = InstantMonitor(spec, period, nan)
-        return monitor, monitor.judge
-    check_looks_ahead(name, spec)
-    judge = rtamt.EpisodeMonitor(spec, period=period, nan=nan)
-    return judge, judge
-
-
-def check_looks_ahead(name: str, spec: rtamt.Specification) -> None:
-    """Refuses what the first sample alone decides, which no episode can be judged by.
-
-    Raises:
-        SpecificationError: If the formula looks at no later sample.
-    """
-    if not spec.looks_ahead:
-        raise SpecificationError(
-            f"specification {name!r} speaks of the first sample only: {spec.formula}; "
-            f"write always({spec.formula}) or view='step'"
-        )
 
 
 def _load(spec: SpecLike) -> rtamt.Specification:

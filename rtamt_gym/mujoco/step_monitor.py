@@ -9,10 +9,10 @@ from typing import Any, Literal, get_args
 
 import mujoco  # type: ignore[import-untyped]
 
-from rtamt import EpisodeMonitor, InputError, StateError, Verdict
+from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import InstantMonitor, Nan, SpecsLike, View, load_specs
+from rtamt_gym.judges.panel import Monitors, Panel
+from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
 from rtamt_gym.mujoco.callback import Attached
 from rtamt_gym.mujoco.clock import Clock
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
@@ -303,9 +303,9 @@ class StepMonitor:
         return self._panel.outcomes()
 
     @property
-    def monitors(self) -> dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]:
-        """Of every specification, what says the robustness and who judges the run."""
-        return self._panel.monitors
+    def monitors(self) -> Monitors:
+        """The monitors of each specification: ``(robustness source, judge)``."""
+        return dict(self._panel.monitors)
 
     def state(self) -> tuple[Any, ...]:
         """What the monitors know, for `restore`; the simulation is not in it."""

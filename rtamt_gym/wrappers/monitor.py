@@ -6,41 +6,29 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import fields
 from fractions import Fraction
-from typing import Any, Literal, SupportsFloat, get_args
+from typing import Any, SupportsFloat
 
 import gymnasium as gym
 from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import EpisodeMonitor, InputError, Specification, SpecificationError, StateError
-from rtamt_gym.checks.arguments import check_choice, check_length
+from rtamt import InputError, Specification, SpecificationError, StateError
 from rtamt_gym.judges.episodes import record
-from rtamt_gym.judges.panel import Feed, Panel
-from rtamt_gym.judges.specs import (
-    InstantMonitor,
-    Nan,
-    SpecsLike,
-    View,
-    load_specs,
-    read_period,
-    recordable,
-    resolve_period,
-)
-from rtamt_gym.signals.signals import SignalLike, parse_signals
-from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.judges.infos import Cost, last_info, present, step_cost, step_info
+from rtamt_gym.judges.monitors import MonitorValues, read_values
+from rtamt_gym.judges.panel import Feed, Monitors, Panel
+from rtamt_gym.judges.specs import Nan, SpecsLike, View, read_period, recordable
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
 from rtamt_gym.wrappers.substeps import SubSteps, read_substep_period
 
-__all__ = ["Cost", "OnViolation", "StlMonitor"]
-
-OnViolation = Literal["terminate", "truncate", "report"]
-"""What happens to an episode at a certain violation."""
-
-Cost = Literal["indicator", "depth", "first"]
-"""What ``info["cost"]`` measures."""
+__all__ = ["StlMonitor"]
 
 
-class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
+class StlMonitor(
+    Monitoring, gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs
+):
     """Monitors an environment against specifications and ends an episode that violates one.
 
     Sample 0 of an episode is the observation that :meth:`reset` returns; every later sample is the
@@ -117,6 +105,8 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
      * v0.5.0 - Initially added
     """
 
+    _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
+
     def __init__(
         self,
         env: gym.Env[ObsType, ActType],
@@ -162,10 +152,7 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             InputError: If a variable has no signal, a signal no variable, or a selector does not
                 fit the environment; if ``substeps`` does not
         """
-        RecordConstructorArgs.__init__(
-            self,
-            specs=recordable(specs),
-            signals=signals,
+        options = MonitorOptions(
             period=period,
             on_violation=on_violation,
             view=view,
@@ -173,27 +160,14 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             details=details,
             cost=cost,
             buffer_length=buffer_length,
-            substeps=substeps,
+        )
+        RecordConstructorArgs.__init__(
+            self, specs=recordable(specs), signals=signals, **options, substeps=substeps
         )
         gym.Wrapper.__init__(self, env)
-        check_choice("on_violation", on_violation, get_args(OnViolation))
-        check_choice("view", view, get_args(View))
-        check_choice("nan", nan, get_args(Nan))
-        check_choice("cost", cost, (None, *get_args(Cost)))
-        self.stl_episodes: deque[dict[str, Any]] = deque(
-            maxlen=check_length("buffer_length", buffer_length)
-        )
-        self._on_violation = on_violation
-        self._details = details
-        self._cost = cost
-
-        loaded = load_specs(specs)
-        self._signals = parse_signals(
-            signals, [name for spec in loaded.values() for name in spec.variables], SOURCES
-        )
-        self._read_period = read_substep_period if substeps else read_period
-        self._period = resolve_period(loaded, period, env, self._read_period)
-        self._guards_period = period is None and any(spec.timed for spec in loaded.values())
+        find_period = read_substep_period if substeps else read_period
+        loaded = self._set_up(env, specs, signals, options, find_period)
+        self.stl_episodes: deque[dict[str, Any]] = deque(maxlen=buffer_length)
         try:
             self._panel = Panel(loaded, self._period, view, nan)
         except SpecificationError as error:
@@ -217,23 +191,12 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         """
         self._running = False
         obs, info = self.env.reset(seed=seed, options=options)
-        if self._guards_period and self._read_period(self.env) != self._period:
-            raise StateError(
-                f"expected the period of {self._period} s that {self.env.unwrapped} had at "
-                f"construction, got {self._read_period(self.env)} s; wrap it again, or give period="
-            )
+        self._check_period(self.env)
         self._panel.reset()
         self._charged = False
         robustness, lower, upper = self._feed_reset(obs, None, None, info)
-        info = {
-            **info,
-            "robustness": robustness,
-            "stl_lower": lower,
-            "stl_upper": upper,
-            "stl_violated": upper < 0.0,
-        }
-        if self._details:
-            info["stl"] = self._panel.describe()
+        states = self._panel.describe() if self._details else None
+        info = step_info(info, robustness, lower, upper, states)
         self._running = True
         return obs, info
 
@@ -265,32 +228,18 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             raise
         if terminated:
             lower, upper = panel.finish()
-        info = {
-            **info,
-            "robustness": robustness,
-            "stl_lower": lower,
-            "stl_upper": upper,
-            "stl_violated": upper < 0.0,
-        }
-        if self._details:
-            info["stl"] = self._panel.describe()
+        states = panel.describe() if self._details else None
+        cost = None
         if self._cost is not None:
-            info["cost"] = self._charge(upper)
+            cost = step_cost(self._cost, upper, self._charged)
+            self._charged = upper < 0.0
+        info = step_info(info, robustness, lower, upper, states, cost)
         if panel.violated_by is not None and not terminated:
             terminated = self._on_violation == "terminate"
             truncated = truncated or self._on_violation == "truncate"
         if terminated or truncated:
             self._running = False
-            self._conclude(info)
-            self.stl_episodes.append(
-                record(
-                    info["stl_episode"],
-                    panel.violated_by,
-                    samples=self.samples,
-                    terminated=terminated,
-                    truncated=truncated,
-                )
-            )
+            self._conclude(info, terminated, truncated)
         return obs, reward, terminated, truncated, info
 
     @property
@@ -304,9 +253,13 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         return self._panel.samples
 
     @property
-    def monitors(self) -> dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]:
-        """Of every specification, what says the robustness and who judges the episode."""
-        return self._panel.monitors
+    def monitors(self) -> Monitors:
+        """The monitors of each specification: ``(robustness source, judge)``."""
+        return dict(self._panel.monitors)
+
+    def values(self) -> MonitorValues:
+        """Reads the values of all monitors."""
+        return read_values(self._panel.monitors, self._panel.samples)
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
@@ -317,15 +270,8 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
             self._cached_spec = spec
         return spec
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: self.__dict__[name] for name in self.__dict__ if name not in _UNPICKLED}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind_signals()
-
     def _bind_signals(self) -> None:
-        """Makes what pickle cannot carry: functions that read this environment."""
+        """Makes the functions that read this environment."""
         if self._substeps:
             self._inside = SubSteps(self.env, self._signals, self._panel)
             self._feed: Feed = self._inside.read
@@ -337,27 +283,13 @@ class StlMonitor(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstruc
         self._feed = self._panel.feeder(names, reads)
         self._feed_reset = self._panel.feeder(names, reset_reads)
 
-    def _charge(self, upper: float) -> float:
-        first = upper < 0.0 and not self._charged
-        self._charged = upper < 0.0
-        match self._cost:
-            case "depth":
-                return max(0.0, -upper)
-            case "first":
-                return float(first)
-            case _:
-                return float(upper < 0.0)
-
-    def _conclude(self, info: dict[str, Any]) -> None:
-        """Adds to the last info of an episode what became of every specification."""
+    def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them
+        """Adds the keys that only the last info of an episode has, and records the episode."""
         panel = self._panel
-        info["stl_episode"] = panel.outcomes()
-        if panel.violated_by is not None:
-            info["stl_violated_by"] = panel.violated_by
-            info["stl_violated_at"] = panel.violated_at
-            info.setdefault("is_success", False)
-        elif panel.all_decided:
-            info.setdefault("is_success", True)
+        at = -1 if panel.violated_at is None else panel.violated_at
+        found = panel.outcomes(), panel.violated_by, at
+        info.update(present(last_info(*found, panel.all_decided, "is_success" in info)))
+        self.stl_episodes.append(present(record(*found, panel.samples, terminated, truncated)))
 
 
 def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool:
@@ -367,9 +299,6 @@ def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool
     except SpecificationError:
         return False
     return True
-
-
-_UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
 
 
 class _CallableSpec(EnvSpec):

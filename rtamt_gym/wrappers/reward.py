@@ -4,47 +4,21 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, Literal, SupportsFloat, TypedDict, TypeVar, Unpack, get_args
+from typing import Any, SupportsFloat, Unpack
 
 import gymnasium as gym
 from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
-from gymnasium.vector import VectorWrapper
 
-from rtamt import InputError
-from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judges.specs import Nan, SpecsLike, View
-from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.judges.specs import SpecsLike
+from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import append, appended_space, feature_box, features, time_left
-from rtamt_gym.wrappers.monitor import Cost, OnViolation, StlMonitor
+from rtamt_gym.wrappers.features import append, appended_space, feature_box
+from rtamt_gym.wrappers.monitor import StlMonitor
+from rtamt_gym.wrappers.monitoring import MonitorOptions
+from rtamt_gym.wrappers.rewarding import Observe, Rewarding, ShapingOptions, find_or_make
 
-__all__ = [
-    "MonitorOptions",
-    "Observe",
-    "StlMonitorOptions",
-    "StlReward",
-    "expect_description",
-    "find_monitor",
-    "refuse_description",
-]
-
-_M = TypeVar("_M")
-
-Observe = Literal["state"]
-"""What is appended to the observation."""
-
-
-class MonitorOptions(TypedDict, total=False):
-    """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
-
-    period: float | str | None
-    on_violation: OnViolation
-    view: View
-    nan: Nan
-    details: bool
-    cost: Cost | None
-    buffer_length: int
+__all__ = ["StlMonitorOptions", "StlReward"]
 
 
 class StlMonitorOptions(MonitorOptions, total=False):
@@ -53,7 +27,7 @@ class StlMonitorOptions(MonitorOptions, total=False):
     substeps: bool
 
 
-class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):
+class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):
     """Shapes the reward with the robustness of specifications.
 
     The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
@@ -176,49 +150,26 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
                 has one and another is described; if an argument is none of its choices, out of its
                 range or names no specification; or if the observation cannot be appended to
         """
+        options = ShapingOptions(
+            mode=mode,
+            weight=weight,
+            clip=clip,
+            gamma=gamma,
+            temperature=temperature,
+            weights=weights,
+            priorities=priorities,
+        )
         # Not the arguments of the monitor: it is a wrapper of its own in the specification of the
-        # environment, and whoever makes that again finds it.
-        RecordConstructorArgs.__init__(
-            self,
-            mode=mode,
-            weight=weight,
-            clip=clip,
-            gamma=gamma,
-            temperature=temperature,
-            weights=weights,
-            priorities=priorities,
-            observe=observe,
-        )
-        found = find_monitor(env, StlMonitor)
-        if found is None:
-            specs, signals = expect_description("an StlMonitor", specs, signals)
-            env = found = StlMonitor(env, specs, signals, **monitor)
-        else:
-            refuse_description("an StlMonitor", specs, signals, monitor)
+        # environment, and is found when the environment is made again.
+        RecordConstructorArgs.__init__(self, **options, observe=observe)
+        env, self._monitor = find_or_make(StlMonitor, env, specs, signals, monitor)
         gym.Wrapper.__init__(self, env)
-        self._monitor = found
-        self._shaping = Shaping.of(
-            list(found.monitors),
-            mode=mode,
-            weight=weight,
-            clip=clip,
-            gamma=gamma,
-            temperature=temperature,
-            weights=weights,
-            priorities=priorities,
-        )
-        self._judges = [judge for _, judge in found.monitors.values()]
-        self._sources = (
-            self._judges
-            if mode == "terminal"
-            else [source for source, _ in found.monitors.values()]
-        )
-        check_choice("observe", observe, (None, *get_args(Observe)))
-        self._observes = observe is not None
+        monitors = self._monitor.monitors
+        self._set_up(monitors, options, observe)
+        self._sources = [judge if self._judged else source for source, judge in monitors.values()]
         if self._observes:
-            self.observation_space = appended_space(
-                env.observation_space, feature_box(self._shaping)
-            )
+            box = feature_box(self._shaping)
+            self.observation_space = appended_space(env.observation_space, box)
         self._robustness = 0.0
 
     def reset(
@@ -255,59 +206,4 @@ class StlReward(gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorAr
     def _observation(self, obs: ObsType) -> Any:  # noqa: ANN401
         if not self._observes:
             return obs
-        sample = self._monitor.samples - 1
-        return append(
-            obs,
-            features(
-                self._shaping,
-                [source.robustness for source in self._sources],
-                [judge.lower for judge in self._judges],
-                [judge.upper for judge in self._judges],
-                [time_left(sample, judge.program.latency) for judge in self._judges],
-            ),
-        )
-
-
-def find_monitor(env: object, kind: type[_M]) -> _M | None:
-    """The monitor of an environment, if it has one."""
-    while isinstance(env, gym.Wrapper | VectorWrapper):
-        if isinstance(env, kind):
-            return env
-        env = env.env
-    return None
-
-
-def expect_description(
-    what: str, specs: SpecsLike | None, signals: Mapping[str, SignalLike] | None
-) -> tuple[SpecsLike, Mapping[str, SignalLike]]:
-    """What an environment without a monitor needs.
-
-    Raises:
-        InputError: If it is not given.
-    """
-    if specs is None or signals is None:
-        raise InputError(
-            f"expected {'specs' if specs is None else 'signals'}=, or an environment with {what}, "
-            'got neither; such as specs="always(x > 0)", signals={"x": "obs[0]"}'
-        )
-    return specs, signals
-
-
-def refuse_description(
-    what: str,
-    specs: SpecsLike | None,
-    signals: Mapping[str, SignalLike] | None,
-    options: MonitorOptions,
-) -> None:
-    """Refuses what describes another monitor than the one that an environment has.
-
-    Raises:
-        InputError: If any of it is given.
-    """
-    given = {"specs": specs, "signals": signals}
-    names = [*(name for name, value in given.items() if value is not None), *options]
-    if names:
-        raise InputError(
-            f"{', '.join(f'{name}=' for name in names)} would describe another monitor, and the "
-            f"environment has {what}, which is used; give them to that one"
-        )
+        return append(obs, self._features(self._monitor.values()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
@@ -13,28 +13,27 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import InputError, StateError
-from rtamt_gym.checks.arguments import check_choice, check_length, check_mask
-from rtamt_gym.judges.infos import final_infos, final_observations, put
-from rtamt_gym.judges.specs import (
-    Nan,
-    SpecsLike,
-    View,
-    autoreset_mode,
-    load_specs,
-    read_period,
-    recordable,
-    resolve_period,
+from rtamt_gym.checks.arguments import check_mask
+from rtamt_gym.judges.episodes import EpisodeRecords, record
+from rtamt_gym.judges.infos import Cost, last_info, step_cost, step_info
+from rtamt_gym.judges.monitors import MonitorValues, read_values
+from rtamt_gym.judges.specs import Nan, SpecsLike, View, autoreset_mode, read_period, recordable
+from rtamt_gym.judges.vector_infos import (
+    final_infos,
+    final_observations,
+    put,
+    put_last,
+    who_has,
 )
-from rtamt_gym.judges.vector_panel import Ended, Lockstep, Reading
+from rtamt_gym.judges.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Columns, Floats, Lanes
-from rtamt_gym.signals.signals import SignalLike, parse_signals
-from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.wrappers.monitor import Cost, OnViolation
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
 
 __all__ = ["VectorStlMonitor"]
 
 
-class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
+class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     """Monitors every environment of a vector environment against specifications.
 
     What :class:`StlMonitor` says of an environment holds for each of them, as if each were wrapped
@@ -88,6 +87,8 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
      * v0.5.0 - Initially added
     """
 
+    _UNPICKLED = frozenset({"_columns"})
+
     def __init__(
         self,
         env: Batch,
@@ -121,10 +122,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
             SpecificationError: As :class:`StlMonitor` does
             InputError: Likewise; and if the environment cannot do what ``on_violation`` asks
         """
-        RecordConstructorArgs.__init__(
-            self,
-            specs=recordable(specs),
-            signals=signals,
+        options = MonitorOptions(
             period=period,
             on_violation=on_violation,
             view=view,
@@ -133,12 +131,9 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
             cost=cost,
             buffer_length=buffer_length,
         )
+        RecordConstructorArgs.__init__(self, specs=recordable(specs), signals=signals, **options)
         VectorWrapper.__init__(self, env)
-        check_choice("on_violation", on_violation, get_args(OnViolation))
-        check_choice("view", view, get_args(View))
-        check_choice("nan", nan, get_args(Nan))
-        check_choice("cost", cost, (None, *get_args(Cost)))
-        self._buffer_length = check_length("buffer_length", buffer_length)
+        loaded = self._set_up(env, specs, signals, options, read_period)
         self._autoreset = autoreset_mode(env)
         if on_violation != "report" and self._autoreset is not AutoresetMode.DISABLED:
             raise InputError(
@@ -147,26 +142,16 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
                 "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
                 "take on_violation='report'"
             )
-        self._on_violation = on_violation
-        self._details = details
-        self._cost = cost
-
-        loaded = load_specs(specs)
-        self._signals = parse_signals(
-            signals, [name for spec in loaded.values() for name in spec.variables], SOURCES
-        )
-        self._period = resolve_period(loaded, period, env)
-        self._guards_period = period is None and any(spec.timed for spec in loaded.values())
         names = [signal.name for signal in self._signals]
-        self._specs = Lockstep(loaded, env.num_envs, self._period, view, nan, names)
+        self._panel = VectorPanel(loaded, env.num_envs, self._period, view, nan, names)
         self._bind_signals()
-        self._ended: deque[Ended] = deque()
+        self._episodes = EpisodeRecords(buffer_length)
         self._charged = np.zeros(env.num_envs, np.bool_)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(names)), np.nan)
         self._running = False
         self.begun: Lanes | None = None  # the environments that the last step has reset instead
-        self.terminal: Reading | None = None  # what SAME_STEP showed before the resets
+        self.terminal: MonitorValues | None = None  # what SAME_STEP showed before the resets
 
     def reset(
         self,
@@ -188,11 +173,8 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
             options = dict(options)
         self._running = False
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
-        if mask is None and self._guards_period and read_period(self.env) != self._period:
-            raise StateError(
-                f"expected the period of {self._period} s that {self.env.unwrapped} had at "
-                f"construction, got {read_period(self.env)} s; wrap it again, or give period="
-            )
+        if mask is None:
+            self._check_period(self.env)
         lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
         table = self._columns.reset(obs, infos, lanes)
         if mask is not None:
@@ -225,11 +207,11 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         shown, said = (obs, infos) if resets is None else self._at_end(obs, infos, resets)
         self._table = self._columns.step(shown, actions, rewards, said, begun)
         if begun is not None:
-            self._specs.reset(begun)
+            self._panel.reset(begun)
             self._charged &= ~begun
-        self._specs.feed(self._table)
+        self._panel.feed(self._table)
         if ended is not None:
-            self._specs.finish(np.asarray(terminated))
+            self._panel.finish(np.asarray(terminated))
         if self._on_violation != "report":
             terminated, truncated = self._end(terminated, truncated)
             ended = _some(np.logical_or(terminated, truncated))
@@ -239,17 +221,14 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         self.terminal = None
         if resets is not None:
             final = dict(infos.get("final_info", {}))
-            self._report(final, resets)
-            self._put_cost(final, cost, resets)
+            self._report(final, resets, cost, resets)
             self._conclude(final, resets, terminated, truncated)
             infos["final_info"], infos["_final_info"] = final, resets.copy()
-            self.terminal = self._specs.read()
+            self.terminal = self.values()
             self._begin(self._columns.reset(obs, infos, resets), resets)
-            self._report(infos, None)
-            self._put_cost(infos, cost, ~resets)
+            self._report(infos, None, cost, ~resets)
         else:
-            self._report(infos, None)
-            self._put_cost(infos, cost, stepped)
+            self._report(infos, None, cost, stepped)
             if ended is not None:
                 self._conclude(infos, ended, terminated, truncated)
             self._done = ended
@@ -259,34 +238,29 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
     @property
     def period(self) -> Fraction | None:
         """Seconds between samples; ``None`` if neither the argument nor the environment says."""
-        return self._specs.judges[0].period
+        return self._panel.period
 
     @property
     def samples(self) -> NDArray[np.int64]:
         """Samples fed to every environment's monitors since its reset, that one included."""
-        return self._specs.samples
+        return self._panel.samples
 
     @property
-    def specs(self) -> Lockstep:
-        """The monitors."""
-        return self._specs
+    def monitors(self) -> VectorMonitors:
+        """The monitors of each specification: ``(robustness source, judge)``."""
+        return dict(self._panel.monitors)
+
+    def values(self) -> MonitorValues:
+        """Reads the values of all monitors."""
+        return read_values(self._panel.monitors, self._panel.samples)
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
         """The records of the last episodes, the newest last; a fresh deque."""
-        length = self._buffer_length
-        records = (record for ended in self._ended for record in ended.records(length))
-        return deque(records, maxlen=length)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: self.__dict__[name] for name in self.__dict__ if name != "_columns"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._bind_signals()
+        return self._episodes.newest()
 
     def _bind_signals(self) -> None:
-        """Makes what pickle cannot carry: functions that read this environment."""
+        """Makes the functions that read this environment."""
         same_step = self._autoreset is AutoresetMode.SAME_STEP
         self._columns = Columns(self._signals, self.env, same_step=same_step)
 
@@ -304,7 +278,7 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
 
     def _end(self, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401
         """Ends the episodes that are violated, as `on_violation` asks."""
-        failed = self._specs.failed & ~np.asarray(terminated)
+        failed = (self._panel.violated_at >= 0) & ~np.asarray(terminated)
         if self._on_violation == "terminate":
             return np.logical_or(terminated, failed), truncated
         return terminated, np.logical_or(truncated, failed)
@@ -318,9 +292,9 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
     def _begin(self, table: Floats, lanes: Lanes | None) -> None:
         """Begins episodes with sample 0 in the environments of the mask; None: in all."""
         which = slice(None) if lanes is None else lanes
-        self._specs.reset(lanes)
+        self._panel.reset(lanes)
         self._charged[which] = False
-        self._specs.feed(table, lanes)
+        self._panel.feed(table, lanes)
         self._table[which] = table[which]
 
     def _checked(self, mask: Any) -> Lanes:  # noqa: ANN401
@@ -341,31 +315,28 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
                 "reset all, or take gym.make_vec(..., vectorization_mode='sync')"
             )
 
-    def _report(self, infos: dict[str, Any], lanes: Lanes | None) -> None:
-        put(infos, "robustness", self._specs.robustness, lanes)
-        put(infos, "stl_lower", self._specs.lower, lanes)
-        put(infos, "stl_upper", self._specs.upper, lanes)
-        put(infos, "stl_violated", self._specs.violated, lanes)
-        if self._details:
-            self._specs.describe(infos, lanes)
+    def _report(
+        self,
+        infos: dict[str, Any],
+        lanes: Lanes | None,
+        cost: Floats | None = None,
+        charged: Lanes | None = None,
+    ) -> None:
+        """Adds the keys that every info has, to the environments of the mask; None: to all."""
+        panel = self._panel
+        states = panel.describe() if self._details else None
+        added = step_info({}, panel.robustness, panel.lower, panel.upper, states, cost)
+        for key, value in added.items():
+            put(infos, key, value, charged if key == "cost" else lanes, self.num_envs)
 
     def _charge(self, stepped: Lanes | None) -> Floats | None:
+        """The costs of a step, if they are wanted."""
         if self._cost is None:
             return None
-        violated = self._specs.violated
-        first = violated & ~self._charged
-        self._charged = violated.copy() if stepped is None else violated & stepped
-        match self._cost:
-            case "depth":
-                return np.asarray(np.maximum(0.0, -self._specs.upper))
-            case "first":
-                return first.astype(np.float64)
-            case _:
-                return violated.astype(np.float64)
-
-    def _put_cost(self, infos: dict[str, Any], cost: Floats | None, lanes: Lanes | None) -> None:
-        if cost is not None:
-            put(infos, "cost", cost, lanes)
+        violated = self._panel.upper < 0.0
+        cost: Floats = step_cost(self._cost, self._panel.upper, self._charged)
+        self._charged = violated if stepped is None else violated & stepped
+        return cost
 
     def _conclude(
         self,
@@ -374,14 +345,14 @@ class VectorStlMonitor(VectorWrapper, RecordConstructorArgs):
         terminated: Any,  # noqa: ANN401
         truncated: Any,  # noqa: ANN401
     ) -> None:
-        """Adds to the last infos of episodes what became of every specification; records them."""
-        found = self._specs.ended(ended, np.asarray(terminated), np.asarray(truncated))
-        found.put(infos)
-        kept = self._ended
-        kept.append(found)
-        spare = sum(len(each.envs) for each in kept) - self._buffer_length
-        while kept and len(kept[0].envs) <= spare:
-            spare -= len(kept.popleft().envs)
+        """Adds the keys that only the last infos of episodes have, and records the episodes."""
+        panel, at = self._panel, np.flatnonzero(ended)
+        found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
+        reported = who_has(infos, "is_success", self.num_envs)[at]
+        last = last_info(*found, panel.all_decided[at], reported)
+        put_last(infos, last, at, self.num_envs)
+        flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
+        self._episodes.append(at, record(*found, panel.samples[at], *flags))
 
 
 def _some(lanes: Lanes) -> Lanes | None:

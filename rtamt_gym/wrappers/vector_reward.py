@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, Unpack, get_args
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
@@ -12,27 +12,21 @@ from gymnasium.vector import VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judges.infos import put
+from rtamt_gym.judges.monitors import MonitorValues
 from rtamt_gym.judges.specs import SpecsLike
-from rtamt_gym.judges.vector_panel import Reading
-from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.judges.vector_infos import put
+from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.columns import Batch, Floats, Lanes
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import append, appended_space, feature_box, features, time_left
-from rtamt_gym.wrappers.reward import (
-    MonitorOptions,
-    Observe,
-    expect_description,
-    find_monitor,
-    refuse_description,
-)
+from rtamt_gym.wrappers.features import append, appended_space, feature_box
+from rtamt_gym.wrappers.monitoring import MonitorOptions
+from rtamt_gym.wrappers.rewarding import Observe, Rewarding, ShapingOptions, find_or_make
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 __all__ = ["VectorStlReward"]
 
 
-class VectorStlReward(VectorWrapper, RecordConstructorArgs):
+class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     """Shapes the rewards of all environments with the robustness of specifications.
 
     What :class:`StlReward` says of an environment holds for each of them. The wrapper takes the
@@ -96,8 +90,7 @@ class VectorStlReward(VectorWrapper, RecordConstructorArgs):
             SpecificationError: As :class:`VectorStlMonitor` does
             InputError: Likewise; and as :class:`StlReward` does
         """
-        RecordConstructorArgs.__init__(
-            self,
+        options = ShapingOptions(
             mode=mode,
             weight=weight,
             clip=clip,
@@ -105,29 +98,11 @@ class VectorStlReward(VectorWrapper, RecordConstructorArgs):
             temperature=temperature,
             weights=weights,
             priorities=priorities,
-            observe=observe,
         )
-        found = find_monitor(env, VectorStlMonitor)
-        if found is None:
-            specs, signals = expect_description("a VectorStlMonitor", specs, signals)
-            env = found = VectorStlMonitor(env, specs, signals, **monitor)
-        else:
-            refuse_description("a VectorStlMonitor", specs, signals, monitor)
+        RecordConstructorArgs.__init__(self, **options, observe=observe)
+        env, self._monitor = find_or_make(VectorStlMonitor, env, specs, signals, monitor)
         VectorWrapper.__init__(self, env)
-        self._monitor = found
-        self._judged = mode == "terminal"
-        self._shaping = Shaping.of(
-            found.specs.names,
-            mode=mode,
-            weight=weight,
-            clip=clip,
-            gamma=gamma,
-            temperature=temperature,
-            weights=weights,
-            priorities=priorities,
-        )
-        check_choice("observe", observe, (None, *get_args(Observe)))
-        self._observes = observe is not None
+        self._set_up(self._monitor.monitors, options, observe)
         if self._observes:
             space = appended_space(env.single_observation_space, feature_box(self._shaping))
             self.single_observation_space = space
@@ -142,9 +117,9 @@ class VectorStlReward(VectorWrapper, RecordConstructorArgs):
     ) -> tuple[Any, dict[str, Any]]:
         """Resets environments; the potential of a first state is that of its observation."""
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
-        reading = self._monitor.specs.read()
-        self._robustness = self._potential(reading)
-        return self._observed(obs, reading), infos
+        values = self._monitor.values()
+        self._robustness = self._potential(values)
+        return self._observed(obs, values), infos
 
     def step(
         self,
@@ -154,7 +129,7 @@ class VectorStlReward(VectorWrapper, RecordConstructorArgs):
         obs, rewards, terminated, truncated, infos = self.env.step(actions)
         paid = np.array(rewards, np.float64)
         ended = np.logical_or(terminated, truncated)
-        now = self._monitor.specs.read()
+        now = self._monitor.values()
         last = self._monitor.terminal or now
         before, after = self._robustness, self._potential(last)
         shaped = self._shaping.reward(
@@ -166,12 +141,12 @@ class VectorStlReward(VectorWrapper, RecordConstructorArgs):
             begun = self._monitor.begun
             if begun is not None:
                 shaped = np.where(begun, paid, shaped)
-            put(infos, "reward", paid, None if begun is None else ~begun)
+            put(infos, "reward", paid, None if begun is None else ~begun, self.num_envs)
         else:
             self._robustness = self._potential(now)
             infos["final_info"] = dict(infos["final_info"])
-            put(infos["final_info"], "reward", paid, ended)
-            put(infos, "reward", paid, ~ended)
+            put(infos["final_info"], "reward", paid, ended, self.num_envs)
+            put(infos, "reward", paid, ~ended, self.num_envs)
             if self._observes and "final_obs" in infos:
                 infos["final_obs"] = self._observed_last(infos["final_obs"], last, ended)
         return self._observed(obs, now), shaped, terminated, truncated, infos
@@ -186,27 +161,14 @@ class VectorStlReward(VectorWrapper, RecordConstructorArgs):
         """The records of :class:`VectorStlMonitor`."""
         return self._monitor.stl_episodes
 
-    def _values(self, reading: Reading) -> list[Floats]:
-        return reading.judged if self._judged else reading.robustness
+    def _potential(self, values: MonitorValues) -> Floats:
+        return self._shaping.robustness(self._paying(values))
 
-    def _potential(self, reading: Reading) -> Floats:
-        return self._shaping.robustness(self._values(reading))
+    def _observed(self, obs: Any, values: MonitorValues) -> Any:  # noqa: ANN401
+        return append(obs, self._features(values)) if self._observes else obs
 
-    def _features(self, reading: Reading) -> NDArray[np.float32]:
-        samples = reading.samples.astype(np.float64) - 1.0
-        return features(
-            self._shaping,
-            self._values(reading),
-            reading.lower,
-            reading.upper,
-            [time_left(samples, judge.program.latency) for judge in self._monitor.specs.judges],
-        )
-
-    def _observed(self, obs: Any, reading: Reading) -> Any:  # noqa: ANN401
-        return append(obs, self._features(reading)) if self._observes else obs
-
-    def _observed_last(self, final: Any, reading: Reading, ended: Lanes) -> Any:  # noqa: ANN401
-        numbers = self._features(reading)
+    def _observed_last(self, final: Any, values: MonitorValues, ended: Lanes) -> Any:  # noqa: ANN401
+        numbers = self._features(values)
         if not isinstance(final, np.ndarray) or final.dtype != object:
             return append(final, numbers)
         # An object for each environment, as Gymnasium has them.

@@ -12,8 +12,9 @@ from replay import INF, Replay, X, run
 
 import rtamt
 from rtamt_gym import StlMonitor
+from rtamt_gym.judges.infos import Cost
 from rtamt_gym.judges.specs import SpecLike, View
-from rtamt_gym.wrappers.monitor import Cost, OnViolation
+from rtamt_gym.wrappers.monitoring import OnViolation
 
 
 def verdict(info: dict[str, Any], name: str = "spec") -> str:

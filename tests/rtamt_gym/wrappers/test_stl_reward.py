@@ -15,7 +15,7 @@ from replay import INF, Replay, X
 from rtamt.errors import InputError, ParseError
 from rtamt_gym import StlMonitor, StlReward
 from rtamt_gym.shaping import Mode
-from rtamt_gym.wrappers.monitor import OnViolation
+from rtamt_gym.wrappers.monitoring import OnViolation
 from rtamt_gym.wrappers.reward import StlMonitorOptions
 
 MODES: tuple[Mode, ...] = ("add", "replace", "potential", "terminal", "hierarchical")

@@ -17,8 +17,9 @@ from replay import Replay, X
 from vector_environments import MODES, Envs, Make, difference, native, sync, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
+from rtamt_gym.judges.infos import Cost
 from rtamt_gym.judges.specs import View
-from rtamt_gym.wrappers.monitor import Cost, OnViolation
+from rtamt_gym.wrappers.monitoring import OnViolation
 
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)
 
@@ -122,6 +123,15 @@ def test_every_outcome_of_several_specifications_is_that_of_single_environments(
         )[-len(records) :]
         types = {type(value) for record in records for value in record.values()}
         assert types <= {int, bool, str, dict}
+
+
+def test_what_the_last_sample_violates_comes_before_what_the_end_violates() -> None:
+    makes = [functools.partial(Replay, [3, 3, 0])]
+    specs = {"peak": "eventually(x > 5)", "high": "always(x > 1)"}
+    together, singles = both(makes, AutoresetMode.DISABLED, specs, X)
+    shown = trajectory(together, 2)
+    assert difference(shown, trajectory(singles, 2)) == ""
+    assert [record["violated_by"] for record in together.stl_episodes] == ["high"]
 
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])

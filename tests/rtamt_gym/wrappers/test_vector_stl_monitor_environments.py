@@ -282,9 +282,9 @@ def test_the_buffer_keeps_the_newest_episodes() -> None:
     )
     trajectory(envs, 6)
     assert [each["env"] for each in envs.stl_episodes] == [2, 0, 1, 2]
-    assert len(envs._ended) == 2
+    assert len(envs._episodes._steps) == 2
     nothing = VectorStlMonitor(
         sync(makes, AutoresetMode.SAME_STEP), "always(x > 1)", X, buffer_length=0
     )
     trajectory(nothing, 6)
-    assert len(nothing.stl_episodes) == len(nothing._ended) == 0
+    assert len(nothing.stl_episodes) == len(nothing._episodes._steps) == 0

@@ -1,0 +1,101 @@
+"""What `StlReward` and `VectorStlReward` share: the monitor, the shaping, and what is observed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, Required, TypedDict, TypeVar, get_args
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import VectorWrapper
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.judges.monitors import MonitorValues
+from rtamt_gym.judges.specs import SpecsLike
+from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.features import features, time_left
+from rtamt_gym.wrappers.monitoring import MonitorOptions
+
+__all__ = ["Observe", "Rewarding", "ShapingOptions", "find_or_make"]
+
+Observe = Literal["state"]
+"""What is appended to the observation."""
+
+_M = TypeVar("_M")
+
+
+class ShapingOptions(TypedDict, total=False):
+    """The keyword arguments of `rtamt_gym.shaping.Shaping.of`."""
+
+    mode: Required[Mode]
+    weight: float
+    clip: float
+    gamma: float
+    temperature: float | None
+    weights: Mapping[str, float] | None
+    priorities: Mapping[str, Priority] | None
+
+
+class Rewarding:
+    """The base of the two wrappers."""
+
+    def _set_up(
+        self,
+        monitors: Mapping[str, tuple[Any, Any]],
+        options: ShapingOptions,
+        observe: Observe | None,
+    ) -> None:
+        self._shaping = Shaping.of(list(monitors), **options)
+        check_choice("observe", observe, (None, *get_args(Observe)))
+        self._observes = observe is not None
+        self._judged = options["mode"] == "terminal"
+        self._horizons = [judge.program.latency for _, judge in monitors.values()]
+
+    def _paying(self, values: MonitorValues) -> list[Any]:
+        """The robustness of each specification that the reward is made of."""
+        return values.judged if self._judged else values.robustness
+
+    def _features(self, values: MonitorValues) -> NDArray[np.float32]:
+        """What ``observe="state"`` appends to the observation."""
+        sample = values.samples - 1.0
+        left = [time_left(sample, horizon) for horizon in self._horizons]
+        return features(self._shaping, self._paying(values), values.lower, values.upper, left)
+
+
+def find_or_make(
+    kind: type[_M],
+    env: Any,  # noqa: ANN401 - an environment, or many
+    specs: SpecsLike | None,
+    signals: Mapping[str, SignalLike] | None,
+    options: MonitorOptions,
+) -> tuple[Any, _M]:
+    """Finds the monitor of an environment, or makes one; returns the environment with it, and it.
+
+    Raises:
+        InputError: If there is none and none is described, or one and another is described.
+    """
+    what = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
+    given = {"specs": specs, "signals": signals}
+    within = env
+    while isinstance(within, gym.Wrapper | VectorWrapper):
+        if isinstance(within, kind):
+            names = [*(name for name, value in given.items() if value is not None), *options]
+            if names:
+                raise InputError(
+                    f"{', '.join(f'{name}=' for name in names)} would describe another monitor, "
+                    f"and the environment has {what}, which is used; give them to that one"
+                )
+            return env, within
+        within = within.env
+    for name, value in given.items():
+        if value is None:
+            raise InputError(
+                f"expected {name}=, or an environment with {what}, got neither; such as "
+                'specs="always(x > 0)", signals={"x": "obs[0]"}'
+            )
+    made: Any = kind
+    monitor = made(env, specs, signals, **options)
+    return monitor, monitor
