@@ -1,10 +1,8 @@
-// Registers as columns: the values of one register at many samples, or in many lanes.
+// Columns: the values of one register at many samples, or in many lanes.
 #pragma once
 
 #include <algorithm>
 #include <cstddef>
-
-#include "core/functions.hpp"
 
 #if defined(__SSE2__) || defined(_M_X64)
 #include <emmintrin.h>
@@ -12,7 +10,7 @@
 
 namespace rtamt::columns {
 
-// The place of the first nan, or n.
+// The index of the first nan, or n.
 inline std::size_t first_nan(const double* values, std::size_t n) {
 #if defined(__SSE2__) || defined(_M_X64)  // compilers leave the loop below as it is
     __m128d found = _mm_setzero_pd();
@@ -26,12 +24,11 @@ inline std::size_t first_nan(const double* values, std::size_t n) {
         std::find_if(values, values + n, [](double x) { return x != x; }) - values);
 }
 
-#define RTAMT_COLUMN(name, arity, value)                                              \
-    inline void map_##name(const double* __restrict a, const double* __restrict b,    \
-                           double* __restrict out, std::size_t n) {                   \
-        for (std::size_t i = 0; i < n; ++i) out[i] = functions::name(a[i], b[i]);     \
-    }
-RTAMT_FUNCTIONS(RTAMT_COLUMN)
-#undef RTAMT_COLUMN
+// Applies a function of MAP to two columns.
+template <double (*function)(double, double)>
+inline void map(const double* __restrict a, const double* __restrict b, double* __restrict out,
+                std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) out[i] = function(a[i], b[i]);
+}
 
 }  // namespace rtamt::columns

@@ -1,4 +1,5 @@
-// The monoids of WINDOW, by name: rtamt/algebra.py says what each is, with the same bits.
+// The lattice folds of WINDOW by name. The definitions are FOLDS in rtamt/program/algebra.py; the
+// results are equal bit for bit.
 #pragma once
 
 #include <limits>
@@ -15,15 +16,15 @@ namespace rtamt {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Elements are never nan, and of equals the first is taken (0.0 and -0.0 differ in their bits).
-// In this form, each is one instruction.
+// Elements are never nan. Of two equal elements the first is taken (0.0 and -0.0 differ in their
+// bits). In this form, each function is one machine instruction.
 inline double lesser(double x, double y) { return y < x ? y : x; }
 inline double greater(double x, double y) { return y > x ? y : x; }
 
 enum class Kind { single, ahead, back };
 
-// A monoid has elements made of one or two registers, of which the last one is the result; the
-// older element stands left in combine.
+// A fold has elements of one or two numbers, of which the last is the result. The older element is
+// the left one in combine.
 template <double (*Lower)(double, double), int Sign>
 struct Single {
     using Element = double;

@@ -1,11 +1,12 @@
-// The functions of MAP, by name: rtamt/algebra.py says what each is, with the same bits.
+// The functions of MAP by name. The definitions are FUNCTIONS in rtamt/program/algebra.py; the
+// results are equal bit for bit.
 #pragma once
 
 #include <cmath>
 #include <limits>
 
-// name, arity, value of x and y. A function of one operand is handed it twice.
-// Nothing raises; a nan of either operand is kept, so that the machine finds it.
+// name, arity, value of x and y. A function of one operand receives it twice. No function throws,
+// and a nan in an operand gives nan, so that the machine finds it.
 #define RTAMT_FUNCTIONS(X)                                 \
     X(neg, 1, -x)                                          \
     X(abs, 1, std::fabs(x))                                \
@@ -27,7 +28,7 @@
 
 namespace rtamt::functions {
 
-// Whether a comparison holds, as +inf or -inf.
+// The robustness of a comparison without a margin: +inf if it holds, else -inf.
 inline double holds(bool comparison, double x, double y) {
     constexpr double inf = std::numeric_limits<double>::infinity();
     if (x != x || y != y) return std::numeric_limits<double>::quiet_NaN();

@@ -1,4 +1,4 @@
-// Numbers in a row that come at the back and go at the front, always contiguous.
+// Line: a queue of numbers that are always contiguous.
 #pragma once
 
 #include <algorithm>
@@ -10,8 +10,8 @@
 namespace rtamt {
 
 // Grows with what it holds, so that a long window costs nothing before it is full, and by doubling,
-// so that a full one allocates nothing: with as much room again, it moves to the front of it every
-// so many pushes.
+// so that a full one allocates nothing: when the numbers reach the end of the memory, they move to
+// its front.
 class Line {
 public:
     std::size_t size() const { return end_ - begin_; }
@@ -35,12 +35,13 @@ public:
     }
     void clear() { begin_ = end_ = 0; }
 
-    void save(Writer& out) const { out.put(data(), size()); }
-    void load(Reader& in, std::size_t size) {
-        clear();
-        Reader::require(size <= in.size() / sizeof(double));
-        extend(size, 0.0);
-        in.get(data(), size);
+    void fields(Snapshot& s, std::size_t size) {
+        if (s.reads()) {
+            s.require_unread<double>(size);
+            clear();
+            extend(size, 0.0);
+        }
+        s.array(data(), size);
     }
 
 private:

@@ -1,4 +1,4 @@
-// Snapshots: plain values one behind the other, in the processor's own byte order.
+// Snapshots of machines: plain values one behind the other, in the processor's own byte order.
 #pragma once
 
 #include <cstddef>
@@ -8,80 +8,131 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 namespace rtamt {
 
-class Writer {
+// A snapshot that is being written or read. Whatever has a state lists its fields once, in a
+// function `fields(Snapshot&)` that serves both directions.
+class Snapshot {
 public:
-    template <class T>
-    void put(const T* values, std::size_t count) {
-        static_assert(std::is_trivially_copyable_v<T>);
-        bytes_.append(reinterpret_cast<const char*>(values), count * sizeof(T));
+    Snapshot() = default;  // writes
+    explicit Snapshot(std::string_view bytes) : reads_(true), rest_(bytes) {}
+
+    bool reads() const { return reads_; }
+    const std::string& written() const { return written_; }
+    std::size_t unread() const { return rest_.size(); }
+
+    template <class... T>
+    void operator()(T&... values) {
+        (value(values), ...);
     }
     template <class T>
-    void put(const T& value) {
-        put(&value, 1);
-    }
-    void reserve(std::size_t size) { bytes_.reserve(size); }
-    const std::string& bytes() const { return bytes_; }
-
-private:
-    std::string bytes_;
-};
-
-class Reader {
-public:
-    explicit Reader(std::string_view bytes) : rest_(bytes) {}
-
-    template <class T>
-    void get(T* values, std::size_t count) {
+    void array(T* values, std::size_t count) {
         static_assert(std::is_trivially_copyable_v<T>);
-        require(count <= rest_.size() / sizeof(T));
+        if (!reads_) {
+            written_.append(reinterpret_cast<const char*>(values), count * sizeof(T));
+            return;
+        }
+        require_unread<T>(count);
         if (count > 0) std::memcpy(values, rest_.data(), count * sizeof(T));
         rest_.remove_prefix(count * sizeof(T));
     }
+    // A vector of any size, behind that size.
     template <class T>
-    T get() {
-        T value;
-        get(&value, 1);
-        return value;
+    void sized(std::vector<T>& values) {
+        std::size_t count = values.size();
+        value(count);
+        if (reads_) {
+            require_unread<T>(count);
+            values.resize(count);
+        }
+        array(values.data(), count);
     }
-    std::string_view bytes(std::size_t count) {
-        require(count <= rest_.size());
-        const std::string_view taken = rest_.substr(0, count);
-        rest_.remove_prefix(count);
-        return taken;
-    }
-    std::size_t size() const { return rest_.size(); }
-    bool empty() const { return rest_.empty(); }
 
-    static void require(bool condition) {
-        if (!condition) throw std::invalid_argument("expected a whole state, got a damaged one");
+    // Reading, refuses what no machine writes.
+    void require(bool condition) const {
+        if (reads_ && !condition)
+            throw std::invalid_argument("expected a whole state, got a damaged one");
+    }
+    template <class T>
+    void require_unread(std::size_t count) const {
+        require(count <= rest_.size() / sizeof(T));
     }
 
 private:
+    template <class T>
+    void value(T& value) {
+        array(&value, 1);
+    }
+    void value(bool& value) {
+        std::uint8_t byte = value;
+        array(&byte, 1);
+        value = byte != 0;
+    }
+
+    bool reads_ = false;
+    std::string written_;
     std::string_view rest_;
 };
 
-// FNV-1a, to tell the states of different programs apart.
+// A hash that tells the programs of machines apart (FNV-1a).
 class Fingerprint {
 public:
-    void add(const void* data, std::size_t size) {
-        const auto* bytes = static_cast<const unsigned char*>(data);
-        for (std::size_t i = 0; i < size; ++i) value_ = (value_ ^ bytes[i]) * 0x100000001b3u;
-    }
-    template <class T>
-    void add(const T& value) {
-        add(&value, sizeof(T));
-    }
-    void add(const std::string& text) {
-        add(text.size());
-        add(text.data(), text.size());
+    template <class... T>
+    void add(const T&... values) {
+        (add_one(values), ...);
     }
     std::uint64_t value() const { return value_; }
 
 private:
+    template <class T>
+    void add_one(const T& value) {
+        static_assert(std::is_arithmetic_v<T>);
+        add_bytes(&value, sizeof value);
+    }
+    void add_one(const std::string& text) {
+        add_one(text.size());
+        add_bytes(text.data(), text.size());
+    }
+    void add_bytes(const void* data, std::size_t size) {
+        const auto* bytes = static_cast<const unsigned char*>(data);
+        for (std::size_t i = 0; i < size; ++i) value_ = (value_ ^ bytes[i]) * 0x100000001b3u;
+    }
+
     std::uint64_t value_ = 0xcbf29ce484222325u;
 };
+
+inline constexpr const char* kForeign =
+    "expected a state that a native machine with this program gave; "
+    "those of other programs, back-ends or processors do not fit";
+
+// The snapshot of a machine, which begins with the fingerprint of its program.
+template <class M>
+std::string state_of(M& machine) {
+    Snapshot out;
+    std::uint64_t fingerprint = machine.fingerprint();
+    out(fingerprint);
+    machine.fields(out);
+    return out.written();
+}
+
+// Throws std::invalid_argument on bytes that are no snapshot of a machine with this program: then
+// nothing changes; and on damaged ones: then the machine is reset.
+template <class M>
+void restore_from(M& machine, std::string_view bytes) {
+    Snapshot in(bytes);
+    std::uint64_t fingerprint = 0;
+    if (bytes.size() >= sizeof fingerprint) in(fingerprint);
+    if (fingerprint != machine.fingerprint()) throw std::invalid_argument(kForeign);
+    try {
+        machine.reset();
+        machine.fields(in);
+        in.require(in.unread() == 0);
+    } catch (const std::invalid_argument&) {
+        machine.reset();
+        throw;
+    }
+}
 
 }  // namespace rtamt

@@ -1,5 +1,5 @@
-// The parts of a machine that remember: folds over the last elements of a stream, and delays.
-// rtamt/windows.py is the definition. All take one element, or a block of them.
+// What instructions remember: folds of the last elements of a signal, and delays. All take one
+// element or a block of them. The definition is rtamt/machines/windows.py.
 #pragma once
 
 #include <algorithm>
@@ -12,57 +12,55 @@
 
 namespace rtamt {
 
-// What is done seldom is virtual. Pushes are not: the opcode names the class.
-class Part {
+// The memory of one instruction. Functions that are called seldom are virtual; pushes are not, as
+// the opcode says the class.
+class Memory {
 public:
-    Part() = default;
-    Part(const Part&) = delete;
-    Part& operator=(const Part&) = delete;
-    virtual ~Part() = default;
+    Memory() = default;
+    Memory(const Memory&) = delete;
+    Memory& operator=(const Memory&) = delete;
+    virtual ~Memory() = default;
 
     virtual void reset() = 0;
-    virtual void save(Writer& out) const = 0;
-    virtual void load(Reader& in) = 0;
+    virtual void fields(Snapshot& s) = 0;
 };
 
-// A window of one element.
-template <class M>
-class Latest final : public Part {
+// The fold of the last element: the element itself.
+template <class F>
+class Latest final : public Memory {
 public:
-    using Monoid = M;
-    using Element = typename M::Element;
+    using Fold = F;
+    using Element = typename F::Element;
 
     Element push(Element x) { return x; }
     void push(const double* a, const double* b, double* out, std::size_t n) {
-        for (std::size_t i = 0; i < n; ++i) out[i] = M::result(M::element(a[i], b[i]));
+        for (std::size_t i = 0; i < n; ++i) out[i] = F::result(F::element(a[i], b[i]));
     }
     void reset() override {}
-    void save(Writer&) const override {}
-    void load(Reader&) override {}
+    void fields(Snapshot&) override {}
 };
 
-// The fold of everything so far.
-template <class M>
-class Running final : public Part {
+// The fold of all elements so far.
+template <class F>
+class Running final : public Memory {
 public:
-    using Monoid = M;
-    using Element = typename M::Element;
+    using Fold = F;
+    using Element = typename F::Element;
 
-    Element push(Element x) { return total_ = M::combine(total_, x); }
+    Element push(Element x) { return total_ = F::combine(total_, x); }
     void push(const double* a, const double* b, double* out, std::size_t n) {
         Element total = total_;
         for (std::size_t i = 0; i < n; ++i) {
-            total = M::combine(total, M::element(a[i], b[i]));
-            out[i] = M::result(total);
+            total = F::combine(total, F::element(a[i], b[i]));
+            out[i] = F::result(total);
         }
         total_ = total;
     }
-    void reset() override { total_ = M::identity; }
-    void save(Writer& out) const override { out.put(total_); }
-    void load(Reader& in) override { total_ = in.get<Element>(); }
+    void reset() override { total_ = F::identity; }
+    void fields(Snapshot& s) override { s(total_); }
 
 private:
-    Element total_ = M::identity;
+    Element total_ = F::identity;
 };
 
 // The fold of the last `length` elements, 2 or more, in blocks of half that length: a two-stack
@@ -72,11 +70,11 @@ private:
 // whole last block (its fold is middle_) and the block being filled (prefix_). While a block is
 // filled, into the places of front_ that are consumed, the last block in back_ is turned into
 // suffix folds from its end, one a push.
-template <class M>
-class Sliding final : public Part {
+template <class F>
+class Sliding final : public Memory {
 public:
-    using Monoid = M;
-    using Element = typename M::Element;
+    using Fold = F;
+    using Element = typename F::Element;
 
     explicit Sliding(std::size_t length)
         : block_(length / 2),
@@ -90,9 +88,9 @@ public:
         Element* back = back_ + (block_ - 1 - offset_);
         const Element oldest = front[ahead_];
         *front = x;
-        suffix_ = *back = M::combine(*back, suffix_);
-        prefix_ = M::combine(prefix_, x);
-        const Element result = M::combine(M::combine(oldest, middle_), prefix_);
+        suffix_ = *back = F::combine(*back, suffix_);
+        prefix_ = F::combine(prefix_, x);
+        const Element result = F::combine(F::combine(oldest, middle_), prefix_);
         if (++offset_ == block_) flip();
         return result;
     }
@@ -115,28 +113,18 @@ public:
         front_ = storage_.get();
         back_ = front_ + block_ + 1;
         // This touches the memory too, so that no push waits for the operating system.
-        std::fill_n(front_, 2 * (block_ + 1), M::identity);
-        middle_ = prefix_ = suffix_ = M::identity;
+        std::fill_n(front_, 2 * (block_ + 1), F::identity);
+        middle_ = prefix_ = suffix_ = F::identity;
     }
 
-    void save(Writer& out) const override {
-        out.put<std::uint64_t>(offset_);
-        out.put(front_, block_);
-        out.put(back_, block_);
-        out.put(middle_);
-        out.put(prefix_);
-        out.put(suffix_);
-    }
-
-    void load(Reader& in) override {
-        const auto offset = in.get<std::uint64_t>();
-        Reader::require(offset < block_);
-        in.get(front_, block_);
-        in.get(back_, block_);
+    void fields(Snapshot& s) override {
+        std::size_t offset = offset_;
+        s(offset);
+        s.require(offset < block_);
         offset_ = offset;
-        middle_ = in.get<Element>();
-        prefix_ = in.get<Element>();
-        suffix_ = in.get<Element>();
+        s.array(front_, block_);
+        s.array(back_, block_);
+        s(middle_, prefix_, suffix_);
     }
 
 private:
@@ -149,13 +137,13 @@ private:
         Element prefix = prefix_;
         Element suffix = suffix_;
         for (std::size_t i = 0; i < count; ++i) {
-            const Element x = M::element(a[i], b[i]);
+            const Element x = F::element(a[i], b[i]);
             const Element oldest = front[i + ahead];
             front[i] = x;
-            suffix = *back = M::combine(*back, suffix);
+            suffix = *back = F::combine(*back, suffix);
             --back;
-            prefix = M::combine(prefix, x);
-            out[i] = M::result(M::combine(M::combine(oldest, middle), prefix));
+            prefix = F::combine(prefix, x);
+            out[i] = F::result(F::combine(F::combine(oldest, middle), prefix));
         }
         prefix_ = prefix;
         suffix_ = suffix;
@@ -164,7 +152,7 @@ private:
     void flip() {
         std::swap(front_, back_);
         middle_ = prefix_;
-        prefix_ = suffix_ = M::identity;
+        prefix_ = suffix_ = F::identity;
         offset_ = 0;
     }
 
@@ -181,8 +169,8 @@ private:
     std::unique_ptr<Element[]> storage_;
 };
 
-// A stream, `length` samples late; 0.0 before that, which nobody reads.
-class Delay final : public Part {
+// The values of `length` samples ago; 0.0 at the first ones, which nobody reads.
+class Delay final : public Memory {
 public:
     explicit Delay(std::size_t length)
         : length_(length), ring_(std::make_unique<double[]>(length)) {}
@@ -215,15 +203,12 @@ public:
         std::fill_n(ring_.get(), length_, 0.0);
         place_ = 0;
     }
-    void save(Writer& out) const override {
-        out.put<std::uint64_t>(place_);
-        out.put(ring_.get(), length_);
-    }
-    void load(Reader& in) override {
-        const auto place = in.get<std::uint64_t>();
-        Reader::require(place < length_);
-        in.get(ring_.get(), length_);
+    void fields(Snapshot& s) override {
+        std::size_t place = place_;
+        s(place);
+        s.require(place < length_);
         place_ = place;
+        s.array(ring_.get(), length_);
     }
 
 private:

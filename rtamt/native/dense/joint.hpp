@@ -1,4 +1,5 @@
-// Several streams as one: the times at which any of them steps, and the values of all of them then.
+// Joint: several streams read as one. It has all times at which one of them steps, and the values of
+// all of them at those times.
 #pragma once
 
 #include <algorithm>
@@ -23,21 +24,21 @@ public:
         return least;
     }
 
-    // When the last of the streams begins, inf if one has no steps; before any is read.
+    // The time at which the last stream begins; inf if one has no steps. Called before any is read.
     double first() const {
         double latest = -kInfinity;
         for (const Source& s : sources_) latest = std::max(latest, s.times()[0]);
         return latest;
     }
 
-    // The steps at the times that are within, which are the first ones, none beyond the frontier.
-    // What is pointed to holds until a stream is written.
+    // Reads the steps at the first times, those that are `within`, none beyond the frontier.
+    // Pointers to them hold until a stream is written.
     template <class Within>
     void read(Within within) {
         for (Source& s : sources_) s.count = reach(s, within);
         align();
     }
-    // The values at one time, of the steps up to it.
+    // Reads the steps up to a time as one step: the values at that time.
     void read_at(double time) {
         for (Source& s : sources_) {
             s.count = reach(s, [=](double t) { return t <= time; });
@@ -47,17 +48,17 @@ public:
         times_ = &instant_;
         size_ = 1;
     }
-    // The latest time up to which no stream has more than so many steps.
+    // The latest time, not after `time`, up to which no stream has more than `most` steps.
     double upto(double time, std::size_t most) const {
         for (const Source& s : sources_)
             if (s.stream->unread(s.reader) > most) time = std::min(time, s.times()[most - 1]);
         return time;
     }
-    // The steps that are read are read no more.
+    // Drops the steps that were read.
     void consume() {
         for (const Source& s : sources_) s.stream->consume(s.reader, s.count);
     }
-    // How many steps are left, and back to where so many were.
+    // The number of steps that are left of each stream; rewind goes back to where so many were.
     std::vector<std::size_t> unread() const {
         std::vector<std::size_t> counts;
         for (const Source& s : sources_) counts.push_back(s.stream->unread(s.reader));
@@ -92,7 +93,7 @@ private:
         const double* times = s.times();
         if (n == 0 || !within(times[0])) return 0;
         if (within(times[n - 1])) return n;
-        // Far behind another stream, there is little to read of much.
+        // Where another stream is far behind, few of many steps are read.
         std::size_t end = 1;
         while (end < n && within(times[end])) end = std::min(n, 2 * end);
         const double* last = std::partition_point(times + end / 2, times + end, within);
@@ -117,7 +118,7 @@ private:
         for (Source& s : sources_) s.column = s.count == size_ ? s.values() : resampled(s);
     }
 
-    // Mostly, signals are sampled together, or one of them steps alone.
+    // Most signals are sampled together, or one of them steps alone.
     static bool together(const Source& s, const Source& most) {
         if (&s == &most || s.count == 0) return true;
         return s.count == most.count &&
@@ -125,7 +126,7 @@ private:
     }
 
     void merge(const Source& s) {
-        double* out = other_.room(size_ + s.count);
+        double* out = other_.reserve(size_ + s.count);
         const double* a = times_;
         const double* b = s.times();
         const double* const a_end = a + size_;
@@ -146,7 +147,7 @@ private:
     }
 
     const double* resampled(Source& s) {
-        double* out = s.scratch.room(size_);
+        double* out = s.scratch.reserve(size_);
         const double* times = s.times();
         const double* values = s.values() - 1;
         if (s.count == 0) {

@@ -6,19 +6,22 @@
 
 #include "dense/window.hpp"
 
-namespace rtamt::dense {
+namespace rtamt {
+
+using namespace dense;
+
 namespace {
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 
-const std::vector<Row>& checked(const std::vector<Row>& rows, std::size_t variables,
+const std::vector<DenseRow>& checked(const std::vector<DenseRow>& rows, std::size_t variables,
                                 std::size_t result, const std::vector<std::size_t>& observed) {
     if (variables == 0) refuse("expected a variable");
     if (result >= rows.size()) refuse("the result is out of range");
     for (const std::size_t i : observed)
         if (i >= rows.size()) refuse("an observed register is out of range");
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        const Row& row = rows[i];
+        const DenseRow& row = rows[i];
         const bool load = row.kind == "LOAD";
         const bool map = row.kind == "MAP";
         const bool window = row.kind == "WINDOW";
@@ -32,34 +35,25 @@ const std::vector<Row>& checked(const std::vector<Row>& rows, std::size_t variab
     return rows;
 }
 
-std::uint64_t fingerprint(const std::vector<Row>& rows, std::size_t variables, std::size_t result,
+std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t variables, std::size_t result,
                           const std::vector<std::size_t>& observed) {
     Fingerprint print;
-    print.add(std::string("dense"));
-    print.add(variables);
-    print.add(result);
+    print.add(std::string("dense"), variables, result);
     for (const std::size_t i : observed) print.add(i);
-    for (const Row& row : rows) {
-        print.add(row.kind);
-        print.add(row.name);
-        print.add(row.a);
-        print.add(row.b);
-        print.add(row.value);
-        print.add(row.lo);
-        print.add(row.hi);
-    }
+    for (const DenseRow& row : rows)
+        print.add(row.kind, row.name, row.a, row.b, row.value, row.lo, row.hi);
     return print.value();
 }
 
 }  // namespace
 
-DenseMachine::DenseMachine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
+DenseMachine::DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables,
                  std::size_t result, const std::vector<std::size_t>& observed)
     : sampler_(checked(rows, variables, result, observed), terms, variables),
       pending_(variables),
       events_(variables),
       streams_(rows.size()),
-      fingerprint_(fingerprint(rows, variables, result, observed)) {
+      fingerprint_(fingerprint_of(rows, variables, result, observed)) {
     std::vector<bool> read(rows.size());
     read[result] = true;
     for (const std::size_t i : observed) read[i] = true;
@@ -74,7 +68,7 @@ DenseMachine::DenseMachine(const std::vector<Row>& rows, std::size_t terms, std:
     for (const std::size_t i : observed) observed_.push_back(observe(i));
 }
 
-void DenseMachine::compile(std::size_t i, const Row& row) {
+void DenseMachine::compile(std::size_t i, const DenseRow& row) {
     Joint in;
     in.add(streams_[row.a]);
     if (row.b != row.a) in.add(streams_[row.b]);
@@ -115,7 +109,7 @@ bool DenseMachine::take() {
     return true;
 }
 
-// A long chunk must not decide for ever how much memory there is.
+// Frees the memory that a long chunk needed.
 void DenseMachine::trim() {
     bool any = false;
     for (Pending& pending : pending_) {
@@ -176,31 +170,11 @@ void DenseMachine::reset() {
     finished_ = false;
 }
 
-std::string DenseMachine::state() const {
-    Writer out;
-    out.put(fingerprint_);
-    out.put<std::uint8_t>(finished_);
-    sampler_.save(out);
-    for (const Stream& stream : streams_) stream.save(out);
-    for (const auto& node : nodes_) node->save(out);
-    return out.bytes();
+void DenseMachine::fields(Snapshot& s) {
+    s(finished_);
+    sampler_.fields(s);
+    for (Stream& stream : streams_) stream.fields(s);
+    for (const auto& node : nodes_) node->fields(s);
 }
 
-void DenseMachine::restore(std::string_view bytes) {
-    Reader in(bytes);
-    if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
-        refuse(kForeign);
-    try {
-        reset();
-        finished_ = in.get<std::uint8_t>() != 0;
-        sampler_.load(in);
-        for (Stream& stream : streams_) stream.load(in);
-        for (const auto& node : nodes_) node->load(in);
-        Reader::require(in.empty());
-    } catch (const std::invalid_argument&) {
-        reset();
-        throw;
-    }
-}
-
-}  // namespace rtamt::dense
+}  // namespace rtamt

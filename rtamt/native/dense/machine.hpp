@@ -1,18 +1,16 @@
-// Runs a program on events over dense time: rtamt/dense.py says what that means.
+// Runs a program on events over dense time. The definition is rtamt/machines/dense/machine.py.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <string>
-#include <string_view>
 #include <vector>
 
 #include "dense/sampler.hpp"
 
 namespace rtamt::dense {
 
-// Events of a variable that are still to be taken in.
+// Events of a variable that update() will take in.
 struct Pending {
     std::vector<double> times;
     std::vector<double> values;
@@ -20,68 +18,67 @@ struct Pending {
     Events events() const { return {times.data(), values.data(), times.size()}; }
 };
 
+}  // namespace rtamt::dense
+
+namespace rtamt {
+
 class DenseMachine {
 public:
-    // Rows are checked only as far as memory is concerned: the program was verified in Python.
-    DenseMachine(const std::vector<Row>& rows, std::size_t terms, std::size_t variables,
-            std::size_t result, const std::vector<std::size_t>& observed);
+    // Rows are checked as far as memory needs it, as the program was verified in Python.
+    DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables,
+                 std::size_t result, const std::vector<std::size_t>& observed);
     DenseMachine(const DenseMachine&) = delete;
     DenseMachine& operator=(const DenseMachine&) = delete;
 
-    const Sampler& sampler() const { return sampler_; }
+    const dense::Sampler& sampler() const { return sampler_; }
 
-    // New events: write those of every variable, which fit, to pending(), then take them in.
-    // False, and nothing changed, if a term is nan.
-    std::vector<Pending>& pending() { return pending_; }
+    // Takes in new events of every variable, which fit and which the caller writes to pending()
+    // before. Returns false, and changes nothing, if a term is nan.
+    std::vector<dense::Pending>& pending() { return pending_; }
     bool take();
-    // The same of very many, handing over the result on the way: if a term is nan, only reset() is
-    // left to do.
+    // Takes in very many events, and emits the result on the way. If a term is nan, returns false,
+    // and only reset() is left to do.
     template <class Emit>
-    bool run(const Events* events, Emit emit);
-    // The trace ends with the last time at which all variables are known. False, and nothing
-    // changed, if there is none.
+    bool run(const dense::Events* events, Emit emit);
+    // Ends the trace at the last time at which all variables are known. Returns false, and changes
+    // nothing, if there is none.
     bool finish();
-    // Hands over what of the result is new: emit(time, value) for every step.
+    // Calls emit(time, value) for every new step of the result.
     template <class Emit>
     void drain(Emit emit);
 
     bool finished() const { return finished_; }
     // The time before which the result is known; when finished, the end.
     double settled() const;
-    // The last value of every observed register that is known, nan before the first.
+    // The last known value of every observed register, nan before the first.
     std::vector<double> values() const;
 
-    static constexpr const char* kForeign =
-        "expected a state that a native machine with this program gave; "
-        "those of other programs, back-ends or processors do not fit";
-
+    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
     void reset();
-    std::string state() const;
-    // Throws std::invalid_argument on what is no state of this machine.
-    void restore(std::string_view bytes);
+    void fields(Snapshot& s);
 
 private:
-    // Who reads a stream from outside.
+    // A reader of a stream outside the program.
     struct Observer {
-        Stream* stream;
+        dense::Stream* stream;
         std::size_t reader;
 
-        // The number of steps that are known and new.
+        // The number of new steps before the frontier.
         std::size_t fresh() const;
     };
 
-    void compile(std::size_t i, const Row& row);
+    void compile(std::size_t i, const DenseRow& row);
     Observer observe(std::size_t i) { return {&streams_[i], streams_[i].add_reader()}; }
     void proceed();
     void settle(double known);
     void trim();
 
-    Sampler sampler_;
-    std::vector<Pending> pending_;
-    std::vector<Events> events_;
-    std::vector<Stream> streams_;         // of the registers that are read behind the sampler
-    std::vector<std::size_t> published_;  // those of them that the sampler gives
-    std::vector<std::unique_ptr<Node>> nodes_;
+    dense::Sampler sampler_;
+    std::vector<dense::Pending> pending_;
+    std::vector<dense::Events> events_;
+    std::vector<dense::Stream> streams_;  // of the registers that nodes or observers read
+    std::vector<std::size_t> published_;  // those of them that the sampler computes
+    std::vector<std::unique_ptr<dense::Node>> nodes_;
     Observer result_;
     std::vector<Observer> observed_;
     bool finished_ = false;
@@ -99,7 +96,9 @@ void DenseMachine::drain(Emit emit) {
 }
 
 template <class Emit>
-bool DenseMachine::run(const Events* events, Emit emit) {
+bool DenseMachine::run(const dense::Events* events, Emit emit) {
+    using dense::Events;
+    using dense::Sampler;
     const std::size_t variables = sampler_.variables();
     std::vector<Events> rest(events, events + variables);
     std::vector<Events> part(variables);
@@ -127,4 +126,4 @@ bool DenseMachine::run(const Events* events, Emit emit) {
     return true;
 }
 
-}  // namespace rtamt::dense
+}  // namespace rtamt

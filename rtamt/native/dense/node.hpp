@@ -1,4 +1,4 @@
-// What makes the stream of one register out of others.
+// Nodes: each computes the stream of one register from those of its operands.
 #pragma once
 
 #include <cstddef>
@@ -9,10 +9,11 @@
 
 namespace rtamt::dense {
 
-// A function of MAP, of arrays.
+// A function of MAP over columns.
 using Function = void (*)(const double*, const double*, double*, std::size_t);
 
-Function function_named(const std::string& name);  // null if there is none
+// Null if there is no such function.
+Function function_named(const std::string& name);
 
 class Node {
 public:
@@ -21,37 +22,34 @@ public:
     Node& operator=(const Node&) = delete;
     virtual ~Node() = default;
 
-    virtual void begin(double first) = 0;
-    // Goes as far as the operands' frontiers allow; `known` is that of all variables.
+    // The trace begins.
+    virtual void begin(double) {}
+    // Computes as far as the frontiers of the operands allow; all variables are known before
+    // `known`.
     virtual void advance(double known) = 0;
-    // Goes to the end of the trace, `after` being the next number; all steps of the operands came.
+    // Computes up to the end of the trace; `after` is the next double. The operands are complete.
     virtual void finish(double end, double after) = 0;
-    virtual void reset() = 0;
-    virtual void save(Writer& out) const = 0;
-    virtual void load(Reader& in) = 0;
+    virtual void reset() {}
+    virtual void fields(Snapshot&) {}
 };
 
-// MAP.
+// The node of MAP.
 class Pointwise final : public Node {
 public:
     Pointwise(Joint in, Function function, Stream& out)
         : in_(std::move(in)), function_(function), out_(out) {}
 
-    void begin(double) override {}
     void advance(double) override {
         const double limit = in_.frontier();
         if (limit > out_.frontier()) run(limit);
     }
     void finish(double, double after) override { run(after); }
-    void reset() override {}
-    void save(Writer&) const override {}
-    void load(Reader&) override {}
 
 private:
     void run(double limit) {
         in_.read([=](double time) { return time < limit; });
         const std::size_t n = in_.size();
-        double* values = scratch_.room(n);
+        double* values = scratch_.reserve(n);
         function_(in_.column(0), in_.column(in_.width() - 1), values, n);
         out_.append(in_.times(), values, n);
         in_.consume();

@@ -1,22 +1,23 @@
 #include "dense/sampler.hpp"
 
 #include "core/columns.hpp"
+#include "core/functions.hpp"
 
 namespace rtamt::dense {
 
 Function function_named(const std::string& name) {
 #define RTAMT_NAMED(name_, arity, value) \
-    if (name == #name_) return columns::map_##name_;
+    if (name == #name_) return columns::map<functions::name_>;
     RTAMT_FUNCTIONS(RTAMT_NAMED)
 #undef RTAMT_NAMED
     return nullptr;
 }
 
-Sampler::Sampler(const std::vector<Row>& rows, std::size_t terms, std::size_t variables)
+Sampler::Sampler(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables)
     : inputs_(variables), sampled_(rows.size()), columns_(rows.size()) {
     for (Stream& input : inputs_) joint_.add(input);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        const Row& row = rows[i];
+        const DenseRow& row = rows[i];
         if (row.kind == "LOAD") {
             loads_.push_back({i, row.a});
         } else if (row.kind == "CONST") {
@@ -62,7 +63,7 @@ bool Sampler::read() {
         joint_.read([upto = upto_](double time) { return time <= upto; });
         return joint_.size() > 0;
     }
-    // The trace begins when the last variable does; what was before is its value then.
+    // The trace begins when the last variable does, with the values that the others have then.
     const double first = joint_.first();
     if (!(first <= known)) return false;
     joint_.read_at(first);
@@ -72,15 +73,15 @@ bool Sampler::read() {
 
 bool Sampler::evaluate() {
     const std::size_t n = joint_.size();
-    if (n > room_) make_room(n);
+    if (n > capacity_) enlarge(n);
     for (const Load& load : loads_) columns_[load.out] = joint_.column(load.variable);
-    double* out = memory_.data() + constants_.size() * room_;
+    double* out = memory_.data() + constants_.size() * capacity_;
     std::size_t bad = n;
     for (const Operation& operation : operations_) {
         operation.function(columns_[operation.a], columns_[operation.b], out, n);
         if (operation.term) bad = columns::first_nan(out, bad);
         columns_[operation.out] = out;
-        out += room_;
+        out += capacity_;
     }
     if (bad == n) return true;
     nan_time_ = joint_.times()[bad];
@@ -90,14 +91,14 @@ bool Sampler::evaluate() {
     return false;
 }
 
-void Sampler::make_room(std::size_t n) {
-    room_ = std::max(n, 2 * room_);
-    memory_.resize((constants_.size() + operations_.size()) * room_);
+void Sampler::enlarge(std::size_t n) {
+    capacity_ = std::max(n, 2 * capacity_);
+    memory_.resize((constants_.size() + operations_.size()) * capacity_);
     double* column = memory_.data();
     for (const Const& constant : constants_) {
-        std::fill_n(column, room_, constant.value);
+        std::fill_n(column, capacity_, constant.value);
         columns_[constant.out] = column;
-        column += room_;
+        column += capacity_;
     }
 }
 
@@ -124,16 +125,11 @@ void Sampler::reset() {
     started_ = false;
 }
 
-void Sampler::save(Writer& out) const {
-    out.put<std::uint8_t>(started_);
-    for (const Stream& input : inputs_) input.save(out);
-}
-
-void Sampler::load(Reader& in) {
-    started_ = in.get<std::uint8_t>() != 0;
+void Sampler::fields(Snapshot& s) {
+    s(started_);
     for (Stream& input : inputs_) {
-        input.load(in);
-        Reader::require(!started_ || input.last_time() > -kInfinity);
+        input.fields(s);
+        s.require(!started_ || input.last_time() > -kInfinity);
     }
 }
 

@@ -1,4 +1,5 @@
-// What depends on the variables' present values alone, at all times at which one of them steps.
+// Sampler: computes the registers that depend on the present values of the variables alone, at all
+// times at which a variable steps.
 #pragma once
 
 #include <cstddef>
@@ -7,10 +8,10 @@
 
 #include "dense/node.hpp"
 
-namespace rtamt::dense {
+namespace rtamt {
 
-// One instruction, as rtamt/dense.py encodes it; its register is the index of the row.
-struct Row {
+// One instruction as Python encodes it; its register is the index of the row.
+struct DenseRow {
     std::string kind;
     std::string name;
     std::size_t a;
@@ -19,6 +20,10 @@ struct Row {
     double lo;
     double hi;
 };
+
+}  // namespace rtamt
+
+namespace rtamt::dense {
 
 // Events of a variable.
 struct Events {
@@ -31,37 +36,39 @@ class Sampler {
 public:
     static constexpr std::size_t kBlock = 512;  // events of a variable that stay in the cache
 
-    Sampler(const std::vector<Row>& rows, std::size_t terms, std::size_t variables);
+    Sampler(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables);
     Sampler(const Sampler&) = delete;
     Sampler& operator=(const Sampler&) = delete;
 
     std::size_t variables() const { return inputs_.size(); }
-    // Whether no window comes before this register.
+    // Whether the sampler computes this register: no window comes before it.
     bool samples(std::size_t i) const { return sampled_[i]; }
 
-    // Whether these may follow what the variable has: times that rise, values that are numbers.
+    // Whether these events may follow those of the variable: times rise, and no value is nan.
     bool fits(std::size_t variable, Events events) const;
-    // New events of every variable, and back.
+    // Adds new events of every variable; removes them again.
     void extend(const Events* events);
     void retract(const Events* events);
     void trim() {
         for (Stream& input : inputs_) input.trim();
     }
-    // The first event of a variable, inf if there is none; before the trace has begun.
+    // The time of the first event of a variable, inf if there is none. Called before the trace
+    // begins.
     double first_time(std::size_t variable) const { return inputs_[variable].times(0)[0]; }
-    // The last one, -inf if there is none.
+    // The time of the last event of a variable, -inf if there is none.
     double last_time(std::size_t variable) const { return inputs_[variable].last_time(); }
     // The time up to which all variables are known.
     double known() const;
     bool started() const { return started_; }
 
-    // Finds the next times, not too many: false if there are none.
+    // Finds the next times, a block at most. Returns false if there are none.
     bool read();
-    // False if a term is nan then.
+    // Computes the registers at these times. Returns false if a term is nan.
     bool evaluate();
     void consume();
-    // Whether there will be no nan, and whether one block is all.
+    // Evaluates all new events without consuming them. Returns false if a term is nan.
     bool rehearse();
+    // Whether all new events are one block.
     bool brief() const {
         const double known = this->known();
         return started_ && joint_.upto(known, kBlock) == known;
@@ -69,15 +76,14 @@ public:
 
     std::size_t size() const { return joint_.size(); }
     const double* times() const { return joint_.times(); }
-    double upto() const { return upto_; }  // later times come in later blocks
+    double upto() const { return upto_; }  // the end of this block
     const double* column(std::size_t i) const { return columns_[i]; }
 
     double nan_time() const { return nan_time_; }
     const std::vector<double>& nan_values() const { return nan_values_; }
 
     void reset();
-    void save(Writer& out) const;
-    void load(Reader& in);
+    void fields(Snapshot& s);
 
 private:
     struct Load {
@@ -96,7 +102,7 @@ private:
         bool term;
     };
 
-    void make_room(std::size_t n);
+    void enlarge(std::size_t n);
 
     std::vector<Stream> inputs_;
     Joint joint_;
@@ -106,7 +112,7 @@ private:
     std::vector<Operation> operations_;
     std::vector<const double*> columns_;
     std::vector<double> memory_;
-    std::size_t room_ = 0;
+    std::size_t capacity_ = 0;  // of a column
     double upto_ = -kInfinity;
     double nan_time_ = 0.0;
     std::vector<double> nan_values_;

@@ -1,4 +1,5 @@
-// The values of a register over dense time, from when they are known to when all have read them.
+// Stream: the values of one register over dense time. It holds those that are known and that a reader
+// still needs.
 #pragma once
 
 #include <algorithm>
@@ -14,25 +15,11 @@
 
 namespace rtamt::dense {
 
-// Tells 0.0 from -0.0: what is the same in every bit has the same future.
+// Equality of all bits: 0.0 and -0.0 differ.
 inline bool same(double x, double y) {
     return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
 }
 inline bool same(Pair x, Pair y) { return same(x.p, y.p) && same(x.q, y.q); }
-
-// Vectors as snapshots hold them: their size, then what is in them.
-template <class T>
-inline void save(Writer& out, const std::vector<T>& values) {
-    out.put<std::uint64_t>(values.size());
-    out.put(values.data(), values.size());
-}
-template <class T>
-inline void load(Reader& in, std::vector<T>& values) {
-    const auto count = in.get<std::uint64_t>();
-    Reader::require(count <= in.size() / sizeof(T));
-    values.resize(count);
-    in.get(values.data(), count);
-}
 
 inline bool rises(const double* times, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i)
@@ -40,8 +27,8 @@ inline bool rises(const double* times, std::size_t n) {
     return true;
 }
 
-// A right-continuous step function: steps (time, value), of which each lasts until the next one.
-// Steps that all readers have read are dropped, but for the last, whose value still counts.
+// A right-continuous step function, as steps (time, value), each of which lasts until the next one.
+// Steps that all readers have read are dropped, except the last, whose value still counts.
 class Stream {
 public:
     Stream() { clear(); }
@@ -51,22 +38,22 @@ public:
         return next_.size() - 1;
     }
 
-    // The time before which no step will come any more.
+    // The time before which the stream is complete.
     double frontier() const { return frontier_; }
     void settle(double frontier) { frontier_ = frontier; }
 
     // -inf before the first step.
     double last_time() const { return times_[end_ - 1]; }
 
-    // What a reader has not read yet. times[unread] is inf or a later time; values[-1] is the value
-    // before these steps, nan where there is none.
+    // The steps that a reader has not read yet. times[unread] is inf or a later time; values[-1] is
+    // the value before these steps, nan if there is none.
     std::size_t unread(std::size_t reader) const { return end_ - next_[reader]; }
     const double* times(std::size_t reader) const { return times_.data() + next_[reader]; }
     const double* values(std::size_t reader) const { return values_.data() + next_[reader]; }
     void consume(std::size_t reader, std::size_t n) { next_[reader] += n; }
     void unconsume(std::size_t reader, std::size_t n) { next_[reader] -= n; }
 
-    // Steps as they come.
+    // Adds all steps.
     void extend(const double* times, const double* values, std::size_t n) {
         reserve(n);
         std::copy_n(times, n, times_.data() + end_);
@@ -74,13 +61,13 @@ public:
         end_ += n;
         times_[end_] = kInfinity;
     }
-    // Takes back the last steps, which nobody has read.
+    // Removes the last steps, which nobody has read.
     void retract(std::size_t n) {
         end_ -= n;
         times_[end_] = kInfinity;
     }
 
-    // Steps, without those that change nothing: 0.0 and -0.0 are the same to what comes after.
+    // Adds the steps that change the value; 0.0 and -0.0 are equal here.
     void append(const double* times, const double* values, std::size_t n) {
         reserve(n);
         double* t = times_.data();
@@ -98,7 +85,7 @@ public:
         t[end] = kInfinity;
     }
 
-    // The value from a time on, which is the last step's, if nobody has read it, or later.
+    // Sets the value from a time on: that of the last step, if nobody has read it, or a later one.
     void set(double time, double value) {
         if (last_time() == time && end_ > read()) {
             --end_;
@@ -107,7 +94,7 @@ public:
         append(&time, &value, 1);
     }
 
-    // Gives back memory that much more steps needed.
+    // Frees memory that a much longer stream needed.
     void trim() {
         move(kept());
         const std::size_t room = std::max(kLeast, 2 * (end_ + 1));
@@ -129,44 +116,46 @@ public:
         std::fill(next_.begin(), next_.end(), 1);
     }
 
-    void save(Writer& out) const {
-        const std::size_t first = kept();
-        out.put<std::uint64_t>(end_ - first);
-        out.put(times_.data() + first, end_ - first);
-        out.put(values_.data() + first, end_ - first);
-        for (const std::size_t next : next_) out.put<std::uint64_t>(next - first);
-        out.put(frontier_);
-    }
-    void load(Reader& in) {
-        clear();
-        const auto count = in.get<std::uint64_t>();
-        Reader::require(count >= 1 && count <= in.size() / (2 * sizeof(double)));
-        end_ = 0;
-        reserve(count);
-        in.get(times_.data(), count);
-        in.get(values_.data(), count);
-        end_ = count;
-        times_[end_] = kInfinity;
-        const bool whole = times_[0] == -kInfinity && values_[0] != values_[0];
-        Reader::require(rises(times_.data() + whole, count - whole));
-        for (std::size_t i = whole; i < count; ++i) Reader::require(values_[i] == values_[i]);
-        for (std::size_t& next : next_) {
-            next = in.get<std::uint64_t>();
-            Reader::require(next >= 1 && next <= end_);
+    void fields(Snapshot& s) {
+        const std::size_t first = s.reads() ? 0 : kept();
+        std::size_t count = end_ - first;
+        s(count);
+        if (s.reads()) {
+            s.require(count >= 1);
+            s.require_unread<double>(count);
+            end_ = 0;
+            reserve(count);
+            end_ = count;
+            times_[end_] = kInfinity;
         }
-        frontier_ = in.get<double>();
-        Reader::require(frontier_ == frontier_);
+        s.array(times_.data() + first, count);
+        s.array(values_.data() + first, count);
+        for (std::size_t& next : next_) {
+            std::size_t place = next - first;
+            s(place);
+            s.require(place >= 1 && place <= count);
+            next = place + first;
+        }
+        s(frontier_);
+        if (s.reads()) require_steps(s);
     }
 
 private:
-    // The end of what a reader has read.
+    void require_steps(const Snapshot& s) const {
+        const bool whole = times_[0] == -kInfinity && values_[0] != values_[0];
+        s.require(rises(times_.data() + whole, end_ - whole));
+        for (std::size_t i = whole; i < end_; ++i) s.require(values_[i] == values_[i]);
+        s.require(frontier_ == frontier_);
+    }
+
+    // The end of the steps that some reader has read.
     std::size_t read() const {
         std::size_t end = 1;
         for (const std::size_t next : next_) end = std::max(end, next);
         return end;
     }
 
-    // The oldest step that is needed.
+    // The oldest step that a reader needs.
     std::size_t kept() const {
         std::size_t first = end_;
         for (const std::size_t next : next_) first = std::min(first, next);
@@ -181,7 +170,7 @@ private:
             times_.resize(std::max(kLeast, 2 * (size + n + 1)));
             values_.resize(times_.size());
         }
-        // Half of the room is free now: steps move once in as many appends as there are steps.
+        // Half of the memory is free now, so that each step moves once on average.
         move(first);
     }
 
@@ -196,7 +185,7 @@ private:
 
     static constexpr std::size_t kLeast = 64;
 
-    // In front of all steps stands (-inf, nan), behind them the time inf.
+    // Before all steps is (-inf, nan), after them the time inf.
     std::vector<double> times_;
     std::vector<double> values_;
     std::size_t end_;

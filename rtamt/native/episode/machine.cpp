@@ -4,8 +4,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "episode/initial.hpp"
+#include "episode/pointwise.hpp"
 #include "episode/sliding.hpp"
-#include "episode/top.hpp"
 #include "episode/unbounded.hpp"
 
 namespace rtamt {
@@ -16,11 +17,13 @@ namespace {
 
 [[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument(what); }
 
-// An object of a class over a fold that is known by name.
+// Makes an object of a class of a fold that is given by name, over its operands.
 template <template <class> class Class, class Base, class... Args>
-std::unique_ptr<Base> of_fold(const std::string& name, Args&&... args) {
+std::unique_ptr<Base> of_fold(const std::string& name, Workspace& workspace, Stream& p, Stream& q,
+                              Args... args) {
 #define RTAMT_NAMED(name_, Type) \
-    if (name == #name_) return std::make_unique<Class<Type>>(std::forward<Args>(args)...);
+    if (name == #name_)          \
+        return std::make_unique<Class<Type>>(workspace, Operands<Type>(p, q), args...);
     RTAMT_FOLDS(RTAMT_NAMED)
 #undef RTAMT_NAMED
     refuse("unknown lattice fold '" + name + "'");
@@ -33,17 +36,11 @@ std::unique_ptr<Base> of_choice(const std::string& name, Args&&... args) {
     refuse("function '" + name + "' is not monotone");
 }
 
-std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<Formula>& formulas) {
+std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<FormulaRow>& formulas) {
     Fingerprint print;
     print.add(terms);
-    for (const Formula& formula : formulas) {
-        print.add(formula.kind);
-        print.add(formula.name);
-        print.add(formula.a);
-        print.add(formula.b);
-        print.add(formula.lo);
-        print.add(formula.hi);
-    }
+    for (const FormulaRow& f : formulas)
+        print.add(f.kind, f.name, f.a, f.b, f.lo.value_or(-kNever), f.hi.value_or(kNever));
     return print.value();
 }
 
@@ -51,33 +48,33 @@ std::uint64_t fingerprint_of(std::uint64_t terms, const std::vector<Formula>& fo
 
 class EpisodeMachine::Builder {
 public:
-    Builder(EpisodeMachine& machine, const std::vector<Row>& terms,
-            const std::vector<Formula>& formulas)
+    Builder(EpisodeMachine& machine, const std::vector<DiscreteRow>& terms,
+            const std::vector<FormulaRow>& formulas)
         : machine_(machine),
           terms_(terms),
           formulas_(formulas),
-          tops_(terms.size() + formulas.size()),
-          streams_(tops_.size()) {}
+          initial_(terms.size() + formulas.size()),
+          streams_(initial_.size()) {}
 
-    void build(const std::vector<std::size_t>& tops, const std::vector<std::size_t>& streams) {
+    void build(const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams) {
         for (const std::size_t r : streams)
-            machine_.desk_.unknowns.count += r >= terms_.size() && endless(formula(r));
-        if (machine_.desk_.unknowns.count > kMaxUnknowns) refuse("too many unknowns");
+            machine_.workspace_.unknowns.count += r >= terms_.size() && unsettled(formula(r));
+        if (machine_.workspace_.unknowns.count > kMaxUnknowns) refuse("too many unknowns");
         for (const std::size_t r : streams) {
             machine_.streams_.push_back(r < terms_.size() ? leaf(r) : stream(formula(r)));
             streams_.at(r) = machine_.streams_.back().get();
         }
-        for (const std::size_t r : tops) {
-            machine_.tops_.push_back(r < terms_.size() ? term(r) : top(formula(r)));
-            tops_.at(r) = machine_.tops_.back().get();
+        for (const std::size_t r : initial) {
+            machine_.initial_.push_back(r < terms_.size() ? term(r) : initial_value(formula(r)));
+            initial_.at(r) = machine_.initial_.back().get();
         }
-        if (tops.empty()) refuse("expected a result, got none");
+        if (initial.empty()) refuse("expected a result, got none");
     }
 
 private:
-    const Formula& formula(std::size_t r) const { return formulas_.at(r - terms_.size()); }
-    static bool endless(const Formula& f) { return f.kind == "WINDOW" && f.hi == kNever; }
-    static bool maps(const Formula& f) {
+    const FormulaRow& formula(std::size_t r) const { return formulas_.at(r - terms_.size()); }
+    static bool unsettled(const FormulaRow& f) { return f.kind == "WINDOW" && !f.hi; }
+    static bool maps(const FormulaRow& f) {
         if (f.kind != "MAP" && f.kind != "WINDOW") refuse("unknown kind '" + f.kind + "'");
         return f.kind == "MAP";
     }
@@ -90,59 +87,62 @@ private:
 
     std::unique_ptr<Stream> leaf(std::size_t r) {
         if (terms_[r].kind == "CONST")
-            return std::make_unique<Constant>(machine_.desk_, terms_[r].value);
-        return std::make_unique<Predicate>(machine_.desk_, r);
+            return std::make_unique<Constant>(machine_.workspace_, terms_[r].value);
+        return std::make_unique<Predicate>(machine_.workspace_, r);
     }
 
-    std::unique_ptr<Stream> stream(const Formula& f) {
-        Desk& desk = machine_.desk_;
+    std::unique_ptr<Stream> stream(const FormulaRow& f) {
+        Workspace& workspace = machine_.workspace_;
         Stream& a = made(streams_, f.a);
         Stream& b = made(streams_, f.b);
-        if (maps(f)) return of_choice<PointwiseStream, Stream>(f.name, desk, a, b);
-        if (endless(f)) {
-            auto endless = of_fold<EndlessStream, Endless>(f.name, desk,
-                                                             machine_.unknowns_.size(), a, b);
-            machine_.unknowns_.push_back(endless.get());
-            return endless;
+        if (maps(f)) return of_choice<PointwiseStream, Stream>(f.name, workspace, a, b);
+        if (unsettled(f)) {
+            auto future = of_fold<UnboundedFutureStream, UnsettledStream>(
+                f.name, workspace, a, b, machine_.unsettled_.size());
+            machine_.unsettled_.push_back(future.get());
+            return future;
         }
-        if (f.lo == -kNever) return of_fold<RunningStream, Stream>(f.name, desk, f.hi, a, b);
-        return of_fold<SlidingStream, Stream>(f.name, desk, f.lo, f.hi, a, b);
+        if (!f.lo)
+            return of_fold<UnboundedPastStream, Stream>(f.name, workspace, a, b, *f.hi);
+        return of_fold<SlidingStream, Stream>(f.name, workspace, a, b, *f.lo, *f.hi);
     }
 
-    std::unique_ptr<Top> term(std::size_t r) {
-        const Row& row = terms_[r];
-        return std::make_unique<TopTerm>(
+    std::unique_ptr<InitialValue> term(std::size_t r) {
+        const DiscreteRow& row = terms_[r];
+        return std::make_unique<InitialTerm>(
             r, row.kind == "CONST" ? std::optional<double>(row.value) : std::nullopt);
     }
 
-    std::unique_ptr<Top> top(const Formula& f) {
-        if (maps(f)) return of_choice<TopMap, Top>(f.name, made(tops_, f.a), made(tops_, f.b));
-        return of_fold<TopFold, Top>(f.name, machine_.desk_, f.lo, f.hi, made(streams_, f.a),
-                                       made(streams_, f.b));
+    std::unique_ptr<InitialValue> initial_value(const FormulaRow& f) {
+        if (maps(f))
+            return of_choice<InitialMap, InitialValue>(f.name, made(initial_, f.a),
+                                                       made(initial_, f.b));
+        return of_fold<InitialFold, InitialValue>(f.name, machine_.workspace_, made(streams_, f.a),
+                                                  made(streams_, f.b), f.lo.value_or(0),
+                                                  f.hi.value_or(kNever));
     }
 
     EpisodeMachine& machine_;
-    const std::vector<Row>& terms_;
-    const std::vector<Formula>& formulas_;
-    std::vector<Top*> tops_;
+    const std::vector<DiscreteRow>& terms_;
+    const std::vector<FormulaRow>& formulas_;
+    std::vector<InitialValue*> initial_;
     std::vector<Stream*> streams_;
 };
 
-EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variables,
-                               const std::vector<Formula>& formulas,
-                               const std::vector<std::size_t>& tops,
+EpisodeMachine::EpisodeMachine(const std::vector<DiscreteRow>& terms, std::size_t variables,
+                               const std::vector<FormulaRow>& formulas,
+                               const std::vector<std::size_t>& initial,
                                const std::vector<std::size_t>& streams)
     : terms_(terms, terms.size(), variables, {{terms.empty() ? 0 : terms.size() - 1, 0}}),
-      fingerprint_(fingerprint_of(terms_.mark(), formulas)) {
-    Builder(*this, terms, formulas).build(tops, streams);
-    for (const auto& stream : streams_) stream->neglect();
-    for (const auto& top : tops_) top->demand();
-    demand();
+      fingerprint_(fingerprint_of(terms_.fingerprint(), formulas)) {
+    Builder(*this, terms, formulas).build(initial, streams);
+    for (const auto& value : initial_) value->demand();
+    propagate_demands();
     for (const auto& stream : streams_) stream->prepare();
-    for (const auto& top : tops_) top->prepare();
+    for (const auto& value : initial_) value->prepare();
     reset();
-    for (const Look& look : looks_) look.stream->look(look.world, -1);
-    conclude(-1, terms_.registers().data());
+    for (const OpenTask& task : open_tasks_) task.stream->find_open(task.world, -1);
+    find_values(-1, terms_.registers().data());
     empty_ = values_;
     empty_[kNow] = std::nan("");
     reset();
@@ -150,47 +150,47 @@ EpisodeMachine::EpisodeMachine(const std::vector<Row>& terms, std::size_t variab
 
 EpisodeMachine::~EpisodeMachine() = default;
 
-// Hands down what the tops want; who reads settled values reads unknowns.
-void EpisodeMachine::demand() {
-    const auto wants_unknowns = [this](std::uint32_t speaks_of, World w) {
-        for (std::size_t k = 0; k < unknowns_.size(); ++k)
-            if (speaks_of >> k & 1) unknowns_[k]->want(w);
+// Hands the demands down from the initial values. Who reads settled values reads their unknowns.
+void EpisodeMachine::propagate_demands() {
+    const auto want_unknowns = [this](std::uint32_t mask, World w) {
+        for (std::size_t k = 0; k < unsettled_.size(); ++k)
+            if (mask >> k & 1) unsettled_[k]->want(w);
     };
-    for (const auto& top : tops_)
+    for (const auto& value : initial_)
         for (World w : kAll)
-            if (top->wants(w)) wants_unknowns(top->speaks_of(), w);
+            if (value->wants(w)) want_unknowns(value->unknown_mask(), w);
     for (std::size_t i = streams_.size(); i-- > 0;) {
         Stream& stream = *streams_[i];
         for (World w : kAll)
-            if (stream.wanted(w)) wants_unknowns(stream.speaks_of(), w);
-        stream.demand();
+            if (stream.wanted(w)) want_unknowns(stream.unknown_mask(), w);
+        stream.propagate_demands();
     }
 }
 
 void EpisodeMachine::plan(Time t) {
-    for (const auto& stream : streams_) stream->neglect();
+    for (const auto& stream : streams_) stream->clear_demands();
     next_plan_ = kNever;
     open_ = false;
-    for (const auto& top : tops_) {
-        next_plan_ = std::min(next_plan_, top->demand(t));
-        open_ |= top->open(t - 1);
+    for (const auto& value : initial_) {
+        next_plan_ = std::min(next_plan_, value->demand(t));
+        open_ |= value->open(t - 1);
     }
     if (t <= 0) {  // before the first sample there is no robustness, whatever else is certain
         open_ = true;
         next_plan_ = std::min<Time>(next_plan_, 1);
     }
-    demand();
-    settles_.clear();
-    looks_.clear();
+    propagate_demands();
+    settle_tasks_.clear();
+    open_tasks_.clear();
     for (const auto& stream : streams_) {
-        if (!stream->alive()) continue;
-        settles_.push_back({stream.get(), nullptr});
+        if (!stream->active()) continue;
+        settle_tasks_.push_back({stream.get(), nullptr});
         for (World w : kAll)
-            if (stream->looks(w)) looks_.push_back({stream.get(), w});
+            if (stream->finds_open(w)) open_tasks_.push_back({stream.get(), w});
     }
-    for (Endless* unknown : unknowns_)
-        for (Settle& settle : settles_)
-            if (settle.stream == unknown) settle.endless = unknown;
+    for (UnsettledStream* unsettled : unsettled_)
+        for (SettleTask& task : settle_tasks_)
+            if (task.stream == unsettled) task.unsettled = unsettled;
 }
 
 bool EpisodeMachine::take() {
@@ -210,27 +210,28 @@ void EpisodeMachine::advance() {
     if (open_) {
         const double* terms = terms_.registers().data();
         settle(t, terms);
-        for (const Look& look : looks_) look.stream->look(look.world, t);
-        conclude(t, terms);
+        for (const OpenTask& task : open_tasks_) task.stream->find_open(task.world, t);
+        find_values(t, terms);
     }
 }
 
 void EpisodeMachine::settle(Time t, const double* terms) {
-    for (const Settle& settle : settles_) {
-        settle.stream->settle(t, terms);
-        Endless* endless = settle.endless;
-        if (endless == nullptr || !endless->has_settled()) continue;
-        for (const Settle& other : settles_)
-            if (other.stream->speaks_of() >> endless->unknown() & 1)
-                other.stream->substitute(endless->unknown(), endless->value());
-        for (const auto& top : tops_) top->substitute(endless->unknown(), endless->value());
-        endless->append();
+    for (const SettleTask& task : settle_tasks_) {
+        task.stream->settle(t, terms);
+        UnsettledStream* unsettled = task.unsettled;
+        if (unsettled == nullptr || !unsettled->has_settled()) continue;
+        const std::size_t unknown = unsettled->unknown();
+        for (const SettleTask& other : settle_tasks_)
+            if (other.stream->unknown_mask() >> unknown & 1)
+                other.stream->substitute(unknown, unsettled->value());
+        for (const auto& value : initial_) value->substitute(unknown, unsettled->value());
+        unsettled->append();
     }
 }
 
-void EpisodeMachine::conclude(Time t, const double* terms) {
-    for (const auto& top : tops_) top->advance(t, terms);
-    for (World w : kAll) values_[w] = tops_.back()->value(w);
+void EpisodeMachine::find_values(Time t, const double* terms) {
+    for (const auto& value : initial_) value->advance(t, terms);
+    for (World w : kAll) values_[w] = initial_.back()->value(w);
 }
 
 void EpisodeMachine::finish() {
@@ -241,45 +242,20 @@ void EpisodeMachine::finish() {
 void EpisodeMachine::reset() {
     terms_.reset();
     for (const auto& stream : streams_) stream->reset();
-    for (const auto& top : tops_) top->reset();
+    for (const auto& value : initial_) value->reset();
     values_ = empty_;
     finished_ = false;
     plan(-1);
 }
 
-std::string EpisodeMachine::state() const {
-    Writer out;
-    out.put(fingerprint_);
-    const std::string terms = terms_.state();
-    out.put<std::uint64_t>(terms.size());
-    out.put(terms.data(), terms.size());
-    out.put<std::uint64_t>(finished_);
-    out.put(values_);
+void EpisodeMachine::fields(Snapshot& s) {
+    terms_.fields(s);
+    s(finished_, values_);
+    const Time t = terms_.samples() - 1;
+    if (s.reads()) plan(t);
     for (const auto& stream : streams_)
-        if (stream->alive()) stream->save(out);
-    for (const auto& top : tops_) top->save(out);
-    return out.bytes();
-}
-
-void EpisodeMachine::restore(std::string_view bytes) {
-    Reader in(bytes);
-    if (bytes.size() < sizeof fingerprint_ || in.get<std::uint64_t>() != fingerprint_)
-        refuse(DiscreteMachine::kForeign);
-    try {
-        reset();
-        terms_.restore(in.bytes(in.get<std::uint64_t>()));
-        finished_ = in.get<std::uint64_t>() != 0;
-        values_ = in.get<decltype(values_)>();
-        const Time t = terms_.samples() - 1;
-        plan(t);
-        for (const auto& stream : streams_)
-            if (stream->alive()) stream->load(in, t);
-        for (const auto& top : tops_) top->load(in);
-        Reader::require(in.empty());
-    } catch (const std::invalid_argument&) {
-        reset();
-        throw;
-    }
+        if (stream->active()) stream->fields(s, t);
+    for (const auto& value : initial_) value->fields(s);
 }
 
 }  // namespace rtamt

@@ -1,13 +1,13 @@
-// Bounds the robustness of an episode: rtamt/episode.py says what that means.
+// Bounds the robustness of an episode, whatever its unseen samples are. The definition is
+// rtamt/machines/episode/machine.py.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <memory>
+#include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "discrete/machine.hpp"
@@ -17,34 +17,30 @@ namespace rtamt {
 
 namespace episode {
 
+class UnsettledStream;
+class InitialValue;
 
-
-constexpr Time kNever = std::numeric_limits<Time>::max() / 4;  // no bound
-
-class Endless;
-class Top;
-
-// An instruction behind the terms, which writes the register behind the one before: WINDOW over
-// offsets lo to hi, where kNever is no bound, or MAP.
-struct Formula {
+// One instruction behind the terms as Python encodes it: MAP, or WINDOW over the offsets lo to hi. It
+// writes the register after that of the row before.
+struct FormulaRow {
     std::string kind;
     std::string name;
     std::size_t a;
     std::size_t b;
-    Time lo;
-    Time hi;
+    std::optional<Time> lo;  // nothing: no bound
+    std::optional<Time> hi;
 };
 
 }  // namespace episode
 
 class EpisodeMachine {
 public:
-    // Terms in the order of their registers and formulas behind them; registers that are read at
-    // time 0 alone, the result last; registers that are read at all times. Checked only as far as
-    // memory is concerned.
-    EpisodeMachine(const std::vector<Row>& terms, std::size_t variables,
-                   const std::vector<episode::Formula>& formulas,
-                   const std::vector<std::size_t>& tops, const std::vector<std::size_t>& streams);
+    // Takes the rows of the terms in the order of their registers; the formulas behind them; the
+    // registers that are read at time 0 alone, of which the last is the result; those that are read
+    // at all times. Rows are checked as far as memory needs it.
+    EpisodeMachine(const std::vector<DiscreteRow>& terms, std::size_t variables,
+                   const std::vector<episode::FormulaRow>& formulas,
+                   const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams);
     EpisodeMachine(const EpisodeMachine&) = delete;
     EpisodeMachine& operator=(const EpisodeMachine&) = delete;
     ~EpisodeMachine();
@@ -53,10 +49,11 @@ public:
     std::int64_t samples() const { return terms_.samples(); }
     const double* inputs() const { return terms_.inputs(); }
 
+    // Takes samples in as DiscreteMachine does.
     double* pending() { return terms_.pending(); }
     bool take();
-    // The same, of a sample whose terms are known: registers that stand `stride` apart.
     void take(const double* inputs, const double* terms, std::size_t stride);
+    // The robustness if the episode ended now; nan before the first sample.
     double result() const { return values_[episode::kNow]; }
 
     double lower() const { return values_[episode::kLower]; }
@@ -65,40 +62,37 @@ public:
     // Ends the trace, of at least one sample.
     void finish();
 
-    static constexpr const char* kForeign = DiscreteMachine::kForeign;
-
+    std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
     void reset();
-    std::string state() const;
-    // Throws std::invalid_argument on what is no state of this machine.
-    void restore(std::string_view bytes);
+    void fields(Snapshot& s);
 
 private:
     class Builder;
-    struct Settle {
+    struct SettleTask {
         episode::Stream* stream;
-        episode::Endless* endless;  // the same, where it is one
+        episode::UnsettledStream* unsettled;  // the same stream, if it is one
     };
-    struct Look {
+    struct OpenTask {
         episode::Stream* stream;
         episode::World world;
     };
 
     void advance();
-    void demand();
+    void propagate_demands();
+    // Finds out what is left to do at sample t and until next_plan_.
     void plan(episode::Time t);
     void settle(episode::Time t, const double* terms);
-    void conclude(episode::Time t, const double* terms);
+    void find_values(episode::Time t, const double* terms);
 
     DiscreteMachine terms_;
     std::uint64_t fingerprint_;
-    episode::Desk desk_;
-    std::vector<std::unique_ptr<episode::Stream>> streams_;  // each behind what it reads
-    std::vector<std::unique_ptr<episode::Top>> tops_;        // likewise; the last is the result
-    std::vector<episode::Endless*> unknowns_;
-    // What is left to do, by streams and worlds, before sample next_plan_.
-    std::vector<Settle> settles_;
-    std::vector<Look> looks_;
-    bool open_ = true;
+    episode::Workspace workspace_;
+    std::vector<std::unique_ptr<episode::Stream>> streams_;        // operands first
+    std::vector<std::unique_ptr<episode::InitialValue>> initial_;  // operands first
+    std::vector<episode::UnsettledStream*> unsettled_;
+    std::vector<SettleTask> settle_tasks_;
+    std::vector<OpenTask> open_tasks_;
+    bool open_ = true;  // whether a sample may still change a value
     episode::Time next_plan_ = 0;
     std::array<double, episode::kWorlds> values_{};
     std::array<double, episode::kWorlds> empty_{};  // before the first sample

@@ -22,17 +22,27 @@ void Polynomials::substitute(std::size_t unknown, const double* value) {
     }
 }
 
-Stream::Stream(Desk& desk, Time late, std::uint32_t speaks_of)
-    : desk_(desk),
-      late_(late),
-      speaks_of_(speaks_of),
-      history_(speaks_of == 0 ? 1 : std::size_t{1} << desk.unknowns.count, 1) {}
+Stream::Stream(Workspace& workspace, Time latency, std::uint32_t unknown_mask,
+               std::vector<Stream*> operands)
+    : workspace_(workspace),
+      latency_(latency),
+      unknown_mask_(unknown_mask),
+      operands_(std::move(operands)),
+      history_(workspace.unknowns.corners(unknown_mask), 1) {}
+
+void Stream::propagate_demands() {
+    for (Stream* operand : operands_) {
+        if (active_) operand->activate();
+        for (World w : kAll)
+            if (finds_open(w)) operand->want(w);
+    }
+}
 
 void Stream::append(std::size_t corner, double value) {
     Line& line = history_.line(corner);
-    if (line.size() < keep_) {
+    if (line.size() < retained_) {
         line.push(value);
-    } else if (keep_ == 1) {
+    } else if (retained_ == 1) {
         line[0] = value;
     } else {
         line.pop();
@@ -55,10 +65,10 @@ const double* Stream::values(World w, Time begin, Time end, Scratch& scratch) co
     const Time first = open_from - static_cast<Time>(history_.size());
     if (end <= last_ && history_.corners() == 1) return history_.line(0).data() + (begin - first);
 
-    double* const values = scratch.room(static_cast<std::size_t>(end - begin + 1));
+    double* const values = scratch.reserve(static_cast<std::size_t>(end - begin + 1));
     double* out = values;
     for (Time i = begin; i <= std::min(end, last_); ++i)
-        *out++ = history_.at(static_cast<std::size_t>(i - first), 0, w, desk_.unknowns);
+        *out++ = history_.at(static_cast<std::size_t>(i - first), 0, w, workspace_.unknowns);
     const Time from = std::max(begin, open_from);
     const Time to = std::min(end, open_to);
     if (from <= to) out = std::copy_n(view.data + (from - open_from), to - from + 1, out);
@@ -73,12 +83,9 @@ void Stream::reset() {
     for (World w : kAll) tail_[w] = outlook_[w].tail;
 }
 
-void Stream::save(Writer& out) const { history_.save(out); }
-
-void Stream::load(Reader& in, Time t) {
-    reset();
-    last_ = std::max<Time>(-1, t - late_);
-    history_.load(in, std::min(keep_, static_cast<std::size_t>(last_ + 1)));
+void Stream::fields(Snapshot& s, Time t) {
+    if (s.reads()) last_ = std::max<Time>(-1, t - latency_);
+    history_.fields(s, std::min(retained_, static_cast<std::size_t>(last_ + 1)));
 }
 
 }  // namespace rtamt::episode

@@ -1,125 +1,68 @@
-// The other streams that read streams: pointwise, over all of the past, over all of the future.
+// Streams of operators without a bound: folds over all of the past, or over all of the future.
 #pragma once
 
 #include "episode/streams.hpp"
 
 namespace rtamt::episode {
 
-// The least or greatest of two operands at one time.
-template <class M>
-class PointwiseStream final : public Stream {
+// At every time, the fold over all offsets up to hi.
+template <class F>
+class UnboundedPastStream final : public Stream {
 public:
-    PointwiseStream(Desk& desk, Stream& a, Stream& b)
-        : Stream(desk, std::max(a.late(), b.late()), a.speaks_of() | b.speaks_of()), a_(a), b_(b) {
-        for (World w : {kLower, kUpper}) {
-            Outlook& o = outlook_[w];
-            const Outlook& x = a.outlook(w);
-            const Outlook& y = b.outlook(w);
-            o = {std::max(x.reach, y.reach), std::max(x.floor, y.floor), x.certain && y.certain,
-                 M::combine(x.tail, y.tail)};
-            for (const Outlook& operand : {x, y}) {
-                if (!operand.certain || operand.tail != -M::identity) continue;
-                o.reach = std::min(o.reach, operand.reach);
-                o.certain = true;
-                o.tail = operand.tail;
-            }
-            o.reach = std::max(o.reach, -late_);
-        }
+    using Element = typename F::Element;
+
+    UnboundedPastStream(Workspace& workspace, Operands<F> in, Time hi)
+        : Stream(workspace, std::max<Time>(0, in.latency() + hi), in.unknown_mask(),
+                 in.streams()),
+          in_(in),
+          hi_(hi) {
+        for (World w : {kLower, kUpper})
+            outlook_[w] = {std::max(-latency_, in.reach(w) - hi),
+                           std::max({Time{-1}, in.floor(w) - hi, -hi - 1}), in.absorbs(w),
+                           in.tail_of_tails(w)};
     }
 
     void prepare() override {
-        for (Stream* s : {&a_, &b_}) s->hold(late_ - s->late() + 1);
-    }
-    void demand() override {
-        for (Stream* s : {&a_, &b_}) {
-            if (alive()) s->enliven();
-            for (World w : kAll)
-                if (looks(w)) s->want(w);
-        }
-    }
-
-    void settle(Time t, const double*) override {
-        if (t < late_) return;
-        last_ = t - late_;
-        for (std::size_t c = 0; c < corners(); ++c)
-            append(c, M::combine(a_.settled(last_, c), b_.settled(last_, c)));
-    }
-
-    void look(World w, Time t) override {
-        if (!outlook_[w].certain) tail_[w] = M::combine(a_.tail(w), b_.tail(w));
-        const Time first = last_ + 1;
-        const Time end = this->end(w, t);
-        if (end < first) {
-            open_[w] = {};
-            return;
-        }
-        const double* x = a_.values(w, first, end, desk_.scratch[0]);
-        const double* y = b_.values(w, first, end, desk_.scratch[1]);
-        const auto count = static_cast<std::size_t>(end - first + 1);
-        double* __restrict out = open(w, count);
-        for (std::size_t i = 0; i < count; ++i) out[i] = M::combine(x[i], y[i]);
-    }
-
-private:
-    Stream& a_;
-    Stream& b_;
-};
-
-// The fold over all offsets up to hi.
-template <class M>
-class RunningStream final : public Stream {
-public:
-    using Element = typename M::Element;
-
-    RunningStream(Desk& desk, Time hi, Stream& p, Stream& q)
-        : RunningStream(desk, hi, Operands<M>(p, q)) {}
-
-    void prepare() override {
-        in_.hold(late_, hi_);
-        total_ = Polynomials(corners(), M::width);
+        in_.retain(latency_, hi_);
+        total_ = Polynomials(corners(), F::width);
         reset();
     }
-    void demand() override {
-        if (alive()) in_.enliven();
-        for (World w : kAll)
-            if (looks(w)) in_.want(w);
-    }
 
     void settle(Time t, const double*) override {
-        if (t < late_) return;
-        last_ = t - late_;
+        if (t < latency_) return;
+        last_ = t - latency_;
         const Time newest = last_ + hi_;
         for (std::size_t c = 0; c < corners(); ++c) {
             Line& p = total_.line(c, 0);
-            Line& q = total_.line(c, M::width - 1);
-            Element x = get<M>(p.data(), q.data(), 0);
+            Line& q = total_.line(c, F::width - 1);
+            Element x = get<F>(p.data(), q.data(), 0);
             if (newest >= 0) {
-                x = M::combine(x, in_.settled(newest, c));
-                put<M>(p.data(), q.data(), 0, x);
+                x = F::combine(x, in_.settled(newest, c));
+                put<F>(p.data(), q.data(), 0, x);
             }
-            append(c, M::result(x));
+            append(c, F::result(x));
         }
     }
 
-    void look(World w, Time t) override {
+    void find_open(World w, Time t) override {
         const Time first = last_ + 1;
-        const Time end = std::max(first - 1, this->end(w, t));
-        Element x = M::element(total_.at(0, 0, w, desk_.unknowns),
-                               total_.at(0, M::width - 1, w, desk_.unknowns));
-        const auto count = static_cast<std::size_t>(end - first + 1);
+        const std::size_t count = open_count(w, t);
+        const Time end = last_ + static_cast<Time>(count);
+        Element x = F::element(total_.at(0, 0, w, workspace_.unknowns),
+                               total_.at(0, F::width - 1, w, workspace_.unknowns));
         double* out = open(w, count);
         const Time empty_to = std::min(-hi_ - 1, end);  // times whose window lies before time 0
         const Time start = std::max(first, empty_to + 1);
-        std::fill(out, out + (start - first), M::result(x));
+        std::fill(out, out + (start - first), F::result(x));
         if (start <= end) {
-            const Elements in = in_.values(w, start + hi_, end + hi_, &desk_.scratch[0]);
+            const Elements in = in_.values(w, start + hi_, end + hi_, &workspace_.scratch[0]);
             out += start - first;
             for (std::size_t i = 0; i < static_cast<std::size_t>(end - start + 1); ++i) {
-                x = M::combine(x, get<M>(in.p, in.q, i));
-                out[i] = M::result(x);
+                x = F::combine(x, get<F>(in.p, in.q, i));
+                out[i] = F::result(x);
             }
         }
-        if (!outlook_[w].certain) tail_[w] = M::result(M::combine(x, in_.tail(w)));
+        if (!outlook_[w].certain) tail_[w] = F::result(F::combine(x, in_.tail(w)));
     }
 
     void substitute(std::size_t unknown, const double* value) override {
@@ -130,42 +73,33 @@ public:
         Stream::reset();
         total_.clear();
         for (std::size_t c = 0; c < corners(); ++c) {
-            for (int k = 0; k < M::width; ++k) total_.line(c, k).extend(1, 0.0);
-            put<M>(total_.line(c, 0).data(), total_.line(c, M::width - 1).data(), 0, M::identity);
+            for (int k = 0; k < F::width; ++k) total_.line(c, k).extend(1, 0.0);
+            put<F>(total_.line(c, 0).data(), total_.line(c, F::width - 1).data(), 0, F::identity);
         }
     }
-    void save(Writer& out) const override {
-        Stream::save(out);
-        total_.save(out);
-    }
-    void load(Reader& in, Time t) override {
-        Stream::load(in, t);
-        total_.load(in, 1);
+    void fields(Snapshot& s, Time t) override {
+        Stream::fields(s, t);
+        total_.fields(s, 1);
     }
 
 private:
-    RunningStream(Desk& desk, Time hi, Operands<M> in)
-        : Stream(desk, std::max<Time>(0, in.late() + hi), in.speaks_of()), in_(in), hi_(hi) {
-        for (World w : {kLower, kUpper})
-            outlook_[w] = {std::max(-late_, in.reach(w) - hi),
-                           std::max({Time{-1}, in.floor(w) - hi, -hi - 1}), in.absorbs(w),
-                           in.tail_of_tails(w)};
-    }
-
-    Operands<M> in_;
+    Operands<F> in_;
     Time hi_;
     Polynomials total_;
 };
 
-// A stream that never settles but for an unknown, which is its value at the first open time.
-class Endless : public Stream {
+// A stream whose value at the first open time is an unknown, on which the settled values depend.
+class UnsettledStream : public Stream {
 public:
-    Endless(Desk& desk, Time late, std::uint32_t speaks_of, std::size_t unknown)
-        : Stream(desk, late, speaks_of | std::uint32_t{1} << unknown), unknown_(unknown) {}
+    UnsettledStream(Workspace& workspace, Time latency, std::uint32_t unknown_mask,
+                    std::vector<Stream*> operands, std::size_t unknown)
+        : Stream(workspace, latency, unknown_mask | std::uint32_t{1} << unknown,
+                 std::move(operands)),
+          unknown_(unknown) {}
 
-    // The unknown is value() of what it is one sample later, once there is a settled one;
-    // append() is called when everybody has replaced it.
     std::size_t unknown() const { return unknown_; }
+    // When a value has settled, it replaces the unknown in all settled values of the machine; only
+    // then is it appended.
     bool has_settled() const { return last_ >= 0; }
     const double* value() const { return value_.data(); }
     void append() {
@@ -177,70 +111,60 @@ protected:
     std::array<double, kMaxCorners> value_{};
 };
 
-// The fold over all offsets from 0 on.
-template <class M>
-class EndlessStream final : public Endless {
+// At every time, the fold over all offsets from 0 on.
+template <class F>
+class UnboundedFutureStream final : public UnsettledStream {
 public:
-    using Element = typename M::Element;
+    using Element = typename F::Element;
 
-    EndlessStream(Desk& desk, std::size_t unknown, Stream& p, Stream& q)
-        : EndlessStream(desk, unknown, Operands<M>(p, q)) {}
-
-    void prepare() override { in_.hold(late_, 0); }
-    void demand() override {
-        if (alive()) in_.enliven();
-        for (World w : kAll)
-            if (looks(w)) in_.want(w);
+    UnboundedFutureStream(Workspace& workspace, Operands<F> in, std::size_t unknown)
+        : UnsettledStream(workspace, in.latency(), in.unknown_mask(), in.streams(), unknown), in_(in) {
+        for (World w : {kLower, kUpper})
+            outlook_[w] = {in.absorbs(w) ? -latency_ : in.reach(w), in.floor(w), in.certain(w),
+                           in.tail_of_tails(w)};
     }
 
+    void prepare() override { in_.retain(latency_, 0); }
+
     void settle(Time t, const double*) override {
-        if (t < late_) return;
-        last_ = t - late_;
+        if (t < latency_) return;
+        last_ = t - latency_;
         for (std::size_t c = 0; c < corners(); ++c) {
             const double u = c >> unknown_ & 1 ? kInfinity : -kInfinity;
-            Element rest = M::identity;
-            if constexpr (M::width == 1) {
+            Element rest = F::identity;
+            if constexpr (F::width == 1) {
                 rest = u;
             } else {
                 rest.q = u;
             }
-            value_[c] = M::result(M::combine(in_.settled(last_, c), rest));
+            value_[c] = F::result(F::combine(in_.settled(last_, c), rest));
         }
     }
 
     void reset() override {
         Stream::reset();
         for (World w : kAll)
-            desk_.unknowns.values[w][unknown_] = w == kNow ? M::result(M::identity) : tail_[w];
+            workspace_.unknowns.values[w][unknown_] = w == kNow ? F::result(F::identity) : tail_[w];
     }
 
-    void look(World w, Time t) override {
+    void find_open(World w, Time t) override {
         const Element tail = in_.tail(w);
-        tail_[w] = M::result(M::combine(tail, tail));
-        const Time first = last_ + 1;
-        const Time end = std::max(first - 1, this->end(w, t));
-        const auto count = static_cast<std::size_t>(end - first + 1);
+        tail_[w] = F::result(F::combine(tail, tail));
+        const std::size_t count = open_count(w, t);
         double* out = open(w, count);
         Element x = tail;
         if (count > 0) {
-            const Elements in = in_.values(w, first, end, &desk_.scratch[0]);
+            const Elements in = in_.values(w, last_ + 1, end(w, t), &workspace_.scratch[0]);
             for (std::size_t i = count; i-- > 0;) {
-                x = M::combine(get<M>(in.p, in.q, i), x);
-                out[i] = M::result(x);
+                x = F::combine(get<F>(in.p, in.q, i), x);
+                out[i] = F::result(x);
             }
         }
-        desk_.unknowns.values[w][unknown_] = M::result(x);
+        workspace_.unknowns.values[w][unknown_] = F::result(x);
     }
 
 private:
-    EndlessStream(Desk& desk, std::size_t unknown, Operands<M> in)
-        : Endless(desk, in.late(), in.speaks_of(), unknown), in_(in) {
-        for (World w : {kLower, kUpper})
-            outlook_[w] = {in.absorbs(w) ? -late_ : in.reach(w), in.floor(w), in.certain(w),
-                           in.tail_of_tails(w)};
-    }
-
-    Operands<M> in_;
+    Operands<F> in_;
 };
 
 }  // namespace rtamt::episode

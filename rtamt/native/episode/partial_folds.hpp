@@ -1,5 +1,5 @@
-// Folds of the settled elements of windows that are still open: of ever shorter stretches of time,
-// all of which end now.
+// Partial folds: the folds of the settled elements of windows that are still open. The windows begin
+// one after the other, and all of them reach to the present.
 #pragma once
 
 #include <algorithm>
@@ -8,33 +8,33 @@
 
 namespace rtamt::episode {
 
-template <class M>
-class Kept {
+template <class F>
+class PartialFolds {
 public:
-    using Element = typename M::Element;
+    using Element = typename F::Element;
 
-    Kept() = default;
-    explicit Kept(std::size_t corners) : lines_(corners, M::width) {}
+    PartialFolds() = default;
+    explicit PartialFolds(std::size_t corners) : lines_(corners, F::width) {}
 
     std::size_t size() const { return lines_.size(); }
     std::size_t corners() const { return lines_.corners(); }
-    const double* results() const { return lines_.line(0, M::width - 1).data(); }
-    double first(std::size_t corner) const { return lines_.line(corner, M::width - 1)[0]; }
+    const double* results() const { return lines_.line(0, F::width - 1).data(); }
+    double first(std::size_t corner) const { return lines_.line(corner, F::width - 1)[0]; }
 
-    // Stretches that begin now, up to a number of all stretches.
+    // Adds windows without elements, up to a number of windows.
     void extend(std::size_t size) {
         for (std::size_t c = 0; c < corners(); ++c)
-            for (int k = 0; k < M::width; ++k)
-                lines_.line(c, k).extend(size, component<M>(M::identity, k));
+            for (int k = 0; k < F::width; ++k)
+                lines_.line(c, k).extend(size, component<F>(F::identity, k));
     }
-    // A new element for the stretches from number `from` on.
+    // Adds an element to the windows from number `from` on.
     void fold_in(std::size_t corner, std::size_t from, Element x) {
         if (from >= size()) return;
         double* p = lines_.line(corner, 0).data() + from;
-        double* q = lines_.line(corner, M::width - 1).data() + from;
+        double* q = lines_.line(corner, F::width - 1).data() + from;
         const std::size_t n = size() - from;
-        if constexpr (M::width == 1) {
-            move_last(p, n, [x](double y) { return M::combine(y, x); });
+        if constexpr (F::width == 1) {
+            move_last(p, n, [x](double y) { return F::combine(y, x); });
         } else {
             if (kAhead && corners() == 1) {
                 reach(p, q, x);
@@ -48,19 +48,19 @@ public:
         if (decided_ > 0) --decided_;
     }
 
-    // In a world, of the first `count`.
-    Elements in_world(World w, std::size_t count, Desk& desk, Scratch* scratch) const {
+    // The folds of the first `count` windows in a world.
+    Elements in_world(World w, std::size_t count, Workspace& workspace, Scratch* scratch) const {
         if (corners() == 1) return {lines_.line(0, 0).data(), results()};
-        const Room<M> room(scratch[0], scratch[1], count);
+        const ElementBuffer<F> buffer(scratch[0], scratch[1], count);
         for (std::size_t i = 0; i < count; ++i) {
-            room.p[i] = lines_.at(i, 0, w, desk.unknowns);
-            if (M::width > 1) room.q[i] = lines_.at(i, 1, w, desk.unknowns);
+            buffer.p[i] = lines_.at(i, 0, w, workspace.unknowns);
+            if (F::width > 1) buffer.q[i] = lines_.at(i, 1, w, workspace.unknowns);
         }
-        return room.elements();
+        return buffer.elements();
     }
 
-    // Of all results in front of an element `tail`, and of some that were popped; of pairs, for
-    // stretches of `until` and its dual only.
+    // The extremes of the results of all windows, each followed by an element `tail`, and of some
+    // windows that were popped. Of folds of pairs, `until` and its dual alone have them.
     Extremes extremes(Element tail) const {
         Extremes found = decided_results_;
         const std::size_t n = size();
@@ -68,7 +68,7 @@ public:
         const double* p = lines_.line(0, 0).data();
         const double* q = results();
         const auto at = [&](std::size_t i) {
-            return M::result(M::combine(get<M>(p, q, i), tail));
+            return F::result(F::combine(get<F>(p, q, i), tail));
         };
         found.add(at(decided_));
         found.add(at(n - 1));
@@ -96,30 +96,24 @@ public:
         decided_ = 0;
         decided_results_ = {};
     }
-    void save(Writer& out) const {
-        lines_.save(out);
-        out.put<std::uint64_t>(decided_);
-        out.put(decided_results_);
-    }
-    void load(Reader& in, std::size_t size) {
-        lines_.load(in, size);
-        decided_ = in.get<std::uint64_t>();
-        Reader::require(decided_ <= size);
-        decided_results_ = in.get<Extremes>();
+    void fields(Snapshot& s, std::size_t size) {
+        lines_.fields(s, size);
+        s(decided_, decided_results_);
+        s.require(decided_ <= size);
     }
 
 private:
-    static constexpr bool kAhead = M::kind == Kind::ahead;
+    static constexpr bool kAhead = F::kind == Kind::ahead;
     static constexpr std::size_t kChunk = 32;
 
     static double lower(double x, double y) {
-        return M::combine({x, M::identity.q}, {y, M::identity.q}).p;
+        return F::combine({x, F::identity.q}, {y, F::identity.q}).p;
     }
     static double upper(double x, double y) {
-        return M::combine({M::identity.p, x}, {M::identity.p, y}).q;
+        return F::combine({F::identity.p, x}, {F::identity.p, y}).q;
     }
 
-    // Of numbers that rise, or that fall, those that are moved stand last.
+    // Moves the numbers, which rise or fall: those that change are the last ones.
     template <class Move>
     static void move_last(double* p, std::size_t n, Move move) {
         while (n > 0) {
@@ -133,13 +127,14 @@ private:
     }
 
     static void each(double* __restrict p, double* __restrict q, std::size_t n, Element x) {
-        for (std::size_t i = 0; i < n; ++i) put<M>(p, q, i, M::combine(get<M>(p, q, i), x));
+        for (std::size_t i = 0; i < n; ++i) put<F>(p, q, i, F::combine(get<F>(p, q, i), x));
     }
 
-    // In words for `until`: p rises with the begin of a stretch. Where it is not above the new q,
-    // which is at the first stretches, it is reached and the result decided. Where it is above all
-    // q that came, the result is the greatest of these, and falls. A new element thus moves the
-    // last p and the last results alone.
+    // Adds an element to all windows of `until` or its dual. In the words of `until`: the later a
+    // window begins, the greater is its p. In the first windows p is not above the new q, and the
+    // result is decided: no later q can change it. In the others p is above every q so far; their
+    // results are the greatest of these and fall. So a new element changes only the last p and the
+    // last results.
     void reach(double* p, double* q, Element x) {
         const std::size_t n = size();
         while (decided_ < n && lower(p[decided_], x.q) == p[decided_]) {

@@ -1,0 +1,87 @@
+// Settled values of the episode machine: lattice polynomials in the values that are unknown yet.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/folds.hpp"
+#include "core/line.hpp"
+
+namespace rtamt::episode {
+
+// What the rest of the episode is assumed to be: none (it ends now), or the worst, or the best.
+enum World : int { kNow, kLower, kUpper };
+constexpr int kWorlds = 3;
+constexpr World kAll[kWorlds] = {kNow, kLower, kUpper};
+
+constexpr std::size_t kMaxUnknowns = 6;
+constexpr std::size_t kMaxCorners = std::size_t{1} << kMaxUnknowns;
+
+// The unknowns of a machine and their values in every world. A polynomial is stored by its values
+// at the corners: bit k of a corner says that unknown k is +inf there, else it is -inf.
+struct Unknowns {
+    std::size_t count = 0;
+    std::array<std::array<double, kMaxUnknowns>, kWorlds> values{};
+
+    // The number of corners of polynomials in some unknowns, or in none.
+    std::size_t corners(std::uint32_t mask) const {
+        return mask == 0 ? 1 : std::size_t{1} << count;
+    }
+    // The value of a polynomial in a world; overwrites the corners.
+    double in_world(World w, double* corners) const {
+        std::size_t half = std::size_t{1} << count;
+        for (std::size_t k = count; k-- > 0;) {
+            half /= 2;
+            const double u = values[w][k];
+            for (std::size_t c = 0; c < half; ++c)
+                corners[c] = greater(corners[c], lesser(corners[c + half], u));
+        }
+        return corners[0];
+    }
+};
+
+// A queue of elements of `width` components, each component a polynomial.
+class Polynomials {
+public:
+    Polynomials() = default;
+    Polynomials(std::size_t corners, std::size_t width)
+        : corners_(corners), width_(width), lines_(corners * width) {}
+
+    Line& line(std::size_t corner, std::size_t component = 0) {
+        return lines_[component * corners_ + corner];
+    }
+    const Line& line(std::size_t corner, std::size_t component = 0) const {
+        return lines_[component * corners_ + corner];
+    }
+    std::size_t size() const { return lines_[0].size(); }
+    std::size_t corners() const { return corners_; }
+
+    void pop() {
+        for (Line& line : lines_) line.pop();
+    }
+    void clear() {
+        for (Line& line : lines_) line.clear();
+    }
+    // A component of element i in a world.
+    double at(std::size_t i, std::size_t component, World w, const Unknowns& unknowns) const {
+        if (corners_ == 1) return line(0, component)[i];
+        std::array<double, kMaxCorners> corners{};
+        for (std::size_t c = 0; c < corners_; ++c) corners[c] = line(c, component)[i];
+        return unknowns.in_world(w, corners.data());
+    }
+    // Replaces an unknown by its value at every corner, one sample later.
+    void substitute(std::size_t unknown, const double* value);
+
+    void fields(Snapshot& s, std::size_t size) {
+        for (Line& line : lines_) line.fields(s, size);
+    }
+
+private:
+    std::size_t corners_ = 0;
+    std::size_t width_ = 0;
+    std::vector<Line> lines_;
+};
+
+}  // namespace rtamt::episode

@@ -1,0 +1,85 @@
+// Arrays through the buffer protocol, for what is not read in place, and new arrays.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <utility>
+#include <vector>
+
+#include "python/numpy.hpp"
+
+namespace rtamt {
+
+namespace nb = nanobind;
+
+// A contiguous 1-D array of n elements, whose memory stays where it is while the view exists.
+class View {
+public:
+    View(nb::object array, std::size_t n, int flags) : array_(std::move(array)) {
+        if (PyObject_GetBuffer(array_.ptr(), &view_, flags) != 0) nb::raise_python_error();
+        if (view_.ndim != 1 || static_cast<std::size_t>(view_.shape[0]) != n) {
+            PyBuffer_Release(&view_);
+            throw nb::value_error("expected 1-D columns of n values");
+        }
+    }
+    View(View&& other) noexcept : array_(std::move(other.array_)), view_(other.view_) {
+        other.view_.obj = nullptr;  // so that PyBuffer_Release does nothing
+    }
+    ~View() { PyBuffer_Release(&view_); }
+
+    template <class T>
+    T* data() const {
+        return static_cast<T*>(view_.buf);
+    }
+    const nb::object& array() const { return array_; }
+
+private:
+    nb::object array_;
+    Py_buffer view_;
+};
+
+// Makes 1-D arrays of one dtype.
+class NewArray {
+public:
+    explicit NewArray(const char* dtype)
+        : empty_(nb::object(numpy().attr("empty")).release().ptr()),
+          dtype_(nb::object(numpy().attr("dtype")(dtype)).release().ptr()) {}
+
+    // An array of value(0) to value(n - 1).
+    template <class T, class Value>
+    nb::object make(std::size_t n, Value value) const {
+        const nb::int_ size(n);
+        PyObject* arguments[] = {size.ptr(), dtype_};
+        PyObject* made = PyObject_Vectorcall(empty_, arguments, 2, nullptr);
+        if (made == nullptr) nb::raise_python_error();
+        nb::object array = nb::steal(made);
+        auto* elements = static_cast<T*>(Numpy::instance().begin(made));
+        std::vector<View> view;
+        if (elements == nullptr) {
+            view.emplace_back(array, n, PyBUF_ND | PyBUF_WRITABLE);
+            elements = view.front().template data<T>();
+        }
+        for (std::size_t i = 0; i < n; ++i) elements[i] = value(i);
+        return array;
+    }
+
+private:
+    static nb::module_ numpy() { return nb::module_::import_("numpy"); }
+
+    // Never released: numpy cannot be unloaded.
+    PyObject* empty_;
+    PyObject* dtype_;
+};
+
+inline nb::object doubles(const double* values, std::size_t n) {
+    static const NewArray array("float64");
+    return array.make<double>(n, [values](std::size_t i) { return values[i]; });
+}
+
+inline nb::list list_of(const double* values, std::size_t n) {
+    nb::list list;
+    for (std::size_t i = 0; i < n; ++i) list.append(values[i]);
+    return list;
+}
+
+}  // namespace rtamt

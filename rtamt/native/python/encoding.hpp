@@ -1,0 +1,56 @@
+// Reads programs as rtamt/program/encoding.py writes them.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+
+#include <string>
+#include <vector>
+
+#include "dense/machine.hpp"
+#include "discrete/machine.hpp"
+#include "episode/machine.hpp"
+
+namespace rtamt {
+
+namespace nb = nanobind;
+
+// Rows from tuples of their fields.
+template <class Row, class... Fields>
+std::vector<Row> rows_of(const nb::sequence& encoded) {
+    std::vector<Row> rows;
+    rows.reserve(nb::len(encoded));
+    for (nb::handle handle : encoded) {
+        const auto row = nb::cast<nb::tuple>(handle);
+        if (nb::len(row) != sizeof...(Fields))
+            throw nb::value_error(
+                ("expected rows of " + std::to_string(sizeof...(Fields))).c_str());
+        std::size_t field = 0;
+        rows.push_back(Row{nb::cast<Fields>(row[field++])...});
+    }
+    return rows;
+}
+
+inline std::vector<DiscreteRow> discrete_rows(const nb::sequence& encoded) {
+    return rows_of<DiscreteRow, std::size_t, const char*, const char*, std::size_t, std::size_t,
+                   double, std::size_t, std::int64_t>(encoded);
+}
+
+inline std::vector<episode::FormulaRow> formula_rows(const nb::sequence& encoded) {
+    using Bound = std::optional<episode::Time>;
+    return rows_of<episode::FormulaRow, const char*, const char*, std::size_t, std::size_t, Bound,
+                   Bound>(encoded);
+}
+
+inline std::vector<DenseRow> dense_rows(const nb::sequence& encoded) {
+    return rows_of<DenseRow, const char*, const char*, std::size_t, std::size_t, double, double,
+                   double>(encoded);
+}
+
+inline std::vector<std::size_t> registers_of(const nb::sequence& numbers) {
+    std::vector<std::size_t> registers;
+    for (nb::handle number : numbers) registers.push_back(nb::cast<std::size_t>(number));
+    return registers;
+}
+
+}  // namespace rtamt

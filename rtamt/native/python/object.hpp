@@ -1,0 +1,176 @@
+// What the Python classes of all machines share: references, snapshots, errors, threads.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <array>
+#include <stdexcept>
+#include <utility>
+
+#include "core/snapshot.hpp"
+#include "python/arguments.hpp"
+
+namespace rtamt {
+
+namespace nb = nanobind;
+
+// What a Python object holds. The reader is a Python object that reads the rare forms of arguments
+// and raises the errors of all calls.
+template <class M>
+struct Object {
+    M machine;
+    nb::object reader;
+    bool running = false;  // in another thread, without the lock of the interpreter
+};
+
+// The object of a machine whose update takes arguments by name.
+template <class M>
+struct NamedObject : Object<M> {
+    Arguments arguments;
+};
+
+template <class M>
+void require_idle(const Object<M>& object) {
+    if (object.running) throw std::runtime_error("the machine is running in another thread");
+}
+
+// Has the reader raise the error of a call.
+template <class... Args>
+[[noreturn]] void refuse(const nb::object& reader, const char* call, Args&&... args) {
+    reader.attr(call)(std::forward<Args>(args)...);
+    throw std::runtime_error("the reader did not refuse the call");
+}
+
+// The arguments of an update as Python's (*args, **named).
+inline std::pair<nb::tuple, nb::dict> packed(PyObject* const* args, Py_ssize_t n,
+                                             PyObject* kwnames) {
+    nb::list positional;
+    for (Py_ssize_t i = 0; i < n; ++i) positional.append(nb::handle(args[i]));
+    nb::dict named;
+    const Py_ssize_t names = kwnames == nullptr ? 0 : PyTuple_GET_SIZE(kwnames);
+    for (Py_ssize_t i = 0; i < names; ++i)
+        named[nb::handle(PyTuple_GET_ITEM(kwnames, i))] = nb::handle(args[n + i]);
+    return {nb::tuple(positional), named};
+}
+
+// Runs a call over n elements, and lets other threads run meanwhile if n is large.
+template <class M, class Run>
+auto run_long(Object<M>& object, std::size_t n, Run run) {
+    constexpr std::size_t kWorthAThread = 10'000;
+    if (n < kWorthAThread) return run();
+    struct Running {
+        explicit Running(bool& flag) : flag(flag) { flag = true; }
+        ~Running() { flag = false; }
+        bool& flag;
+    } running(object.running);
+    const nb::gil_scoped_release others;
+    return run();
+}
+
+// Calls a function with the object of a method that is written against Python's own interface, and
+// raises its exceptions in Python. Such methods cost half of nanobind's.
+template <class T, class Call>
+PyObject* call(PyObject* self, Call function) {
+    if (!nb::inst_ready(self)) [[unlikely]] {
+        PyErr_SetString(PyExc_TypeError, "the machine was not made: __init__ was not called");
+        return nullptr;
+    }
+    try {
+        return function(*nb::inst_ptr<T>(self));
+    } catch (nb::python_error& error) {
+        error.restore();
+    } catch (const std::exception& error) {
+        PyErr_SetString(PyExc_RuntimeError, error.what());
+    }
+    return nullptr;
+}
+
+// A new tuple of two numbers, or null with an error.
+inline PyObject* pair_of(double a, double b) {
+    PyObject* pair = PyTuple_New(2);
+    PyObject* first = PyFloat_FromDouble(a);
+    PyObject* second = PyFloat_FromDouble(b);
+    if (pair && first && second) [[likely]] {
+        PyTuple_SET_ITEM(pair, 0, first);
+        PyTuple_SET_ITEM(pair, 1, second);
+        return pair;
+    }
+    Py_XDECREF(pair);
+    Py_XDECREF(first);
+    Py_XDECREF(second);
+    return nullptr;
+}
+
+template <class T>
+int traverse(PyObject* self, visitproc visit, void* arg) {
+    Py_VISIT(Py_TYPE(self));
+    if (!nb::inst_ready(self)) return 0;
+    const T& object = *nb::inst_ptr<T>(self);
+    Py_VISIT(object.reader.ptr());
+    if constexpr (requires { object.arguments; }) return object.arguments.traverse(visit, arg);
+    return 0;
+}
+
+template <class T>
+int clear(PyObject* self) {
+    // Names are text and tuples of text: no cycle goes through them.
+    if (nb::inst_ready(self)) nb::inst_ptr<T>(self)->reader = nb::none();
+    return 0;
+}
+
+template <class T>
+nb::bytes state(T& object) {
+    require_idle(object);
+    const std::string bytes = state_of(object.machine);
+    return nb::bytes(bytes.data(), bytes.size());
+}
+
+template <class T>
+void restore(T& object, nb::handle state) {
+    require_idle(object);
+    if (!PyBytes_Check(state.ptr())) throw nb::value_error(kForeign);
+    const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(state.ptr()));
+    restore_from(object.machine, {PyBytes_AS_STRING(state.ptr()), size});
+}
+
+template <class T>
+void reset(T& object) {
+    require_idle(object);
+    object.machine.reset();
+}
+
+// Adds a class with what all machines have to a module.
+template <class T>
+nb::class_<T> machine_class(nb::module_& m, const char* name, const char* doc,
+                            PyMethodDef* methods = nullptr, PyGetSetDef* values = nullptr) {
+    const std::array<PyType_Slot, 5> slots{{
+        {Py_tp_traverse, reinterpret_cast<void*>(traverse<T>)},
+        {Py_tp_clear, reinterpret_cast<void*>(clear<T>)},
+        {methods != nullptr ? Py_tp_methods : 0, methods},
+        {values != nullptr ? Py_tp_getset : 0, values},
+        {0, nullptr},
+    }};
+    nb::class_<T> made(m, name, nb::type_slots(slots.data()), doc);
+    made.def("state", state<T>, "Return a snapshot, which begins with a mark of the program.")
+        .def("restore", restore<T>, nb::arg("state").none(),
+             "Continue from where a snapshot was taken.\n\n"
+             "Raises:\n"
+             "    ValueError: If a machine of another program gave it (then nothing changes), or\n"
+             "        it is damaged (then the machine is reset).");
+    return made;
+}
+
+using Update = PyObject*(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames);
+
+inline PyMethodDef update_method(Update* update, const char* doc) {
+    return {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(update)),
+            METH_FASTCALL | METH_KEYWORDS, doc};
+}
+
+// These add classes to the module.
+void bind_discrete(nb::module_& m);
+void bind_episode(nb::module_& m);
+void bind_dense(nb::module_& m);
+void bind_banks(nb::module_& m);
+
+}  // namespace rtamt

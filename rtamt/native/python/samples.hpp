@@ -1,0 +1,97 @@
+// What the Python classes of the machines on samples share: update, inputs, samples.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <algorithm>
+
+#include "python/arrays.hpp"
+#include "python/object.hpp"
+
+namespace rtamt {
+
+template <class M>
+nb::list inputs(const NamedObject<M>& object) {
+    const M& machine = object.machine;
+    return list_of(machine.inputs(), machine.samples() > 0 ? machine.variables() : 0);
+}
+
+// Raises the error of a call that the state of an episode does not allow; its text is in Python.
+[[noreturn]] inline void refuse_state(const char* call) {
+    nb::module_::import_("rtamt.machines.episode.machine").attr(call)();
+    throw std::runtime_error("Python did not refuse the call");
+}
+
+template <class M>
+[[noreturn]] void refuse_nan(const Object<M>& object, const double* values, std::int64_t sample) {
+    refuse(object.reader, "refuse", list_of(values, object.machine.variables()), sample);
+}
+
+// Leaves the rare forms of arguments, nan and all errors to the reader.
+template <class M>
+void take_slowly(NamedObject<M>& object, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
+    M& machine = object.machine;
+    const auto [positional, named] = packed(args, n, kwnames);
+    const nb::object values =
+        object.reader.attr("read")(positional, named, machine.samples(), inputs(object));
+    require_idle(object);
+    if (nb::len(values) != machine.variables())
+        throw std::runtime_error("the reader gave another number of values");
+    double* pending = machine.pending();
+    for (nb::handle value : values) *pending++ = nb::cast<double>(value);
+    if (!machine.take()) refuse_nan(object, machine.pending(), machine.samples());
+}
+
+// Reads the frequent forms of arguments; false if they have another form.
+inline bool read_at_once(Arguments& arguments, PyObject* const* args, Py_ssize_t n,
+                         PyObject* kwnames, double* pending) {
+    if (kwnames != nullptr) return n == 0 && arguments.keywords(args, kwnames, pending);
+    if (n == 1) {
+        if (PyDict_CheckExact(args[0])) return arguments.dict(args[0], pending);
+        if (arguments.is_array(args[0])) return arguments.array(args[0], pending);
+    }
+    return static_cast<std::size_t>(n) == arguments.size() && arguments.positional(args, pending);
+}
+
+template <class M>
+PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
+    return call<NamedObject<M>>(self, [=](NamedObject<M>& object) {
+        M& machine = object.machine;
+        if (object.running) [[unlikely]] require_idle(object);
+        if constexpr (requires { machine.finished(); }) {
+            if (machine.finished()) [[unlikely]] refuse_state("refuse_update");
+        }
+        if (!read_at_once(object.arguments, args, n, kwnames, machine.pending())) [[unlikely]] {
+            take_slowly(object, args, n, kwnames);
+        } else if (!machine.take()) [[unlikely]] {
+            const double* values = machine.pending();
+            if (std::none_of(values, values + machine.variables(), [](double x) { return x != x; }))
+                refuse_nan(object, values, machine.samples());
+            take_slowly(object, args, n, kwnames);
+        }
+        return PyFloat_FromDouble(machine.result());
+    });
+}
+
+template <class M>
+PyMethodDef sample_update() {
+    return update_method(
+        update<M>,
+        "update($self, /, *args, **named)\n--\n\n"
+        "Take in one sample, by position, by name, as a mapping or as an array; return the result.");
+}
+
+// Adds a class with what machines on samples have to a module.
+template <class M>
+nb::class_<NamedObject<M>> sample_class(nb::module_& m, const char* name, const char* doc,
+                                        PyMethodDef* methods, PyGetSetDef* values = nullptr) {
+    using T = NamedObject<M>;
+    auto made = machine_class<T>(m, name, doc, methods, values);
+    made.def_prop_ro("samples", [](const T& object) { return object.machine.samples(); },
+                     "The number of samples since the reset.")
+        .def_prop_ro("inputs", inputs<M>, "The last sample; empty before the first.")
+        .def("reset", reset<T>, "Return to the state before the first sample.");
+    return made;
+}
+
+}  // namespace rtamt
