@@ -8,6 +8,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace rtamt {
@@ -20,7 +21,7 @@ public:
     explicit Snapshot(std::string_view bytes) : reads_(true), rest_(bytes) {}
 
     bool reads() const { return reads_; }
-    const std::string& written() const { return written_; }
+    std::string written() && { return std::move(written_); }
     std::size_t unread() const { return rest_.size(); }
 
     template <class... T>
@@ -114,7 +115,7 @@ std::string state_of(M& machine) {
     std::uint64_t fingerprint = machine.fingerprint();
     out(fingerprint);
     machine.fields(out);
-    return out.written();
+    return std::move(out).written();
 }
 
 // Throws std::invalid_argument on bytes that are no snapshot of a machine with this program: then

@@ -1,5 +1,4 @@
-// Joint: several streams read as one. It has all times at which one of them steps, and the values of
-// all of them at those times.
+// Joint: several streams read as one, at all times at which one of them steps.
 #pragma once
 
 #include <algorithm>

@@ -35,8 +35,8 @@ const std::vector<DenseRow>& checked(const std::vector<DenseRow>& rows, std::siz
     return rows;
 }
 
-std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t variables, std::size_t result,
-                          const std::vector<std::size_t>& observed) {
+std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t variables,
+                             std::size_t result, const std::vector<std::size_t>& observed) {
     Fingerprint print;
     print.add(std::string("dense"), variables, result);
     for (const std::size_t i : observed) print.add(i);
@@ -47,8 +47,9 @@ std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t vari
 
 }  // namespace
 
-DenseMachine::DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms, std::size_t variables,
-                 std::size_t result, const std::vector<std::size_t>& observed)
+DenseMachine::DenseMachine(const std::vector<DenseRow>& rows, std::size_t terms,
+                           std::size_t variables, std::size_t result,
+                           const std::vector<std::size_t>& observed)
     : sampler_(checked(rows, variables, result, observed), terms, variables),
       pending_(variables),
       events_(variables),

@@ -1,5 +1,5 @@
-// Stream: the values of one register over dense time. It holds those that are known and that a reader
-// still needs.
+// Stream: the values of one register over dense time, as far as they are known and some reader
+// still needs them.
 #pragma once
 
 #include <algorithm>

@@ -9,8 +9,8 @@
 
 namespace rtamt::dense {
 
-// The fold of the steps inside a window. A step enters when the end of the window reaches its start,
-// and leaves when the begin, `lo` from now, reaches the start of the next step.
+// The fold of the steps inside a window. A step enters when the end of the window reaches its
+// start, and leaves when the begin, `lo` from now, reaches the start of the next step.
 //
 // A queue of two stacks: back_ has the newer steps, with their fold; front_ has, of the older ones,
 // the folds that are left whenever the oldest leaves, but only where that changes the fold. When

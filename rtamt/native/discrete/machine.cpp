@@ -53,8 +53,8 @@ std::pair<Opcode, std::unique_ptr<Memory>> window(std::size_t length, Opcode lat
 
 }  // namespace
 
-DiscreteMachine::DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
-                 const std::vector<Observed>& observed)
+DiscreteMachine::DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size_t terms,
+                                 std::size_t variables, const std::vector<Observed>& observed)
     : variables_(variables),
       observed_(observed),
       samples_in_(2 * variables),
@@ -78,7 +78,8 @@ DiscreteMachine::DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size
 
 void DiscreteMachine::compile(const DiscreteRow& row, std::size_t terms) {
     const auto narrow = [](std::size_t i) { return static_cast<std::uint32_t>(i); };
-    Instruction made{Opcode::delay, narrow(row.slot), narrow(row.a), narrow(row.b), row.start, nullptr};
+    Instruction made{Opcode::delay, narrow(row.slot), narrow(row.a),
+                     narrow(row.b), row.start,        nullptr};
     if (row.kind == "LOAD") {
         loads_.push_back({made.out, made.a});
         return;

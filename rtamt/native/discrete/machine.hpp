@@ -19,8 +19,8 @@ struct Observed {
 
 class DiscreteMachine {
 public:
-    // Rows are checked as far as memory needs it, as the program was verified in Python. observed[0]
-    // is the result; the others are what run returns.
+    // Rows are checked as far as memory needs it, as the program was verified in Python. The first
+    // observed register is the result; the others are those whose values run returns.
     DiscreteMachine(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
             const std::vector<Observed>& observed);
     DiscreteMachine(const DiscreteMachine&) = delete;

@@ -41,7 +41,8 @@ protected:
 // A constant, or the value of a term at the first sample.
 class InitialTerm final : public InitialValue {
 public:
-    InitialTerm(std::size_t term, std::optional<double> constant) : term_(term), constant_(constant) {
+    InitialTerm(std::size_t term, std::optional<double> constant)
+        : term_(term), constant_(constant) {
         reset();
     }
 
@@ -129,31 +130,17 @@ public:
     void advance(Time t, const double*) override {
         const Time time = t - in_.latency();
         if (time >= begin_ && time <= end_) {
-            for (std::size_t c = 0; c < total_.size(); ++c)
-                total_[c] = F::combine(total_[c], in_.settled(time, c));
+            for (std::size_t c = 0; c < total_.corners(); ++c) total_.add(c, in_.settled(time, c));
         }
         for (World w : kAll)
             if (wants_[w]) values_[w] = F::result(find(w, t));
     }
 
     void substitute(std::size_t unknown, const double* value) override {
-        if (!(in_.unknown_mask() >> unknown & 1)) return;
-        const std::size_t bit = std::size_t{1} << unknown;
-        for (std::size_t c = 0; c < total_.size(); ++c) {
-            if (c & bit) continue;
-            const Element low = total_[c];
-            const Element high = total_[c | bit];
-            for (const std::size_t corner : {c, c | bit}) {
-                const auto at = [&](int k) {
-                    return greater(component<F>(low, k),
-                                   lesser(component<F>(high, k), value[corner]));
-                };
-                total_[corner] = F::element(at(0), at(F::width - 1));
-            }
-        }
+        if (in_.unknown_mask() >> unknown & 1) total_.substitute(unknown, value);
     }
-    void reset() override { std::fill(total_.begin(), total_.end(), F::identity); }
-    void fields(Snapshot& s) override { s.array(total_.data(), total_.size()); }
+    void reset() override { total_.reset(); }
+    void fields(Snapshot& s) override { total_.fields(s); }
 
 private:
     void want(World w) const {
@@ -164,19 +151,8 @@ private:
         }
     }
 
-    Element total(World w) const {
-        if (total_.size() == 1) return total_[0];
-        const auto component_in_world = [&](int k) {
-            std::array<double, kMaxCorners> corners{};
-            for (std::size_t c = 0; c < total_.size(); ++c)
-                corners[c] = component<F>(total_[c], k);
-            return workspace_.unknowns.in_world(w, corners.data());
-        };
-        return F::element(component_in_world(0), component_in_world(F::width - 1));
-    }
-
     Element find(World w, Time t) const {
-        Element x = total(w);
+        Element x = total_.in_world(w, workspace_.unknowns);
         if (quiet_[w]) return F::combine(x, in_.tail(w));
         const Time last = in_.end(w, t);
         if (summary_ != nullptr) {
@@ -201,7 +177,7 @@ private:
     std::array<bool, kWorlds> absorbs_{};
     std::array<bool, kWorlds> quiet_{};  // whether the tail follows what has settled
     Stream* summary_ = nullptr;
-    std::vector<Element> total_;  // at every corner
+    SettledFold<F> total_;
 };
 
 }  // namespace rtamt::episode

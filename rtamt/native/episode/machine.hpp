@@ -20,8 +20,8 @@ namespace episode {
 class UnsettledStream;
 class InitialValue;
 
-// One instruction behind the terms as Python encodes it: MAP, or WINDOW over the offsets lo to hi. It
-// writes the register after that of the row before.
+// One instruction behind the terms as Python encodes it: MAP, or WINDOW over the offsets lo to hi.
+// It writes the register after that of the row before.
 struct FormulaRow {
     std::string kind;
     std::string name;
@@ -40,7 +40,8 @@ public:
     // at all times. Rows are checked as far as memory needs it.
     EpisodeMachine(const std::vector<DiscreteRow>& terms, std::size_t variables,
                    const std::vector<episode::FormulaRow>& formulas,
-                   const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams);
+                   const std::vector<std::size_t>& initial,
+                   const std::vector<std::size_t>& streams);
     EpisodeMachine(const EpisodeMachine&) = delete;
     EpisodeMachine& operator=(const EpisodeMachine&) = delete;
     ~EpisodeMachine();

@@ -1,5 +1,5 @@
-// Partial folds: the folds of the settled elements of windows that are still open. The windows begin
-// one after the other, and all of them reach to the present.
+// Partial folds: the folds of the settled elements of windows that are still open. The windows
+// begin one after the other, and all of them reach to the present.
 #pragma once
 
 #include <algorithm>

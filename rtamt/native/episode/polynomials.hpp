@@ -1,12 +1,13 @@
 // Settled values of the episode machine: lattice polynomials in the values that are unknown yet.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
-#include "core/folds.hpp"
+#include "core/arrays.hpp"
 #include "core/line.hpp"
 
 namespace rtamt::episode {
@@ -82,6 +83,50 @@ private:
     std::size_t corners_ = 0;
     std::size_t width_ = 0;
     std::vector<Line> lines_;
+};
+
+// The fold of all settled elements, as a polynomial.
+template <class F>
+class SettledFold {
+public:
+    using Element = typename F::Element;
+
+    explicit SettledFold(std::size_t corners) : totals_(corners, F::identity) {}
+
+    std::size_t corners() const { return totals_.size(); }
+    Element operator[](std::size_t corner) const { return totals_[corner]; }
+    void add(std::size_t corner, Element x) { totals_[corner] = F::combine(totals_[corner], x); }
+
+    Element in_world(World w, const Unknowns& unknowns) const {
+        if (corners() == 1) return totals_[0];
+        const auto at = [&](int k) {
+            std::array<double, kMaxCorners> values{};
+            for (std::size_t c = 0; c < corners(); ++c) values[c] = component<F>(totals_[c], k);
+            return unknowns.in_world(w, values.data());
+        };
+        return F::element(at(0), at(F::width - 1));
+    }
+    void substitute(std::size_t unknown, const double* value) {
+        const std::size_t bit = std::size_t{1} << unknown;
+        for (std::size_t c = 0; c < corners(); ++c) {
+            if (c & bit) continue;
+            const Element low = totals_[c];
+            const Element high = totals_[c | bit];
+            for (const std::size_t corner : {c, c | bit}) {
+                const auto at = [&](int k) {
+                    return greater(component<F>(low, k),
+                                   lesser(component<F>(high, k), value[corner]));
+                };
+                totals_[corner] = F::element(at(0), at(F::width - 1));
+            }
+        }
+    }
+
+    void reset() { std::fill(totals_.begin(), totals_.end(), F::identity); }
+    void fields(Snapshot& s) { s.array(totals_.data(), totals_.size()); }
+
+private:
+    std::vector<Element> totals_;  // at every corner
 };
 
 }  // namespace rtamt::episode

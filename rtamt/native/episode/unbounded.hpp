@@ -15,32 +15,23 @@ public:
         : Stream(workspace, std::max<Time>(0, in.latency() + hi), in.unknown_mask(),
                  in.streams()),
           in_(in),
-          hi_(hi) {
+          hi_(hi),
+          total_(corners()) {
         for (World w : {kLower, kUpper})
             outlook_[w] = {std::max(-latency_, in.reach(w) - hi),
                            std::max({Time{-1}, in.floor(w) - hi, -hi - 1}), in.absorbs(w),
                            in.tail_of_tails(w)};
     }
 
-    void prepare() override {
-        in_.retain(latency_, hi_);
-        total_ = Polynomials(corners(), F::width);
-        reset();
-    }
+    void prepare() override { in_.retain(latency_, hi_); }
 
     void settle(Time t, const double*) override {
         if (t < latency_) return;
         last_ = t - latency_;
         const Time newest = last_ + hi_;
         for (std::size_t c = 0; c < corners(); ++c) {
-            Line& p = total_.line(c, 0);
-            Line& q = total_.line(c, F::width - 1);
-            Element x = get<F>(p.data(), q.data(), 0);
-            if (newest >= 0) {
-                x = F::combine(x, in_.settled(newest, c));
-                put<F>(p.data(), q.data(), 0, x);
-            }
-            append(c, F::result(x));
+            if (newest >= 0) total_.add(c, in_.settled(newest, c));
+            append(c, F::result(total_[c]));
         }
     }
 
@@ -48,8 +39,7 @@ public:
         const Time first = last_ + 1;
         const std::size_t count = open_count(w, t);
         const Time end = last_ + static_cast<Time>(count);
-        Element x = F::element(total_.at(0, 0, w, workspace_.unknowns),
-                               total_.at(0, F::width - 1, w, workspace_.unknowns));
+        Element x = total_.in_world(w, workspace_.unknowns);
         double* out = open(w, count);
         const Time empty_to = std::min(-hi_ - 1, end);  // times whose window lies before time 0
         const Time start = std::max(first, empty_to + 1);
@@ -71,21 +61,17 @@ public:
     }
     void reset() override {
         Stream::reset();
-        total_.clear();
-        for (std::size_t c = 0; c < corners(); ++c) {
-            for (int k = 0; k < F::width; ++k) total_.line(c, k).extend(1, 0.0);
-            put<F>(total_.line(c, 0).data(), total_.line(c, F::width - 1).data(), 0, F::identity);
-        }
+        total_.reset();
     }
     void fields(Snapshot& s, Time t) override {
         Stream::fields(s, t);
-        total_.fields(s, 1);
+        total_.fields(s);
     }
 
 private:
     Operands<F> in_;
     Time hi_;
-    Polynomials total_;
+    SettledFold<F> total_;
 };
 
 // A stream whose value at the first open time is an unknown, on which the settled values depend.
@@ -118,7 +104,8 @@ public:
     using Element = typename F::Element;
 
     UnboundedFutureStream(Workspace& workspace, Operands<F> in, std::size_t unknown)
-        : UnsettledStream(workspace, in.latency(), in.unknown_mask(), in.streams(), unknown), in_(in) {
+        : UnsettledStream(workspace, in.latency(), in.unknown_mask(), in.streams(), unknown),
+          in_(in) {
         for (World w : {kLower, kUpper})
             outlook_[w] = {in.absorbs(w) ? -latency_ : in.reach(w), in.floor(w), in.certain(w),
                            in.tail_of_tails(w)};

@@ -66,15 +66,16 @@ void Bank::fields(Snapshot& s) {
     s.array(results_.data(), num());
 }
 
-DiscreteBank::DiscreteBank(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
-                           const Observed& result, std::size_t num)
+DiscreteBank::DiscreteBank(const std::vector<DiscreteRow>& rows, std::size_t terms,
+                           std::size_t variables, const Observed& result, std::size_t num)
     : Bank(rows, terms, variables, result, num), samples_(num) {
     for (const Instruction& i : program_.formulas_) formulas_.push_back({i, {}});
     for (std::size_t lane = 0; lane < num; ++lane) {
         DiscreteMachine machine(rows, terms, variables, {result});
-        for (std::size_t i = 0; i < formulas_.size(); ++i)
-            formulas_[i].memories.push_back(machine.formulas_[i].memory);
-        for (auto& memory : machine.memories_) memories_.push_back(std::move(memory));
+        auto memory = machine.memories_.begin();
+        for (LaneInstruction& formula : formulas_)
+            if (formula.instruction.memory != nullptr)
+                formula.memories.push_back(std::move(*memory++));
     }
 }
 
@@ -93,7 +94,7 @@ std::size_t DiscreteBank::take(const double* table, const bool* mask) {
                 const double* in = columns_.at(instruction.a);
                 double* out = columns_.out(instruction.out);
                 for (std::size_t i = 0; i < count; ++i)
-                    out[i] = static_cast<Delay*>(formula.memories[lanes_[i]])->push(in[i]);
+                    out[i] = static_cast<Delay*>(formula.memories[lanes_[i]].get())->push(in[i]);
             });
     }
     const Observed& result = program_.observed_.front();
@@ -110,10 +111,10 @@ void DiscreteBank::push(const LaneInstruction& formula) {
     const double* a = columns_.at(instruction.a);
     const double* b = columns_.at(instruction.b);
     double* out = columns_.out(instruction.out);
-    Memory* const* memories = formula.memories.data();
+    const auto* memories = formula.memories.data();
     const std::size_t count = lanes_.count();
     const auto push_to = [&](std::size_t i, typename F::Element x) {
-        out[i] = F::result(static_cast<Window*>(memories[lanes_[i]])->push(x));
+        out[i] = F::result(static_cast<Window*>(memories[lanes_[i]].get())->push(x));
     };
     if (least_ >= instruction.start) {
         for (std::size_t i = 0; i < count; ++i) push_to(i, F::element(a[i], b[i]));
@@ -126,12 +127,12 @@ void DiscreteBank::push(const LaneInstruction& formula) {
 
 void DiscreteBank::reset(const bool* mask) {
     choose_and_clear(mask);
-    const std::size_t each = memories_.size() / num();
     for (std::size_t i = 0; i < lanes_.count(); ++i) {
         const std::uint32_t lane = lanes_[i];
         samples_[lane] = 0;
         results_[lane] = std::nan("");
-        for (std::size_t m = lane * each; m < (lane + 1) * each; ++m) memories_[m]->reset();
+        for (const LaneInstruction& formula : formulas_)
+            if (!formula.memories.empty()) formula.memories[lane]->reset();
     }
 }
 
@@ -139,7 +140,8 @@ void DiscreteBank::fields(Snapshot& s) {
     Bank::fields(s);
     s.array(samples_.data(), num());
     for (const std::int64_t samples : samples_) s.require(samples >= 0);
-    for (const auto& memory : memories_) memory->fields(s);
+    for (const LaneInstruction& formula : formulas_)
+        for (const auto& memory : formula.memories) memory->fields(s);
 }
 
 EpisodeBank::EpisodeBank(const std::vector<DiscreteRow>& terms, std::size_t variables,

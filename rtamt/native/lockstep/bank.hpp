@@ -76,13 +76,12 @@ public:
 private:
     struct LaneInstruction {
         Instruction instruction;
-        std::vector<Memory*> memories;  // a memory for each lane
+        std::vector<std::unique_ptr<Memory>> memories;  // of all lanes; none if it has no memory
     };
 
     template <class Window>
     void push(const LaneInstruction& formula);
 
-    std::vector<std::unique_ptr<Memory>> memories_;  // of the first lane, of the second, ...
     std::vector<LaneInstruction> formulas_;
     std::vector<std::int64_t> samples_;
     std::int64_t least_ = 0;  // samples of the chosen lanes

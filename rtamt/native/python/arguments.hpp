@@ -1,5 +1,6 @@
-// The arguments of update(*args, **named) that are read at once: exact types, where no code of a
-// caller can run. False leaves an argument, and every message, to rtamt.inputs.samples.SampleReader.
+// Reads the frequent forms of the arguments of update(*args, **named): those of exact types, whose
+// conversion runs no code of a caller. The functions return false on other forms, which are left to
+// the reader, rtamt.inputs.samples.SampleReader, as are all errors.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -23,8 +24,8 @@ public:
         return true;
     }
 
-    // Values in the order of the call; where each goes is remembered for the next call, which from
-    // the same line of a program comes with the same tuple of names.
+    // Remembers the place of each name for the next call: calls from one line of a program have the
+    // same tuple of names.
     bool keywords(PyObject* const* args, PyObject* kwnames, double* out) {
         if (kwnames != kwnames_.ptr() && !learn(kwnames)) return false;
         const std::size_t n = order_.size();
@@ -40,7 +41,7 @@ public:
         PyObject* value;
         Py_ssize_t place = 0;
         for (Py_ssize_t i = 0; i < n; ++i) {
-            // Most dicts list the variables in our order, with the same interned names.
+            // Most dicts have the same interned names in the same order.
             if (!PyDict_Next(dict, &place, &key, &value)) return false;
             if (key != name(i)) return looked_up(dict, i, out);
             if (!number(value, out[i])) return false;
@@ -53,7 +54,7 @@ public:
     }
 
     std::size_t size() const { return order_.size(); }
-    // The place of a name, or size(); most often it is the guess.
+    // The place of a name, or size(). Most often the guess is right.
     std::size_t place(PyObject* name, std::size_t guess) const {
         return PyUnicode_CheckExact(name) ? find(name, guess) : size();
     }
@@ -66,7 +67,7 @@ public:
     }
 
 private:
-    // Names in a program's calls and dict displays are interned: mostly, identity decides.
+    // The names in calls and dict displays are interned, so that identity mostly decides.
     static nb::tuple interned(const nb::tuple& names) {
         nb::list list;
         for (nb::handle name : names) {
@@ -103,7 +104,7 @@ private:
             if (place == n) return false;
             order_[i] = place;
         }
-        // A call names nothing twice: as many names, all known, are all of them.
+        // A call has no name twice, so that these are all names.
         kwnames_ = nb::borrow<nb::tuple>(kwnames);
         return true;
     }

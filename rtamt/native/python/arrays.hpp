@@ -41,9 +41,7 @@ private:
 // Makes 1-D arrays of one dtype.
 class NewArray {
 public:
-    explicit NewArray(const char* dtype)
-        : empty_(nb::object(numpy().attr("empty")).release().ptr()),
-          dtype_(nb::object(numpy().attr("dtype")(dtype)).release().ptr()) {}
+    explicit NewArray(const char* dtype) : dtype_(rtamt::dtype(dtype)) {}
 
     // An array of value(0) to value(n - 1).
     template <class T, class Value>
@@ -64,10 +62,7 @@ public:
     }
 
 private:
-    static nb::module_ numpy() { return nb::module_::import_("numpy"); }
-
-    // Never released: numpy cannot be unloaded.
-    PyObject* empty_;
+    PyObject* empty_ = permanent(nb::module_::import_("numpy").attr("empty"));
     PyObject* dtype_;
 };
 

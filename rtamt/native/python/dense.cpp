@@ -58,12 +58,6 @@ public:
     }
 
 private:
-    Forms()
-        : events_(reinterpret_cast<PyTypeObject*>(
-              nb::object(nb::module_::import_("rtamt.inputs.events").attr("Events")).release().ptr())),
-          times_(PyUnicode_InternFromString("times")),
-          values_(PyUnicode_InternFromString("values")) {}
-
     static void resize(dense::Pending& out, Py_ssize_t n) {
         out.times.resize(static_cast<std::size_t>(n));
         out.values.resize(static_cast<std::size_t>(n));
@@ -100,10 +94,9 @@ private:
         return true;
     }
 
-    // Never released: they are made once.
-    PyTypeObject* events_;
-    PyObject* times_;
-    PyObject* values_;
+    PyTypeObject* events_ = permanent_type("rtamt.inputs.events", "Events");
+    PyObject* times_ = PyUnicode_InternFromString("times");
+    PyObject* values_ = PyUnicode_InternFromString("values");
     const Numpy& numpy_ = Numpy::instance();
 };
 
@@ -132,6 +125,24 @@ bool read_events(DenseObject& object, PyObject* events) {
     return fit(object, pending);
 }
 
+// The events of a pair of arrays.
+class EventViews {
+public:
+    explicit EventViews(nb::handle pair)
+        : size_(nb::len(nb::object(pair[0]))),
+          times_(pair[0], size_, PyBUF_ND),
+          values_(pair[1], size_, PyBUF_ND) {}
+
+    dense::Events events() const {
+        return {times_.data<double>(), values_.data<double>(), size_};
+    }
+
+private:
+    std::size_t size_;
+    View times_;
+    View values_;
+};
+
 // Leaves the rare forms of events and all errors to the reader.
 void read_events_slowly(DenseObject& object, PyObject* events) {
     const nb::object columns = object.reader.attr("read")(
@@ -142,12 +153,10 @@ void read_events_slowly(DenseObject& object, PyObject* events) {
     if (nb::len(columns) != pending.size())
         throw std::runtime_error("the reader gave another number of columns");
     for (std::size_t v = 0; v < pending.size(); ++v) {
-        const nb::object times = columns[v][0];
-        const std::size_t n = nb::len(times);
-        const View t(times, n, PyBUF_ND);
-        const View x(columns[v][1], n, PyBUF_ND);
-        pending[v].times.assign(t.data<double>(), t.data<double>() + n);
-        pending[v].values.assign(x.data<double>(), x.data<double>() + n);
+        const EventViews views(columns[v]);
+        const dense::Events events = views.events();
+        pending[v].times.assign(events.times, events.times + events.size);
+        pending[v].values.assign(events.values, events.values + events.size);
     }
     if (!fit(object, pending)) throw std::runtime_error("the reader gave events that do not fit");
 }
@@ -196,17 +205,13 @@ nb::list finish(DenseObject& object) {
 nb::tuple run(DenseObject& object, const nb::sequence& columns) {
     require_idle(object);
     DenseMachine& machine = object.machine;
-    std::vector<View> views;
+    std::vector<EventViews> views;
     std::vector<dense::Events> events;
     std::size_t most = 0;
     for (nb::handle column : columns) {
-        const nb::object first = column[0];
-        const std::size_t n = nb::len(first);
-        views.emplace_back(first, n, PyBUF_ND);
-        const auto* times = views.back().data<double>();
-        views.emplace_back(column[1], n, PyBUF_ND);
-        events.push_back({times, views.back().data<double>(), n});
-        most = std::max(most, n);
+        views.emplace_back(column);
+        events.push_back(views.back().events());
+        most = std::max(most, events.back().size);
     }
     const dense::Sampler& sampler = machine.sampler();
     if (events.size() != sampler.variables())

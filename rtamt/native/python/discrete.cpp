@@ -84,7 +84,7 @@ void bind_discrete(nb::module_& m) {
              nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
         .def_prop_ro("registers", registers, "The value of every register.")
         .def("run", run, nb::arg("columns"), nb::arg("n"), nb::kw_only(), nb::arg("final"),
-             "Take in n samples, or none if one is refused; return the observed registers at each.");
+             "Take in n samples, or none if one is refused; return the observed registers.");
 }
 
 }  // namespace rtamt

@@ -138,7 +138,7 @@ nb::class_<Object<B>> bank_class(nb::module_& m, const char* name, const char* d
     made.def_prop_ro("samples", samples<B>, "The number of samples of every lane since its reset.")
         .def_prop_ro("inputs", inputs<B>, "The last sample of every lane; 0 before the first.")
         .def("update", update<B>, nb::arg("values"), nb::arg("mask").none() = nb::none(),
-             "Take in a sample in every lane that the mask chooses; return the result of all lanes.")
+             "Take in a sample in each lane that the mask chooses; return the results of all.")
         .def("reset", reset_lanes<B>, nb::arg("mask").none() = nb::none(),
              "Return the lanes that the mask chooses to the state before their first sample.");
     return made;
@@ -195,10 +195,10 @@ void bind_banks(nb::module_& m) {
                      "The least robustness over all continuations.")
         .def_prop_ro("upper", of_lanes<&EpisodeBank::upper>,
                      "The greatest robustness over all continuations.")
-        .def_prop_ro("verdict", verdicts, "1 where lower is above 0, -1 where upper is below, else 0.")
+        .def_prop_ro("verdict", verdicts, "1 if lower is above 0, -1 if upper is below 0, else 0.")
         .def_prop_ro("finished", finished, "Whether the episodes have ended.")
         .def("finish", finish, nb::arg("mask").none() = nb::none(),
-             "End the episodes that the mask chooses; return the robustness of all lanes.");
+             "End the episodes that the mask chooses; return the robustness of all.");
 }
 
 }  // namespace rtamt

@@ -1,5 +1,6 @@
-// Rows of numpy read in place. The buffer protocol costs three times the rest of an update; so the
-// fields of an array are read where numpy's ABI has them since 1.0, after a trial on known arrays.
+// Arrays of numpy, read in place. As the buffer protocol costs three times the rest of an update,
+// this reads the fields of an array where numpy's ABI has had them since 1.0, after a trial on known
+// arrays.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -10,6 +11,15 @@
 namespace rtamt {
 
 namespace nb = nanobind;
+
+// References that are never released, as their modules are never unloaded.
+inline PyObject* permanent(nb::object object) { return object.release().ptr(); }
+inline PyTypeObject* permanent_type(const char* module, const char* name) {
+    return reinterpret_cast<PyTypeObject*>(permanent(nb::module_::import_(module).attr(name)));
+}
+inline PyObject* dtype(const char* name) {
+    return permanent(nb::module_::import_("numpy").attr("dtype")(name));
+}
 
 class Numpy {
 public:
@@ -23,26 +33,27 @@ public:
         return Py_TYPE(object) == float64_ || Py_TYPE(object) == float32_;
     }
 
-    // The n numbers of a 1-D array of float64 or float32; false of any other array.
+    // Reads the n numbers of a 1-D array of float64 or float32; false if it is another array.
     bool row(PyObject* array, Py_ssize_t n, double* out) const {
         return known_ && row_of(array, n, out);
     }
 
-    // The numbers of an aligned array of float64 of this shape, row behind row; null of any other.
+    // The numbers of an aligned array of float64 of this shape, row by row; null if it is another
+    // object.
     const double* table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
         Py_ssize_t n = 0;
         const double* values = this->rows(array, columns, n);
         return n == rows ? values : nullptr;
     }
 
-    // The numbers of an aligned array of float64 of shape (n,) or (n, columns), row behind row, and
-    // n; null of any other.
+    // The numbers of an aligned array of float64 of shape (n,) or (n, columns), row by row, and n;
+    // null if it is another object.
     const double* column(PyObject* array, Py_ssize_t& n) const { return rows(array, 1, 1, n); }
     const double* rows(PyObject* array, Py_ssize_t columns, Py_ssize_t& n) const {
         return rows(array, 2, columns, n);
     }
 
-    // A number, where no code of a caller can run; false of anything else.
+    // Reads a number whose conversion runs no code of a caller; false if it is another object.
     bool number(PyObject* object, double& out) const {
         if (PyFloat_CheckExact(object)) [[likely]] {
             out = PyFloat_AS_DOUBLE(object);
@@ -51,13 +62,13 @@ public:
         return other_number(object, out);
     }
 
-    // Where the elements of a new 1-D array go; null if that is not known.
+    // The elements of a new 1-D array; null if their place is not known.
     void* begin(PyObject* array) const {
         if (!known_ || !is_array(array)) return nullptr;
         return const_cast<char*>(reinterpret_cast<const Fields*>(array)->data);
     }
 
-    // The n truth values of a 1-D array, one behind the other; null of any other.
+    // The elements of a contiguous 1-D array of n bools; null if it is another object.
     const bool* mask(PyObject* array, Py_ssize_t n) const {
         if (!known_ || !is_array(array)) return nullptr;
         const auto* fields = reinterpret_cast<const Fields*>(array);
@@ -68,13 +79,10 @@ public:
     }
 
 private:
-    Numpy() : array_(named("ndarray")), float64_(named("float64")), float32_(named("float32")) {
+    Numpy() {
         const auto numpy = nb::module_::import_("numpy");
         const auto size = nb::cast<std::size_t>(numpy.attr("ndarray").attr("__basicsize__"));
         if (size < sizeof(Fields)) return;
-        doubles_ = nb::object(numpy.attr("dtype")("float64")).release().ptr();
-        singles_ = nb::object(numpy.attr("dtype")("float32")).release().ptr();
-        bools_ = nb::object(numpy.attr("dtype")("bool")).release().ptr();
         const auto twice = nb::slice(nb::none(), nb::none(), nb::int_(-2));
         const nb::object row = numpy.attr("arange")(6.0)[twice];
         const nb::object thin = row.attr("astype")("float32");
@@ -120,12 +128,6 @@ private:
         return true;
     }
 
-    // Borrowed for ever: numpy cannot be unloaded.
-    static PyTypeObject* named(const char* name) {
-        nb::object type = nb::module_::import_("numpy").attr(name);
-        return reinterpret_cast<PyTypeObject*>(type.release().ptr());
-    }
-
     bool row_of(PyObject* array, Py_ssize_t n, double* out) const {
         const auto* fields = reinterpret_cast<const Fields*>(array);
         if (fields->ndim != 1 || fields->shape[0] != n) return false;
@@ -144,15 +146,15 @@ private:
             }
             return true;
         }
-        return false;  // integers, another byte order: converted in Python
+        return false;  // Python converts integers and other byte orders
     }
 
-    PyTypeObject* array_;
-    PyTypeObject* float64_;
-    PyTypeObject* float32_;
-    PyObject* doubles_ = nullptr;
-    PyObject* singles_ = nullptr;
-    PyObject* bools_ = nullptr;
+    PyTypeObject* array_ = permanent_type("numpy", "ndarray");
+    PyTypeObject* float64_ = permanent_type("numpy", "float64");
+    PyTypeObject* float32_ = permanent_type("numpy", "float32");
+    PyObject* doubles_ = dtype("float64");
+    PyObject* singles_ = dtype("float32");
+    PyObject* bools_ = dtype("bool");
     bool known_ = false;
 };
 

@@ -78,7 +78,7 @@ PyMethodDef sample_update() {
     return update_method(
         update<M>,
         "update($self, /, *args, **named)\n--\n\n"
-        "Take in one sample, by position, by name, as a mapping or as an array; return the result.");
+        "Take in one sample, by position, by name, as a mapping or an array; return the result.");
 }
 
 // Adds a class with what machines on samples have to a module.
