@@ -1,8 +1,8 @@
 """Programs as the C++ machines read them: tuples of names and numbers.
 
-Names of instructions, functions and lattice folds cross as text. `rtamt/native/python/encoded.hpp`
-and `bind_dense.cpp` read the fields by position, in the order of their definition. An instruction
-without a second operand repeats the first.
+Names of instructions, functions and lattice folds cross as text. `rtamt/native/python/encoding.hpp`
+reads the fields by position, in the order of their definition. An instruction without a second
+operand repeats the first.
 """
 
 from __future__ import annotations

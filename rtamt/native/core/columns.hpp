@@ -12,7 +12,7 @@ namespace rtamt::columns {
 
 // The index of the first nan, or n.
 inline std::size_t first_nan(const double* values, std::size_t n) {
-#if defined(__SSE2__) || defined(_M_X64)  // compilers leave the loop below as it is
+#if defined(__SSE2__) || defined(_M_X64)  // compilers do not vectorise the loop below
     __m128d found = _mm_setzero_pd();
     for (std::size_t i = 0; i + 2 <= n; i += 2) {
         const __m128d pair = _mm_loadu_pd(values + i);

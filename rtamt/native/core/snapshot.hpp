@@ -51,7 +51,7 @@ public:
         array(values.data(), count);
     }
 
-    // Reading, refuses what no machine writes.
+    // When reading, refuses values that no machine writes.
     void require(bool condition) const {
         if (reads_ && !condition)
             throw std::invalid_argument("expected a whole state, got a damaged one");

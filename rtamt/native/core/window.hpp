@@ -66,10 +66,10 @@ private:
 // The fold of the last `length` elements, 2 or more, in blocks of half that length: a two-stack
 // queue whose flip is spread over the pushes, four combinations each, whatever the length.
 //
-// The window is the end of the block before the last one (its suffix folds stand in front_), the
-// whole last block (its fold is middle_) and the block being filled (prefix_). While a block is
-// filled, into the places of front_ that are consumed, the last block in back_ is turned into
-// suffix folds from its end, one a push.
+// The window is the end of the block before the last one (its suffix folds are in front_), the
+// whole last block (its fold is middle_) and the block being filled (its fold is prefix_). New
+// elements replace those of front_ that have left the window, and each push turns one more element
+// of back_, from its end on, into a suffix fold.
 template <class F>
 class Sliding final : public Memory {
 public:

@@ -150,7 +150,7 @@ EpisodeMachine::EpisodeMachine(const std::vector<DiscreteRow>& terms, std::size_
 
 EpisodeMachine::~EpisodeMachine() = default;
 
-// Hands the demands down from the initial values. Who reads settled values reads their unknowns.
+// Passes demands on from the result to the terms. Readers of settled values need their unknowns.
 void EpisodeMachine::propagate_demands() {
     const auto want_unknowns = [this](std::uint32_t mask, World w) {
         for (std::size_t k = 0; k < unsettled_.size(); ++k)

@@ -245,7 +245,7 @@ PyMethodDef methods[] = {
 void bind_dense(nb::module_& m) {
     machine_class<DenseObject>(
         m, "DenseMachine",
-        "Runs a program on events over dense time, as rtamt.machines.dense.machine defines it.\n\n"
+        "Runs a program over dense time, as rtamt.machines.protocols.DenseMachine says.\n\n"
         "Args:\n"
         "    rows: The program, as rtamt.program.encoding encodes it.\n"
         "    terms: The number of rows that are arithmetic over the present values.\n"

@@ -71,7 +71,7 @@ PyMethodDef methods[] = {sample_update<DiscreteMachine>(), {nullptr, nullptr, 0,
 void bind_discrete(nb::module_& m) {
     sample_class<DiscreteMachine>(
         m, "DiscreteMachine",
-        "Runs a program on samples, as rtamt.machines.discrete defines it.\n\n"
+        "Runs a program on samples, as rtamt.machines.protocols.DiscreteMachine says.\n\n"
         "Args:\n"
         "    rows: The program, as rtamt.program.encoding encodes it.\n"
         "    terms: The number of rows that are arithmetic over the sample.\n"

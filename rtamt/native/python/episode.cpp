@@ -63,7 +63,7 @@ PyGetSetDef values[] = {
 void bind_episode(nb::module_& m) {
     sample_class<EpisodeMachine>(
         m, "EpisodeMachine",
-        "Bounds the robustness of an episode, as rtamt.machines.episode.machine defines it.\n\n"
+        "Bounds the robustness of an episode, as rtamt.machines.protocols.EpisodeMachine says.\n\n"
         "Args:\n"
         "    terms: The first rows of the program, as rtamt.program.encoding encodes them.\n"
         "    formulas: The other rows.\n"

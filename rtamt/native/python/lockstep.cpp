@@ -166,7 +166,7 @@ void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb:
 void bind_banks(nb::module_& m) {
     bank_class<DiscreteBank>(
         m, "DiscreteBank",
-        "Runs a program on samples of many lanes, as rtamt.machines.bank defines it.\n\n"
+        "Runs a program in many lanes, as rtamt.machines.protocols.DiscreteBank says.\n\n"
         "Args:\n"
         "    rows: The program, as rtamt.program.encoding encodes it.\n"
         "    terms: The number of rows that are arithmetic over the sample.\n"
@@ -181,7 +181,7 @@ void bind_banks(nb::module_& m) {
 
     bank_class<EpisodeBank>(
         m, "EpisodeBank",
-        "Bounds the robustness of many episodes, as rtamt.machines.bank defines it.\n\n"
+        "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBank says.\n\n"
         "Args:\n"
         "    terms, formulas, initial, streams, variables: The same as for EpisodeMachine.\n"
         "    num: The number of lanes.\n"

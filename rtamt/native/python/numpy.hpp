@@ -1,6 +1,6 @@
-// Arrays of numpy, read in place. As the buffer protocol costs three times the rest of an update,
-// this reads the fields of an array where numpy's ABI has had them since 1.0, after a trial on known
-// arrays.
+// Arrays of numpy, read in place. The buffer protocol costs three times the rest of an update, so
+// this reads the fields of an array where numpy's ABI has had them since 1.0, after a trial on
+// known arrays.
 #pragma once
 
 #include <nanobind/nanobind.h>
