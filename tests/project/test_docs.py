@@ -1,4 +1,4 @@
-"""The pages in docs are true: their Python runs and shows what they say, their links lead on."""
+"""The pages in docs: their Python and commands give what they show, their links lead somewhere."""
 
 import doctest
 from pathlib import Path

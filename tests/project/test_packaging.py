@@ -1,4 +1,4 @@
-"""What an installation holds: one is built here, with a compiler that fails."""
+"""The contents of an installation, built without a compiler."""
 
 import importlib.metadata
 import json

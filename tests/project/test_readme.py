@@ -1,4 +1,4 @@
-"""The README is true: its Python runs, its commands print what it shows."""
+"""The README: its Python and its commands give what it shows."""
 
 import doctest
 
