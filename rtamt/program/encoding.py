@@ -85,7 +85,7 @@ class EncodedEpisode(NamedTuple):
 
     terms: tuple[DiscreteRow, ...]
     formulas: tuple[FormulaRow, ...]
-    tops: tuple[int, ...]
+    initial: tuple[int, ...]
     streams: tuple[int, ...]
     variables: tuple[str, ...]
 
@@ -114,7 +114,7 @@ def encoded_episode(program: Program) -> EncodedEpisode:
             lo, hi = instruction.lo, instruction.hi
         formulas.append(FormulaRow(kind, name, first, second, lo, hi))
     return EncodedEpisode(
-        _scheduled(terms), tuple(formulas), placement.tops, placement.streams, program.variables
+        _scheduled(terms), tuple(formulas), placement.initial, placement.streams, program.variables
     )
 
 

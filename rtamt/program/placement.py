@@ -25,13 +25,13 @@ class Placement:
 
     Attributes:
         program: The program, without negations above its predicates.
-        tops: Registers that are read at time 0 alone, in order; the last is the result.
+        initial: Registers that are read at time 0 alone, in order; the last is the result.
         streams: Registers that are read at all times, in order. One may be read both ways.
         unknowns: Streams of windows without end, which never settle.
     """
 
     program: Program
-    tops: tuple[int, ...]
+    initial: tuple[int, ...]
     streams: tuple[int, ...]
     unknowns: tuple[int, ...]
 
@@ -44,11 +44,11 @@ def place(program: Program) -> Placement:
         SpecificationError: On more than `MAX_UNKNOWNS` windows without end inside others.
     """
     program = positive(program)
-    tops, streams, unknowns = {program.result}, set[int](), list[int]()
+    initial, streams, unknowns = {program.result}, set[int](), list[int]()
     for register in range(len(program.instructions) - 1, program.terms - 1, -1):
         match program.instructions[register]:
             case Map(_, args):
-                tops.update(args if register in tops else ())
+                initial.update(args if register in initial else ())
                 streams.update(args if register in streams else ())
             case Window(_, _, hi, args):
                 streams.update(args)
@@ -61,5 +61,5 @@ def place(program: Program) -> Placement:
         )
         raise SpecificationError(msg)
     return Placement(
-        program, tuple(sorted(tops)), tuple(sorted(streams)), tuple(reversed(unknowns))
+        program, tuple(sorted(initial)), tuple(sorted(streams)), tuple(reversed(unknowns))
     )

@@ -18,7 +18,7 @@ over S of min(c_S, u_i for i in S), stored by their values at the corners u in {
 act corner by corner. A sample that settles replaces u by op(sample, u); a world replaces u by its
 value. Every settled array has an axis of length 2 for each unknown, in front.
 
-Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.top`).
+Operators that are read at time 0 alone keep one fold each (`rtamt.machines.episode.initial`).
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ import numpy as np
 
 from rtamt.errors import StateError
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.episode.initial import InitialFold
 from rtamt.machines.episode.streams import (
     WORLDS,
     Constant,
-    Endless,
     Pointwise,
     Polynomials,
     Predicate,
-    Running,
     Sliding,
     Stream,
+    UnboundedFuture,
+    UnboundedPast,
 )
-from rtamt.machines.episode.top import TopFold
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import place
@@ -80,17 +80,17 @@ class PythonEpisodeMachine(PythonSampleMachine):
     def __init__(self, program: Program, reader: SampleReader) -> None:
         placement = place(program)
         super().__init__(placement.program, reader)
-        self._tops = placement.tops
+        self._initial = placement.initial
         self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
         self._streams: dict[int, Stream] = {}
         for register in placement.streams:
             self._streams[register] = self._made(register)
-        self._folds: dict[int, TopFold] = {}
-        for register in placement.tops:
+        self._folds: dict[int, InitialFold] = {}
+        for register in placement.initial:
             instruction = self.program.instructions[register]
             if isinstance(instruction, Window):
                 streams = [self._streams[a] for a in instruction.args]
-                self._folds[register] = TopFold(
+                self._folds[register] = InitialFold(
                     FOLDS[instruction.fold], instruction.lo, instruction.hi, streams
                 )
         self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
@@ -111,9 +111,9 @@ class PythonEpisodeMachine(PythonSampleMachine):
             case Window(name, lo, hi, args):
                 streams = [self._streams[a] for a in args]
                 if hi is None:
-                    return Endless(FOLDS[name], self._axes[register], streams)
+                    return UnboundedFuture(FOLDS[name], self._axes[register], streams)
                 if lo is None:
-                    return Running(FOLDS[name], hi, streams)
+                    return UnboundedPast(FOLDS[name], hi, streams)
                 return Sliding(FOLDS[name], lo, hi, streams)
             case Load():
                 msg = f"register {register} is an input behind the terms"
@@ -146,7 +146,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
             if isinstance(stream, Predicate):
                 stream.take(terms)
             value = stream.settle(t)
-            if isinstance(stream, Endless) and value is not None:
+            if isinstance(stream, UnboundedFuture) and value is not None:
                 for keeper in self._keepers:
                     keeper.substitute(stream.axis, value)
             if value is not None:
@@ -160,7 +160,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
 
     def _conclude(self, t: int) -> None:
         found: dict[int, list[float]] = {}
-        for register in self._tops:
+        for register in self._initial:
             found[register] = self._at_zero(register, found, t)
         self.robustness, self.lower, self.upper = found[self.program.result]
         if t < 0:

@@ -26,14 +26,14 @@ __all__ = [
     "WORLDS",
     "Array",
     "Constant",
-    "Endless",
     "Operands",
     "Pointwise",
     "Polynomials",
     "Predicate",
-    "Running",
     "Sliding",
     "Stream",
+    "UnboundedFuture",
+    "UnboundedPast",
     "in_world",
 ]
 
@@ -281,7 +281,7 @@ class Pointwise(Sliding):
         return first
 
 
-class Running(_Windowed):
+class UnboundedPast(_Windowed):
     """The fold over all offsets up to hi."""
 
     STATE = (*_Windowed.STATE, "_total")
@@ -320,7 +320,7 @@ class Running(_Windowed):
         self._total.substitute(axis, value)
 
 
-class Endless(_Windowed):
+class UnboundedFuture(_Windowed):
     """The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
 
     Attributes:

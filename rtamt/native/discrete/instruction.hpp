@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/functions.hpp"
-#include "core/window.hpp"
+#include "core/windows.hpp"
 
 namespace rtamt {
 
@@ -52,18 +52,18 @@ struct Load {
 template <class Map, class Window, class Delay>
 inline void dispatch(Opcode opcode, Map map, Window window, Delay delay) {
     switch (opcode) {
-#define RTAMT_CASE(name, arity, value)                    \
-    case Opcode::map_##name:                              \
+#define RTAMT_CASE(name, arity, value) \
+    case Opcode::map_##name:           \
         return map.template operator()<functions::name>();
         RTAMT_FUNCTIONS(RTAMT_CASE)
 #undef RTAMT_CASE
-#define RTAMT_CASE(name, Type)                            \
-    case Opcode::latest_##name:                           \
-        return window.template operator()<Latest<Type>>(); \
-    case Opcode::running_##name:                          \
-        return window.template operator()<Running<Type>>(); \
-    case Opcode::sliding_##name:                          \
-        return window.template operator()<Sliding<Type>>();
+#define RTAMT_CASE(name, Type)                                    \
+    case Opcode::latest_##name:                                   \
+        return window.template operator()<LatestWindow<Type>>();  \
+    case Opcode::running_##name:                                  \
+        return window.template operator()<RunningWindow<Type>>(); \
+    case Opcode::sliding_##name:                                  \
+        return window.template operator()<SlidingWindow<Type>>();
         RTAMT_FOLDS(RTAMT_CASE)
 #undef RTAMT_CASE
     case Opcode::delay:

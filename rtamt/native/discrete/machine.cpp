@@ -28,7 +28,7 @@ inline bool execute(const std::vector<Instruction>& instructions, double* r, std
         dispatch(
             i.opcode, [&]<double (*function)(double, double)> { value = function(r[i.a], r[i.b]); },
             [&]<class Window> { value = push<Window>(i, r, t); },
-            [&] { value = static_cast<Delay*>(i.memory)->push(r[i.a]); });
+            [&] { value = static_cast<DelayLine*>(i.memory)->push(r[i.a]); });
         r[i.out] = value;
         nan |= value != value;
     }
@@ -46,9 +46,9 @@ std::uint64_t fingerprint_of(const std::vector<DiscreteRow>& rows, std::size_t v
 template <class F>
 std::pair<Opcode, std::unique_ptr<Memory>> window(std::size_t length, Opcode latest) {
     const auto after = [latest](int i) { return Opcode(static_cast<int>(latest) + i); };
-    if (length == 0) return {after(1), std::make_unique<Running<F>>()};
-    if (length == 1) return {latest, std::make_unique<Latest<F>>()};
-    return {after(2), std::make_unique<Sliding<F>>(length)};
+    if (length == 0) return {after(1), std::make_unique<RunningWindow<F>>()};
+    if (length == 1) return {latest, std::make_unique<LatestWindow<F>>()};
+    return {after(2), std::make_unique<SlidingWindow<F>>(length)};
 }
 
 }  // namespace
@@ -106,7 +106,7 @@ void DiscreteMachine::compile(const DiscreteRow& row, std::size_t terms) {
         made.memory = memories_.back().get();
     } else if (row.kind == "DELAY") {
         if (row.length == 0) refuse("a delay of nothing");
-        memories_.push_back(std::make_unique<Delay>(row.length));
+        memories_.push_back(std::make_unique<DelayLine>(row.length));
         made.memory = memories_.back().get();
     } else {
         refuse("unknown kind '" + row.kind + "'");

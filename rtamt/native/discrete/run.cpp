@@ -40,7 +40,7 @@ public:
             dispatch(
                 i.opcode, [&]<double (*function)(double, double)> { map(i, count); },
                 [&]<class Window> { push<Window>(i, t, count, end); },
-                [&] { static_cast<Delay*>(i.memory)->push(at(i.a), out(i.out), count); });
+                [&] { static_cast<DelayLine*>(i.memory)->push(at(i.a), out(i.out), count); });
     }
 
 private:

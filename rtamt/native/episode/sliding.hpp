@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "core/window.hpp"
+#include "core/windows.hpp"
 #include "episode/partial_folds.hpp"
 
 namespace rtamt::episode {
@@ -193,7 +193,7 @@ private:
     bool has_partial_ = false;
     std::array<bool, kWorlds> neutral_{true, false, false};
     PartialFolds<F> partial_;
-    std::optional<Sliding<F>> queue_;
+    std::optional<SlidingWindow<F>> queue_;
 };
 
 }  // namespace rtamt::episode

@@ -93,8 +93,9 @@ std::size_t DiscreteBank::take(const double* table, const bool* mask) {
             [&] {
                 const double* in = columns_.at(instruction.a);
                 double* out = columns_.out(instruction.out);
+                const auto* memories = formula.memories.data();
                 for (std::size_t i = 0; i < count; ++i)
-                    out[i] = static_cast<Delay*>(formula.memories[lanes_[i]].get())->push(in[i]);
+                    out[i] = static_cast<DelayLine*>(memories[lanes_[i]].get())->push(in[i]);
             });
     }
     const Observed& result = program_.observed_.front();

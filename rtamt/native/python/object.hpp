@@ -58,9 +58,9 @@ template <class M, class Run>
 auto run_long(Object<M>& object, std::size_t n, Run run) {
     constexpr std::size_t kWorthAThread = 10'000;
     if (n < kWorthAThread) return run();
-    struct Running {
-        explicit Running(bool& flag) : flag(flag) { flag = true; }
-        ~Running() { flag = false; }
+    struct WhileRunning {
+        explicit WhileRunning(bool& flag) : flag(flag) { flag = true; }
+        ~WhileRunning() { flag = false; }
         bool& flag;
     } running(object.running);
     const nb::gil_scoped_release others;

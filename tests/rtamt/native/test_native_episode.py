@@ -155,7 +155,7 @@ TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
 
 
 @pytest.mark.parametrize(
-    ("formulas", "tops", "streams", "message"),
+    ("formulas", "initial", "streams", "message"),
     [
         ([("WINDOW", "mean", 0, 0, 0, 1)], [1], [0], "unknown lattice fold 'mean'"),
         ([("MAP", "sub", 0, 0, None, None)], [0, 1], [], "function 'sub' is not monotone"),
@@ -166,8 +166,8 @@ TERM = (0, "LOAD", "x", 0, 0, 0.0, 0, 0)
     ],
 )
 def test_rows_that_would_break_memory_are_refused(
-    formulas: list[tuple[object, ...]], tops: list[int], streams: list[int], message: str
+    formulas: list[tuple[object, ...]], initial: list[int], streams: list[int], message: str
 ) -> None:
     reader = EpisodeMonitor("x > 0")._reader
     with pytest.raises(ValueError, match=f"^{message}$"):
-        native.EpisodeMachine([TERM], formulas, tops, streams, ("x",), reader)
+        native.EpisodeMachine([TERM], formulas, initial, streams, ("x",), reader)

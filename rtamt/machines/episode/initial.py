@@ -11,10 +11,10 @@ from rtamt.machines.episode.streams import NOW, Array, Operands, Polynomials, St
 from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import LatticeFold
 
-__all__ = ["TopFold"]
+__all__ = ["InitialFold"]
 
 
-class TopFold(Polynomials):
+class InitialFold(Polynomials):
     """The fold over times lo to hi."""
 
     def __init__(

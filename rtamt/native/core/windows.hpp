@@ -27,7 +27,7 @@ public:
 
 // The fold of the last element: the element itself.
 template <class F>
-class Latest final : public Memory {
+class LatestWindow final : public Memory {
 public:
     using Fold = F;
     using Element = typename F::Element;
@@ -42,7 +42,7 @@ public:
 
 // The fold of all elements so far.
 template <class F>
-class Running final : public Memory {
+class RunningWindow final : public Memory {
 public:
     using Fold = F;
     using Element = typename F::Element;
@@ -71,12 +71,12 @@ private:
 // elements replace those of front_ that have left the window, and each push turns one more element
 // of back_, from its end on, into a suffix fold.
 template <class F>
-class Sliding final : public Memory {
+class SlidingWindow final : public Memory {
 public:
     using Fold = F;
     using Element = typename F::Element;
 
-    explicit Sliding(std::size_t length)
+    explicit SlidingWindow(std::size_t length)
         : block_(length / 2),
           ahead_(1 - length % 2),
           storage_(std::make_unique_for_overwrite<Element[]>(2 * (block_ + 1))) {
@@ -170,9 +170,9 @@ private:
 };
 
 // The values of `length` samples ago; 0.0 at the first ones, which nobody reads.
-class Delay final : public Memory {
+class DelayLine final : public Memory {
 public:
-    explicit Delay(std::size_t length)
+    explicit DelayLine(std::size_t length)
         : length_(length), ring_(std::make_unique<double[]>(length)) {}
 
     double push(double x) {
