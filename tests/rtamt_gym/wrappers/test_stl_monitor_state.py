@@ -88,8 +88,8 @@ def test_a_nan_at_reset_has_no_last_value() -> None:
     with pytest.raises(InputError) as caught:
         env.reset()
     assert str(caught.value) == (
-        "variable 'x' is nan at sample 0; nan='hold' keeps the last value, which the first sample "
-        "has not"
+        "variable 'x' is nan at sample 0; nan='hold' keeps the last value, and the first sample "
+        "has none"
     )
 
 
