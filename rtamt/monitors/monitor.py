@@ -62,7 +62,7 @@ class _Single(DirectUpdate, Sampled[_M]):
     def __init__(
         self, spec: Spec, period: Period | None = None, **options: Unpack[SampleOptions]
     ) -> None:
-        super().__init__(spec, period, options)
+        self._compile(spec, period, options)
         self._reader = SampleReader(self.program, self._nan)
         self._machine = self._made(self._reader)
         self.update = self._machine.update

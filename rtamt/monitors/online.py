@@ -106,7 +106,7 @@ class Sampled(Online[_M, Program]):
 
     _online: ClassVar = False
 
-    def __init__(self, spec: Spec, period: Period | None, options: SampleOptions) -> None:
+    def _compile(self, spec: Spec, period: Period | None, options: SampleOptions) -> None:
         (
             self.specification,
             self.interface,

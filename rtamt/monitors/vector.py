@@ -41,7 +41,7 @@ class _Lockstep(Sampled[_B]):
         **options: Unpack[SampleOptions],
     ) -> None:
         self.num = _counted(num)
-        super().__init__(spec, period, options)
+        self._compile(spec, period, options)
         self._machine = self._made(LaneReader(self.program, self.num, self._nan))
 
     def _made(self, reader: LaneReader) -> _B:
