@@ -7,8 +7,10 @@ mirrored window (future is past with time flipped). The folded values become one
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +20,25 @@ from rtamt.machines.protocols import DiscreteMachine
 from rtamt.program.algebra import FOLDS
 from rtamt.program.program import Instruction, Load, Program, Window, latencies_of
 
-__all__ = ["Passes", "run_offline", "run_outputs"]
+__all__ = ["Passes", "result_alone", "run_offline", "run_outputs"]
 
 Array = NDArray[np.float64]
 
 
 MakeMachine = Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
+
+
+class _Plan(NamedTuple):
+    """The programs of the passes over a trace.
+
+    Attributes:
+        backwards: For each window without end the program of its operands, and the program that
+            folds them over reversed time.
+        last: The program that has a variable in place of each of these windows.
+    """
+
+    backwards: tuple[tuple[Program, Program], ...]
+    last: Program
 
 
 class Passes:
@@ -39,23 +54,13 @@ class Passes:
     def __init__(
         self, program: Program, reader: SampleReader, machine: MakeMachine, n: int
     ) -> None:
-        program = program.clamped(n)
-        self._backwards: list[tuple[DiscreteMachine, DiscreteMachine]] = []
-        while None in program.latencies:
-            # Everything before the first window without end has a latency.
-            cut = next(
-                r
-                for r, i in enumerate(program.instructions)
-                if isinstance(i, Window) and i.hi is None
-            )
-            window = program.instructions[cut]
-            assert isinstance(window, Window)  # noqa: S101 - for the type checker
-            args = _part(program, reader, machine, window.args)
-            self._backwards.append((args, _mirrored(program, machine, window)))
-            # A variable of a specification cannot have such a name.
-            program = _with_variable(program, cut, f"#{len(program.variables)}")
+        def made(part: Program) -> DiscreteMachine:
+            return machine(part, SampleReader(part, reader.nan), tuple(part.outputs.values()))
+
+        plan = _planned(program, min(n, _greatest_bound(program)))
+        self._backwards = [(made(operands), made(fold)) for operands, fold in plan.backwards]
+        self._last = made(plan.last)
         self._names = tuple(program.outputs)
-        self._last = _part(program, reader, machine, tuple(program.outputs.values()))
 
     def run(self, columns: Sequence[Array], n: int) -> dict[str, Array]:
         """The named formulas at every sample of a trace.
@@ -84,8 +89,7 @@ def run_offline(
         columns: For every variable its n values.
         n: Length of the trace, 1 or more.
     """
-    alone = program.restricted(program.result, {"": program.result})
-    return run_outputs(alone, reader, machine, columns, n)[""]
+    return run_outputs(result_alone(program), reader, machine, columns, n)[""]
 
 
 def run_outputs(
@@ -100,33 +104,56 @@ def _run(machine: DiscreteMachine, columns: Sequence[Array], n: int) -> list[Arr
     return machine.run(columns, n, final=True)
 
 
-def _part(
-    program: Program, reader: SampleReader, machine: MakeMachine, registers: Sequence[int]
-) -> DiscreteMachine:
-    """A machine that computes these registers."""
-    names = {str(i): r for i, r in enumerate(registers)}
-    part = program.restricted(registers[0], names)
-    checked = SampleReader(part, reader.nan)
-    return machine(part, checked, [part.outputs[str(i)] for i in range(len(registers))])
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def result_alone(program: Program) -> Program:
+    """The program whose only output is the result, under an empty name."""
+    return program.restricted(program.result, {"": program.result})
 
 
-def _mirrored(program: Program, machine: MakeMachine, window: Window) -> DiscreteMachine:
-    """A machine that folds the operands of a window without end over reversed time."""
+@functools.lru_cache(maxsize=512)
+def _planned(program: Program, n: int) -> _Plan:
+    """The passes for traces of n samples or less; if n is the greatest bound, for every trace."""
+    program = program.clamped(n)
+    backwards = []
+    while None in program.latencies:
+        # Everything before the first window without end has a latency.
+        cut = next(
+            r for r, i in enumerate(program.instructions) if isinstance(i, Window) and i.hi is None
+        )
+        window = program.instructions[cut]
+        assert isinstance(window, Window)  # noqa: S101 - for the type checker
+        operands = {str(i): register for i, register in enumerate(window.args)}
+        part = program.restricted(window.args[0], operands)
+        backwards.append((part, _mirrored(program, window)))
+        # A variable of a specification cannot have such a name.
+        program = _with_variable(program, cut, f"#{len(program.variables)}")
+    first = next(iter(program.outputs.values()))
+    return _Plan(tuple(backwards), program.restricted(first, program.outputs))
+
+
+@functools.lru_cache(maxsize=512)
+def _greatest_bound(program: Program) -> int:
+    """The longest way that a window reaches back or ahead, in samples."""
+    windows = [i for i in program.instructions if isinstance(i, Window)]
+    return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)
+
+
+def _mirrored(program: Program, window: Window) -> Program:
+    """The program that folds the operands of a window without end over reversed time."""
     width = len(window.args)
     inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(width))
     mirrored = Window(FOLDS[window.fold].mirror, None, -(window.lo or 0), tuple(range(width)))
     source = program.sources[-1]
-    part = replace(
+    return replace(
         program,
         instructions=(*inputs, mirrored),
         terms=len(inputs),
         latencies=(0,) * (len(inputs) + 1),
         result=len(inputs),
-        outputs={},
+        outputs={"": len(inputs)},
         variables=tuple(str(i) for i in range(width)),
         sources=(source,) * (len(inputs) + 1),
     )
-    return machine(part, SampleReader(part), (part.result,))
 
 
 def _with_variable(program: Program, cut: int, name: str) -> Program:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
 from rtamt.inputs.samples import Columns, Floats, SampleReader, array_of_numbers, wrong_shape
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.offline import Passes
+from rtamt.machines.offline import Passes, result_alone
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
 
@@ -67,8 +67,7 @@ def evaluate_many(
     if not len(ends):
         return robustness
     machine = BACKENDS[backend].discrete_machine
-    alone = program.restricted(program.result, {"": program.result})
-    passes = Passes(alone, reader, machine, max(ends))
+    passes = Passes(result_alone(program), reader, machine, max(ends))
     checked = [not np.isnan(column).any() for column in columns]
     for trace, n in enumerate(ends):
         row = [column[trace, :n] for column in columns]
