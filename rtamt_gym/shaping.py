@@ -1,7 +1,7 @@
-"""From robustness to reward: pure functions of floats, and of arrays with one number for a lane.
+"""From robustness to reward: pure functions of floats, and of arrays with a number for each lane.
 
-Let r be the environment's reward, x the robustness of the episode so far, clipped to
-[-clip, clip], and x' the same after the step:
+Let r be the environment's reward, x the robustness of the episode before the step, clipped to
+[-clip, clip], and x' that after the step:
 
 | mode | reward | keeps |
 |---|---|---|
@@ -9,17 +9,17 @@ Let r be the environment's reward, x the robustness of the episode so far, clipp
 | ``replace`` | x' | |
 | ``potential`` | r + weight * (gamma * x' - x), x' = 0 after a termination | the optimal policy |
 | ``terminal`` | r, and weight * x' more in the last step, terminated or truncated | |
-| ``hierarchical`` | the level that was reached, below | the order of the specifications |
+| ``hierarchical`` | the value of the first negative level, below | the order of the levels |
 
-``potential`` keeps x' at a truncation: that episode could have gone on, and the learner goes on
-with the value of its last state. A termination, be it by the environment or by the monitor, has no
-value behind it, so its potential must be 0 (Ng, Harada and Russell, "Policy invariance under
+``potential`` keeps x' at a truncation: that episode could have gone on, and the learner bootstraps
+with the value of its last state. After a termination, by the environment or by the monitor, there
+is no further value, so the potential must be 0 (Ng, Harada and Russell, "Policy invariance under
 reward transformations", ICML 1999). ``gamma`` must be the learner's discount.
 
-The other modes change what is optimal: that is their use. Where x is negative for long (a goal not
-yet reached), ``add``, ``replace`` and ``hierarchical`` pay a step less than nothing, and an episode
-that fails early may earn more than one that succeeds late; ``terminal`` and ``potential`` do not
-count steps.
+The other modes change the optimal policy on purpose. While x is negative for many steps (a goal not
+yet reached), ``add``, ``replace`` and ``hierarchical`` pay a negative amount each step, and an
+episode that fails early may earn more than one that succeeds late; ``terminal`` and ``potential``
+do not depend on the number of steps in this way.
 
 Functions that take several specifications take a sequence with an element for each: floats, or
 arrays of shape (lanes,). Flags (``ended``, ``terminated``) are 1 or 0, or True and False.
@@ -62,7 +62,7 @@ Value = TypeVar("Value", float, NDArray[np.float64])
 
 
 def clip(x: Value, bound: float) -> Value:
-    """``min(max(x, -bound), bound)``; the infinite become finite.
+    """``min(max(x, -bound), bound)``; infinities become finite.
 
     Example:
         >>> clip(float("-inf"), 1.0), clip(0.25, 1.0)
@@ -77,13 +77,12 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
     """The minimum; with a temperature T the smooth one, ``-T * log(sum(exp(-value / T)))``.
 
     The smooth minimum of n values lies between ``min - T * log(n)`` and ``min``: where it is
-    positive, all values are. All values move it, the smallest most. That of one value is the
-    value. It is smooth over specifications; the robustness of each stays what its monitor says,
-    with exact minima and maxima inside of the formula.
+    positive, all values are. It depends on all values, on the smallest most; for one value it is
+    that value. It is smooth over specifications only: minima and maxima within a formula are exact.
 
     Args:
         values: Finite numbers, one or more.
-        temperature: T > 0; None takes the exact minimum.
+        temperature: T > 0; None for the exact minimum.
 
     Example:
         >>> least([0.5, 0.25])
@@ -109,14 +108,14 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
 def hierarchical(levels: Sequence[Value], bound: float) -> Value:
     """The first negative level, else the last, raised by ``bound`` for every level before it.
 
-    With all levels in [-bound, bound] the bands do not overlap: whoever violates a level is below
-    everyone who violates only later ones, whatever the margins. The value is negative exactly
-    where the first level is, and never falls when a level rises. A margin beyond 0 counts for the
-    last level alone.
+    With all levels in [-bound, bound] the ranges do not overlap: a violated level gives less than
+    any violation of later levels alone, whatever the margins. The value is negative exactly where
+    the first level is, and never falls when a level rises. A positive margin counts for the last
+    level alone.
 
     Args:
         levels: Robustness of each level, the most important first.
-        bound: What the levels are clipped to.
+        bound: The bound to which the levels are clipped.
 
     Example:
         >>> hierarchical([-0.5, 1.0, 1.0], 1.0), hierarchical([0.5, -0.5, 1.0], 1.0)
@@ -195,10 +194,10 @@ class Shaping:
         weight: Factor of the robustness beside the environment's reward.
         clip: Bound of the robustness.
         gamma: Discount of the learner.
-        temperature: Of the smooth minimum over the specifications; None: exact.
+        temperature: Temperature of the smooth minimum over the specifications; None: exact.
         weights: Factor of every specification's robustness.
-        levels: Indices of the specifications, level by level; a single level but for
-            ``hierarchical``.
+        levels: Indices of the specifications in each level; all modes but ``hierarchical`` have one
+            level.
     """
 
     mode: Mode
@@ -222,11 +221,11 @@ class Shaping:
         weights: Mapping[str, float] | None = None,
         priorities: Mapping[str, Priority] | None = None,
     ) -> Shaping:
-        """The shaping of the specifications named; the arguments are those of `StlReward`.
+        """The shaping for the specifications named; the arguments are those of `StlReward`.
 
         Raises:
-            InputError: If an argument is none of its choices, out of its range, or speaks of
-                specifications that there are not.
+            InputError: If an argument is none of its choices, out of its range, or names a
+                specification that is not there.
         """
         check_choice("mode", mode, get_args(Mode))
         if weights is not None:
@@ -246,14 +245,14 @@ class Shaping:
         )
 
     def scaled(self, values: Sequence[Value]) -> list[Value]:
-        """Values of the specifications, each times its weight and clipped."""
+        """The values of the specifications, each times its weight and clipped."""
         return [
             clip(factor * value, self.clip)
             for factor, value in zip(self.weights, values, strict=True)
         ]
 
     def robustness(self, values: Sequence[Value]) -> Value:
-        """The one number that the reward is made of, from the robustness of the specifications."""
+        """Combines the robustness of the specifications into the number that the reward uses."""
         scaled = self.scaled(values)
         return hierarchical(
             [
@@ -269,7 +268,7 @@ class Shaping:
         """The shaped reward of a step.
 
         Args:
-            reward: What the environment paid.
+            reward: The reward of the environment.
             before: `robustness` before the step.
             after: `robustness` after the step.
             terminated: Whether the episode was terminated.

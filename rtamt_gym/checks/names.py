@@ -1,4 +1,4 @@
-"""Names in messages: all that there are, and the one that may be meant."""
+"""Names in messages: the known ones, and the nearest to one that is not known."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def listing(names: Iterable[Any]) -> str:
 
 
 def nearest(name: object, names: Iterable[Any]) -> str:
-    """A question for the most similar name, or an empty string; what is no text has no name near.
+    """Asks whether the most similar name was meant; an empty string if none is similar.
 
     Example:
         >>> nearest("levle", ["level", "inflow", 3]), nearest("x", ["level"]), nearest(3, ["level"])

@@ -23,16 +23,7 @@ def record(
     terminated: Lanewise,
     truncated: Lanewise,
 ) -> dict[str, Any]:
-    """The record of an episode, or of several: an array for each key.
-
-    Args:
-        outcomes: The outcome of every specification.
-        violated_by: The specification that was violated first.
-        violated_at: The sample that showed it; -1 if none was violated.
-        samples: How many samples the episode had.
-        terminated: Whether it was terminated.
-        truncated: Whether it was truncated.
-    """
+    """The record of an episode, or of several; ``violated_at`` is -1 if none was violated."""
     violated = violated_at >= 0
     return {
         "samples": samples,

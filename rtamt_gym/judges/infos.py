@@ -48,15 +48,9 @@ def step_info(
     states: Mapping[str, Any] | None = None,
     cost: Lanewise = None,
 ) -> dict[str, Any]:
-    """Adds the keys that every info has; returns a new dictionary.
+    """The info of an environment with the keys that every info has.
 
-    Args:
-        info: The info of the environment.
-        robustness: The least robustness over the specifications.
-        lower: The least of their lower bounds.
-        upper: The least of their upper bounds.
-        states: The `spec_state` of every specification, if it is wanted.
-        cost: The `step_cost`, if it is wanted; not at reset.
+    ``states`` are those of the specifications, by `spec_state`; they and the cost are optional.
     """
     made = {
         **info,
@@ -83,13 +77,7 @@ def spec_state(
 
 
 def step_cost(kind: Cost, upper: Lanewise, charged: Lanewise) -> Lanewise:
-    """The cost of a step.
-
-    Args:
-        kind: What the cost measures.
-        upper: The least upper bound after the step.
-        charged: Whether the episode was violated before the step.
-    """
+    """The cost of a step; ``charged``: whether the episode was violated before it."""
     if kind == "depth":
         return max(0.0, -upper) if isinstance(upper, float) else np.maximum(0.0, -upper)
     violated = upper < 0.0
@@ -99,10 +87,7 @@ def step_cost(kind: Cost, upper: Lanewise, charged: Lanewise) -> Lanewise:
 def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> dict[str, Any]:
     """The outcome of one specification, an entry of ``info["stl_episode"]``.
 
-    Args:
-        robustness: The robustness of the whole episode.
-        verdict: 1 if it is satisfied, -1 if it is violated, 0 while that is open.
-        decided_at: The sample that decided the verdict; -1 while it is open.
+    ``decided_at`` is the sample that decided the verdict, -1 while it is open.
     """
     return {
         "robustness": robustness,
@@ -121,12 +106,8 @@ def last_info(
 ) -> dict[str, Any]:
     """The keys that only the last info of an episode has.
 
-    Args:
-        outcomes: The `outcome` of every specification.
-        violated_by: The specification that was violated first.
-        violated_at: The sample that showed it; -1 if none was violated.
-        decided: Whether all verdicts are decided.
-        reported: Whether the environment itself reports ``is_success``, which is kept then.
+    ``violated_at`` is -1 if no specification was violated, ``decided`` says whether all verdicts
+    are decided, ``reported`` whether the environment has its own ``is_success``, which is kept.
     """
     violated = violated_at >= 0
     known = np.logical_and(np.logical_or(violated, decided), np.logical_not(reported))

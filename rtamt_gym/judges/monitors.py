@@ -30,10 +30,10 @@ class MonitorValues(NamedTuple):
     """The values of the monitors after a sample: for each specification a float, or an array.
 
     Attributes:
-        robustness: Robustness by the source.
-        judged: Robustness by the judge, of the whole episode.
-        lower: The least that the latter can still become.
-        upper: The greatest that it can still become.
+        robustness: The robustness of the sources.
+        judged: The robustness of the judges: that of the whole episode.
+        lower: The lower bounds of ``judged``.
+        upper: The upper bounds of ``judged``.
         samples: Samples fed since the reset.
     """
 
@@ -135,8 +135,8 @@ def make_monitor(
 ) -> tuple[rtamt.EpisodeMonitor | InstantMonitor, rtamt.EpisodeMonitor]:
     """The monitors of a specification: ``(robustness source, judge)``.
 
-    The source is fed, and gives the robustness; the judge gives bounds and verdict of the episode.
-    It is the source itself, or fed by it.
+    The source is fed, and gives the robustness; the judge gives bounds and verdict of the episode,
+    and is the source itself or fed by it.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, if the formula speaks of

@@ -23,7 +23,6 @@ Assessment = tuple[float, float, float]
 Feed = Callable[..., Assessment]
 """Feeds one sample to the monitors of a panel; takes the arguments of a `Read`."""
 
-
 Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
@@ -42,7 +41,7 @@ class Panel:
     Args:
         specs: Specifications by name.
         period: Time between samples.
-        view: Whether formulas speak of the episode or of every instant.
+        view: Whether formulas are evaluated at sample 0 or at every instant.
         nan: Whether a signal that is nan is refused, or keeps its last value.
 
     Raises:
@@ -234,11 +233,7 @@ class Panel:
         return self._described, sources, dict(self._decided), self.violated_by
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Goes back to a `state` of a panel of the same specifications.
-
-        Raises:
-            InputError: If they are others.
-        """
+        """Goes back to a `state`; raises an `InputError` if it is one of other specifications."""
         described, sources, decided, violated_by = state
         if described != self._described:
             raise InputError(

@@ -1,4 +1,4 @@
-"""The specifications of an environment wrapper: loaded, named, timed, and turned into monitors."""
+"""The specifications of an environment: loaded and named; the period and resets of its samples."""
 
 from __future__ import annotations
 
@@ -36,22 +36,21 @@ SpecsLike = SpecLike | Mapping[str, SpecLike]
 """One specification, or several with their names."""
 
 View = Literal["episode", "step"]
-"""Whether a formula speaks of the episode from sample 0 on, or of every instant."""
+"""Whether a formula is evaluated at sample 0 of the episode, or at every instant."""
 
 Nan = Literal["raise", "hold"]
 """Whether a signal that is nan is refused, or keeps its last value."""
-
 
 Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
 
 
 def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:
-    """The specifications by name; one alone has the name that its text gives it, else ``"spec"``.
+    """Loads specifications by name; one alone has the name that its text gives it, else ``"spec"``.
 
     Raises:
-        SpecificationError: If one has no meaning; a note names it where there are several.
-        InputError: If there is none.
+        SpecificationError: If a specification is wrong; a note names it if there are several.
+        InputError: If there is no specification.
         InputTypeError: If one is neither text, nor a path, nor a ``Specification``.
     """
     if not isinstance(specs, Mapping):
@@ -77,18 +76,18 @@ def recordable(specs: SpecsLike) -> str | dict[str, str]:
 
 
 def read_period(env: Env) -> float | None:
-    """Seconds between two steps of an environment, or None if it does not say.
+    """Reads the seconds between two steps of an environment; None if it does not have them.
 
-    ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
-    ``unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
-    ``metadata["render_fps"]``, is not the rate of the samples: Pendulum says 30 and makes 20.
+    They are ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
+    ``1 / unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
+    ``metadata["render_fps"]``, is not the rate of the samples: Pendulum has 30 and steps 20 times.
 
-    A `SyncVectorEnv` says what its environments say; an `AsyncVectorEnv` says nothing: asked for
-    what its environments do not have, it would shut them down. Nor is there an answer where a
-    `MaxAndSkipObservation` makes several steps of one.
+    A `SyncVectorEnv` has the period of its environments. An `AsyncVectorEnv` has none: asked for
+    what its environments lack, it would shut them down. Nor is there one where a
+    `MaxAndSkipObservation` makes several steps in one.
 
     Raises:
-        InputError: If the environments of a `SyncVectorEnv` say different things.
+        InputError: If the environments of a `SyncVectorEnv` have different periods.
     """
     simulation = env.unwrapped
     if isinstance(simulation, AsyncVectorEnv) or _skips(env):
@@ -114,10 +113,10 @@ def read_period(env: Env) -> float | None:
 
 
 def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
-    """When a vector environment resets those whose episodes have ended.
+    """When a vector environment resets an environment whose episode has ended.
 
     Raises:
-        InputError: If it says something that is no mode.
+        InputError: If its metadata has something else than a mode.
     """
     mode = env.metadata.get("autoreset_mode")
     if isinstance(mode, AutoresetMode):
@@ -140,10 +139,10 @@ def resolve_period(
     env: Env,
     read: Callable[[Any], float | None] = read_period,
 ) -> float | str | None:
-    """The period given, else the period of the environment, as ``read`` finds it.
+    """The period given, else that which ``read`` finds in the environment.
 
     Raises:
-        SpecificationError: If neither is there and a specification has a bound.
+        SpecificationError: If there is none and a specification has a bound.
     """
     if period is None:
         period = read(env)
@@ -176,7 +175,7 @@ def _load(spec: SpecLike) -> rtamt.Specification:
 
 
 def _skips(env: Env) -> bool:
-    """Whether a wrapper of Gymnasium makes several steps of the simulation in one."""
+    """Whether a wrapper of Gymnasium makes several steps in one."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, MaxAndSkipObservation):
             return True

@@ -1,8 +1,7 @@
-"""Infos of vector environments: for every key an array, and a mask ``_key`` of those who have it.
+"""Infos of vector environments: an array for every key, and a mask ``_key`` of those that have it.
 
-The form is that in which Gymnasium's `SyncVectorEnv` gathers the infos of its environments: zeros
-(None among objects) where an environment has no value, no key that no environment has, dictionaries
-inside of dictionaries.
+The form is that of Gymnasium's `SyncVectorEnv`: zeros (None among objects) where an environment has
+no value, no key that no environment has, dictionaries inside dictionaries.
 """
 
 from __future__ import annotations
@@ -24,14 +23,9 @@ __all__ = ["final_infos", "final_observations", "put", "put_last", "who_has"]
 
 
 def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: int) -> None:  # noqa: ANN401
-    """Gives the environments of the mask their values; None: all of them, and the array itself.
+    """Sets a key of the environments of the mask; None: of all, to the array itself.
 
-    Args:
-        infos: What to write to.
-        key: The key.
-        value: An array with an element for every environment, or a dictionary of such arrays.
-        lanes: The mask.
-        num: How many environments there are.
+    ``value`` has an element for every environment, or is a dictionary of such arrays.
     """
     if isinstance(value, dict):
         group: dict[str, Any] = {}
@@ -53,14 +47,9 @@ def put_at(
     at: NDArray[np.integer[Any]],
     num: int,
 ) -> None:
-    """Gives some environments a value each.
+    """Sets a key of the environments with the numbers ``at``, out of ``num``.
 
-    Args:
-        infos: What to write to.
-        key: The key.
-        value: An array with an element for each of them, a `Where` of two arrays, or a dictionary.
-        at: Numbers of the environments.
-        num: How many environments there are.
+    ``value`` has an element for each of them, or is a `Where` or a dictionary of such arrays.
     """
     if isinstance(value, Where):
         at, value = at[value.there], value.value[value.there]
@@ -81,14 +70,7 @@ def put_at(
 def put_last(
     infos: dict[str, Any], last: Mapping[str, Any], at: NDArray[np.integer[Any]], num: int
 ) -> None:
-    """Gives some environments the keys of their last infos; where they report success, that stays.
-
-    Args:
-        infos: What to write to.
-        last: What `last_info` gives, with an element for each of them.
-        at: Numbers of the environments.
-        num: How many environments there are.
-    """
+    """Sets the keys of `last_info`; an ``is_success`` that environments report is kept."""
     before = infos.get("is_success")
     reported = who_has(infos, "is_success", num)
     for key, value in last.items():
@@ -118,7 +100,7 @@ def final_observations(
     infos: Mapping[str, Any],
     ended: Lanes,
 ) -> Any:  # noqa: ANN401
-    """The observations of a step before the environments that ended in it were reset.
+    """The observations from before the resets in a step.
 
     Args:
         space: The observation space of one environment.
@@ -128,7 +110,7 @@ def final_observations(
         ended: The environments that ended.
 
     Raises:
-        InputError: If there are none.
+        InputError: If there is no ``final_obs``.
     """
     if "final_obs" not in infos:
         raise InputError(
@@ -177,12 +159,7 @@ def _replaced(obs: Any, final: Any, ended: Lanes) -> Any:  # noqa: ANN401
 
 
 def final_infos(infos: dict[str, Any], ended: Lanes) -> dict[str, Any]:
-    """The infos of a step before the environments that ended in it were reset.
-
-    Args:
-        infos: Holds the terminal ones as ``final_info``, a dictionary in the form of infos.
-        ended: The environments that ended.
-    """
+    """The infos from before the resets in a step: ``final_info`` where episodes ended."""
     before = {k: v for k, v in infos.items() if k not in _FINAL}
     return _merged(before, infos.get("final_info", {}), ended)
 

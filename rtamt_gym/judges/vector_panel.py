@@ -25,7 +25,7 @@ Numbers = NDArray[np.integer[Any]]
 
 
 class VectorPanel:
-    """The vector twin of `Panel`: arrays have an element for every environment.
+    """The vector twin of `Panel`: its arrays have an element for every environment.
 
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
@@ -36,16 +36,11 @@ class VectorPanel:
         lower: The least that the robustness can still become.
         upper: The greatest that the robustness can still become.
 
-    Args:
-        specs: Specifications by name.
-        num: How many environments there are.
-        period: Time between samples.
-        view: Whether formulas speak of the episode or of every instant.
-        nan: Whether a signal that is nan is refused, or keeps its last value.
-        columns: Names of the columns of the tables that are fed.
+    The arguments are those of `Panel`, the number of environments, and the names of the columns of
+    the tables that are fed.
 
     Raises:
-        SpecificationError: As `rtamt_gym.judges.monitors.make_vector_monitor` does.
+        SpecificationError: As `Panel` does.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 """Samples from a program that runs the loop of ``mj_step`` itself, by ``mjcb_control``.
 
 MuJoCo calls ``mjcb_control`` where a controller sets its forces: once in a step, but four times
-under RK4, of which the first sees the state that the step starts from and the others see states
-that are only tried, at the half of the step and at its end. Their times tell them apart.
+with the integrator RK4. The first call sees the state that the step starts from, the others see
+states that are only tried, at the half of the step and at its end. Their times tell them apart.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from rtamt import StateError
 __all__ = ["Attached", "Offer"]
 
 Offer = Callable[[], None]
-"""Offers the simulation as it is now as a sample."""
+"""Takes the simulation as it is now as a sample, or leaves it."""
 
 
 class Attached:
     """A context in which ``mjcb_control`` offers the states of a simulation.
 
-    The slot is one for the whole process. What was in it is called before, and is put back in the
-    end. No exception of ``offer`` goes through MuJoCo: the first one ends the offers, and is raised
-    at the end of the context.
+    There is one callback in a process: one that was set before is called first, and is set again at
+    the end. An exception of ``offer`` does not pass through MuJoCo: the first one ends the offers,
+    and is raised at the end of the context.
 
     Args:
-        data: The simulation; others are left alone.
-        offer: Called for the states of the simulation, those that are tried included.
-        last: Called at the end, when the last step has been made.
+        data: The simulation; others are ignored.
+        offer: Called for the states of the simulation, those that are only tried included.
+        last: Called at the end, after the last step.
     """
 
     def __init__(self, data: Any, offer: Offer, last: Offer) -> None:  # noqa: ANN401
@@ -61,7 +61,7 @@ class Attached:
         replaced = mujoco.get_mjcb_control() != self._control
         if not replaced:
             mujoco.set_mjcb_control(self._before)
-        if error is not None:  # that of the program comes first
+        if error is not None:  # the program's own error comes first
             return
         if self._error is not None:
             raise self._error

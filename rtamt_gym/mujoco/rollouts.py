@@ -1,4 +1,4 @@
-"""Trajectories of `mujoco.rollout` under specifications, all of them in one call."""
+"""The robustness of trajectories made by `mujoco.rollout`, all in one call."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def evaluate_rollouts(
     """Robustness of many rollouts at every sample, offline.
 
     Samples are the states that ``mujoco.rollout`` returns, those after each step; put the initial
-    states before them for a sample 0 as `StepMonitor` has it. Selectors are those of `StepMonitor`
+    states before them to have a sample 0 as in `StepMonitor`. Selectors are those of `StepMonitor`
     that read what is in a rollout: ``time``, ``qpos``, ``qvel``, ``act``, ``joint:hip.qpos`` and
-    the like from the states, ``sensordata`` and ``sensor:imu[0]`` from the sensors, which are one
-    step late. For all else add a sensor to the model.
+    similar ones from the states, ``sensordata`` and ``sensor:imu[0]`` from the sensors, which are
+    one step late. For anything else add a sensor to the model.
 
     Args:
         model: The model that was rolled out, or one with the same layout.
@@ -44,7 +44,7 @@ def evaluate_rollouts(
             or several with their names.
         signals: For every variable a selector.
         states: Of shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
-        sensordata: Of shape (rollouts, steps, sensor data), where a signal reads it.
+        sensordata: Of shape (rollouts, steps, sensor data); needed if a signal reads it.
         period: Time between samples; None is ``model.opt.timestep``.
 
     Returns:
@@ -95,10 +95,10 @@ def evaluate_rollouts(
 def _places(
     model: mujoco.MjModel, signals: tuple[Signal, ...], sensordata: ArrayLike | None
 ) -> dict[str, int]:
-    """Where the signals are in a row of states and sensor data.
+    """Finds the place of every signal in a row of states and sensor data.
 
-    MuJoCo itself says so: every number of a simulation gets a mark of its own, and what a selector
-    reads from this simulation is sought in its state.
+    Every number of a simulation is set to a value of its own; the place of what a selector reads
+    from this simulation is found by its value.
     """
     data = mujoco.MjData(model)
     counts = [1, model.nq, model.nv, model.na, model.nsensordata]

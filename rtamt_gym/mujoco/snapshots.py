@@ -1,4 +1,4 @@
-"""Snapshots: a MuJoCo simulation and what its monitors know, to go back to from any branch."""
+"""Snapshots of a MuJoCo simulation with its monitors, to branch from."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from rtamt_gym.signals.mujoco import derive
 __all__ = ["Snapshot"]
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""All that decides how MuJoCo goes on, the warm start of its solver included."""
+"""All that MuJoCo's next steps depend on, the warm start of its solver included."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Snapshot:
     """A `StepMonitor` and its simulation at an instant.
 
-    From a snapshot the simulation goes on exactly as it did, bit for bit, and so do robustness,
-    bounds and verdicts; as often as wanted, in the monitor that it was taken of or in another one
-    of the same model and specifications. It holds no model and can be pickled.
+    After `restore` the simulation continues exactly as it did, bit for bit, and so do robustness,
+    bounds and verdicts; as often as wanted, in the monitor that the snapshot was taken of or in
+    another one of the same model and specifications. A snapshot holds no model and can be pickled.
 
     What MuJoCo derives from the state (``xpos``, ``sensordata``, contacts) is not in it: the next
-    step derives it. With ``forward=True`` `restore` derives it at once; without, a controller that
-    looks at it before the first step sees what another branch has left.
+    step derives it. `restore` derives it at once if the monitor has ``forward=True``; otherwise a
+    controller that reads it before the first step sees values of another branch.
 
     Example:
         >>> import mujoco
@@ -59,7 +59,7 @@ class Snapshot:
         """Takes a snapshot.
 
         Raises:
-            InputTypeError: Of anything else than a `StepMonitor`.
+            InputTypeError: If ``monitor`` is no `StepMonitor`.
         """
         if not isinstance(monitor, StepMonitor):
             raise InputTypeError(f"expected a StepMonitor, got {monitor!r}")
@@ -68,7 +68,7 @@ class Snapshot:
         return cls(simulation, monitor.state())
 
     def restore(self, monitor: StepMonitor) -> None:
-        """Goes back to this instant.
+        """Sets the simulation and its monitors back to this instant.
 
         Raises:
             InputError: If the monitor is of a model with another state, or of other

@@ -1,4 +1,4 @@
-"""`StepMonitor`: specifications of signal temporal logic watch a loop of `mj_step`."""
+"""`StepMonitor`: a loop of `mj_step` monitored against specifications."""
 
 from __future__ import annotations
 
@@ -40,33 +40,32 @@ class StepMonitor:
       ``site:grip.xpos[0]``, ``actuator:motor.force``, ``tendon:cord.length``: the fields that
       ``MjData`` has by name; the index may be left out where there is one number
     * ``contact:foot,floor``: 1 while the two geoms touch, else 0; ``contact:foot,floor.force``: the
-      sum of the normal forces between them, in newtons, which gives a margin to a specification.
-      A name that no geom has is that of a body, and means all its geoms; of one name alone it is
+      sum of the normal forces between them, in newtons, which gives a specification a margin.
+      A name that no geom has is that of a body, and means all its geoms; one name alone stands for
       the contact with anything
     * a callable of model and data
 
     A name with dots, commas, colons, brackets or blanks is written in quotes:
     ``body:'arm.left'.xpos[2]``.
 
-    ``mj_step`` first derives positions, sensors, contacts and forces from the state, then moves the
-    state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while all that is
-    derived (``xpos``, ``sensordata``, contacts, forces, ``qacc``) is one step late, and with the
-    RK4 integrator positions are even those of a state that it only tried. ``forward=True`` derives
-    them once more after every step, ``mj_forward``, so that a sample is of one instant; the
-    simulation goes on as it would without.
+    ``mj_step`` first derives positions, sensors, contacts and forces from the state, then advances
+    the state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived
+    quantities (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with
+    the RK4 integrator positions are those of a state that it only tried. ``forward=True`` calls
+    ``mj_forward`` after every step, which derives them again, so that a sample is of one instant;
+    the trajectory stays the same.
 
     Args:
         model: A ``mujoco.MjModel``, kept as an attribute.
-        data: A ``mujoco.MjData`` of it, likewise.
+        data: A ``mujoco.MjData`` of the model, kept as an attribute.
         specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
             several with their names.
         signals: For every variable a selector or a callable, see above.
         period: Time between samples, in seconds or as text with a unit; None is
             ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
-        view: ``"episode"``: a formula speaks of the run from sample 0 on; ``"step"``: of every
-            instant.
+        view: ``"episode"`` evaluates a formula at sample 0, ``"step"`` at every instant.
         nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value.
-        forward: Whether to derive again what is derived, see above.
+        forward: Whether to call ``mj_forward`` after every step, see above.
 
     Raises:
         SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
@@ -126,9 +125,9 @@ class StepMonitor:
         self._running = False
 
     def reset(self) -> None:
-        """Forgets every sample; the simulation as it is now is sample 0.
+        """Forgets every sample, and feeds the simulation as it is now as sample 0.
 
-        Calls ``mj_forward``, so that all that is derived from the state is there.
+        Calls ``mj_forward`` first, which derives what signals may read.
 
         Raises:
             InputError: If a signal is nan or cannot be read.
@@ -148,8 +147,8 @@ class StepMonitor:
 
         Raises:
             StateError: After `finish` and after an error; and if the simulation is not at the time
-                of the sample: it was stepped or reset by others, its timestep was changed, or it
-                was unstable, so that MuJoCo reset it. The time is checked now and then, and
+                of the sample: something else stepped or reset it, its timestep was changed, or it
+                was unstable, so that MuJoCo reset it. The time is checked every 16 samples, and
                 before any verdict is decided.
             InputError: If a signal is nan or cannot be read.
         """
@@ -179,7 +178,7 @@ class StepMonitor:
 
         Raises:
             StateError: As `step` does.
-            InputError: Likewise.
+            InputError: As `step` does; and if the duration is no positive number.
         """
         check_choice("on_violation", on_violation, get_args(OnStepViolation))
         steps = round(check_number("duration", duration) / self.model.opt.timestep)
@@ -195,19 +194,19 @@ class StepMonitor:
         return self.verdict
 
     def attached(self) -> Attached:
-        """A context in which a program that runs the loop itself is monitored.
+        """A context that monitors a program with a loop of its own.
 
-        Samples come from ``mjcb_control``, which MuJoCo calls inside of ``mj_step``, one for every
-        step; the first is sample 0, unless `reset` took it, and the state that the last step leaves
-        is fed at the end. A controller that is set before is called too. There, positions are
-        those of the sample, but forces and sensors those of the step before. The callback belongs
-        to the whole process, and MuJoCo compiles no model while it is set: where the loop can be
-        written anew, `step` is better.
+        Samples come from ``mjcb_control``, which MuJoCo calls inside ``mj_step``, one for every
+        step; the first is sample 0, unless `reset` took it, and the state after the last step is
+        fed at the end. A controller that was set before is called too. In the callback positions
+        are those of the sample, but forces and sensors those of the step before. The callback is
+        one for the whole process, and MuJoCo compiles no model while it is set: prefer `step` where
+        the loop can be changed.
 
         Raises:
             StateError: At the end of the context, if a sample was missed: the program changed the
                 time of the simulation, its timestep, or the callback.
-            InputError: Likewise, if a signal was nan or could not be read.
+            InputError: At the end of the context, if a signal was nan or could not be read.
 
         Example:
             >>> import mujoco
@@ -224,9 +223,10 @@ class StepMonitor:
         return Attached(self.data, self._offer, self._offer_last)
 
     def finish(self) -> float:
-        """Ends the trace with the last sample, and returns the robustness of the whole.
+        """Ends the trace with the last sample, and returns its robustness.
 
-        A time limit is no end: leave the verdict open there. `step` is refused until `reset`.
+        A run that is cut short by a time limit has not ended: leave its verdict open. `step` raises
+        until `reset`.
 
         Raises:
             StateError: Before sample 0.
@@ -252,12 +252,12 @@ class StepMonitor:
 
     @property
     def upper(self) -> float:
-        """The greatest; below 0 no continuation can satisfy all specifications."""
+        """The greatest that it can become; below 0 no continuation satisfies all specifications."""
         return self._panel.upper
 
     @property
     def verdict(self) -> Verdict:
-        """What is certain of all specifications together."""
+        """The verdict on all specifications together."""
         if self.upper < 0.0:
             return Verdict.VIOLATED
         return Verdict.SATISFIED if self.lower > 0.0 else Verdict.UNDECIDED
@@ -284,21 +284,21 @@ class StepMonitor:
 
     @property
     def values(self) -> dict[str, float]:
-        """What every variable reads now."""
+        """The value of every signal now."""
         return {
             signal.name: read() for signal, read in zip(self._signals, self._reads, strict=True)
         }
 
     @property
     def details(self) -> dict[str, dict[str, Any]]:
-        """``{spec: {"robustness", "lower", "upper", "verdict"}}``, as it is now."""
+        """``{spec: {"robustness", "lower", "upper", "verdict"}}`` of the samples so far."""
         return self._panel.describe()
 
     @property
     def outcomes(self) -> dict[str, dict[str, Any]]:
-        """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}``, of the run so far.
+        """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}`` of the samples so far.
 
-        ``decided_at`` is the sample that decided a verdict, absent from an open one.
+        ``decided_at`` is the sample that decided the verdict, absent while it is open.
         """
         return self._panel.outcomes()
 
@@ -308,13 +308,13 @@ class StepMonitor:
         return dict(self._panel.monitors)
 
     def state(self) -> tuple[Any, ...]:
-        """What the monitors know, for `restore`; the simulation is not in it."""
+        """The state of the monitors, for `restore`; that of the simulation is not in it."""
         return self._panel.state(), replace(self._clock), self._running
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state` of a monitor of the same specifications.
 
-        The simulation must go back with it: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
+        Restore the simulation too: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
         panel, clock, running = state
         self._panel.restore(panel)
@@ -331,7 +331,7 @@ class StepMonitor:
         return f"<StepMonitor of {', '.join(self.monitors)}, {self.verdict.name}>"
 
     def _bind_signals(self) -> None:
-        """Makes what pickle cannot carry: functions that read this simulation."""
+        """Makes the functions that read this simulation, which pickle cannot carry."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
         names = [signal.name for signal in self._signals]
         self._feed = self._panel.feeder(names, self._reads, decide=self._decide)
@@ -345,7 +345,7 @@ class StepMonitor:
         self.reset()
 
     def _take(self) -> float:
-        """Feeds a sample."""
+        """Feeds a sample; returns the robustness."""
         try:
             return self._feed()[0]
         except BaseException:
@@ -354,7 +354,7 @@ class StepMonitor:
             raise
 
     def _offer(self) -> None:
-        """Feeds the state inside of ``mj_step``, if it is one that the simulation is in."""
+        """Feeds the state inside ``mj_step``, unless the integrator only tries it."""
         now, sample, clock = self.data.time, self.samples, self._clock
         if sample == 0:
             clock.start(now, float(self.model.opt.timestep))
@@ -371,14 +371,14 @@ class StepMonitor:
             self._take()
 
     def _offer_last(self) -> None:
-        """Feeds the state that the last ``mj_step`` has left."""
+        """Feeds the state after the last ``mj_step``."""
         self._tries = False
         if self.forward:
             derive(self.model, self.data)
         self._offer()
 
     def _decide(self) -> None:
-        """Records new verdicts, after a check of the time: what is read at another is no sample."""
+        """Records new verdicts, if the simulation is at the time of the sample."""
         self._check_time(self.samples - 1)
         self._panel.note()
 
@@ -393,5 +393,5 @@ class StepMonitor:
 
 _mj_step = mujoco.mj_step
 _CHECKED = 16
-"""Samples after which the time is checked; to read it every time costs as much as to monitor."""
+"""Samples between two checks of the time; a check costs as much as a sample."""
 _UNPICKLED = frozenset({"_reads", "_feed"})

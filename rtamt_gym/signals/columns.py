@@ -1,10 +1,10 @@
-"""Signals of a vector environment: a column of numbers each, one for every environment.
+"""Signals of a vector environment: each is a column with a number for every environment.
 
 The selectors are those of `rtamt_gym.signals.signals`. ``obs[2]`` reads column 2 of the batched
-observation, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
-hold for every environment that takes a sample. A callable is given the whole batch and gives an
-array with one number for every environment. Only what selectors read of the simulations, such as
-``qpos[1]``, is read one by one, from the environments of a `SyncVectorEnv`.
+observations, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
+be true for every environment that takes a sample. A callable gets the whole batch and returns an
+array with a number for every environment. Selectors that read simulations, such as ``qpos[1]``,
+read the environments of a `SyncVectorEnv` one by one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Lanes = NDArray[np.bool_]
 """Which environments are meant."""
 
 _Read = Callable[[Step, Lanes], Any]
-"""Reads a column from a step of all environments; the mask says whose numbers matter."""
+"""Reads a column from a step of all environments; only numbers of the mask are used."""
 
 
 class Columns:
@@ -63,14 +63,9 @@ class Columns:
         infos: dict[str, Any],
         begun: Lanes | None = None,
     ) -> Floats:
-        """What a step shows: an array with a row for every environment.
+        """Reads the signals from a step: an array with a row for every environment.
 
-        Args:
-            obs: The observations.
-            actions: The actions of the step.
-            rewards: The rewards of the step.
-            infos: The infos of the step.
-            begun: The environments that began an episode instead: their row is that of a reset.
+        The rows of the environments ``begun``, which the step has reset, are those of a reset.
         """
         lanes = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
@@ -89,13 +84,7 @@ class Columns:
         return table
 
     def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
-        """What a reset shows; rows that the mask leaves out mean nothing.
-
-        Args:
-            obs: The observations.
-            infos: The infos of the reset.
-            lanes: The environments that were reset.
-        """
+        """Reads the signals from a reset; rows of environments outside the mask mean nothing."""
         step = Step(obs, None, None, infos, self._env)
         table = np.empty((len(lanes), len(self._signals)))
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
@@ -104,7 +93,7 @@ class Columns:
         return table
 
     def differ(self, table: Floats, other: Floats, lanes: Lanes) -> Lanes:
-        """Those of the environments whose observations differ, as far as signals read them."""
+        """The environments of the mask whose observations differ, as far as signals read them."""
         now, then = table[:, self._observed], other[:, self._observed]
         changed = np.any((now != then) & ~(np.isnan(now) & np.isnan(then)), axis=1)
         return np.logical_and(lanes, changed)
@@ -131,7 +120,7 @@ def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
 
 
 def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], Any]:
-    """What finds the numbers of all environments in a batch, given where one has its own."""
+    """Makes the function that takes the number at a path, of all environments, from a batch."""
     parts: list[Any] = []
     while isinstance(space, spaces.Dict | spaces.Tuple):
         part, *rest = path
@@ -187,7 +176,7 @@ def _from_infos(signal: Signal, infos: dict[str, Any], lanes: Lanes) -> Any:  # 
         values = values[part]
     found, where = np.asarray(values), tuple[Any, ...](path)
     try:
-        if found.dtype == object:  # each environment has an object of its own: a list, a tuple
+        if found.dtype == object:  # an object for each environment: a list, a tuple
             numbers = np.zeros(len(lanes))
             for lane in np.flatnonzero(lanes):
                 numbers[lane] = np.asarray(found[lane])[where]

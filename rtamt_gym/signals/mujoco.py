@@ -1,18 +1,18 @@
-"""Selectors of a MuJoCo simulation, resolved once to array views: names to numbers.
+"""Selectors of a MuJoCo simulation, resolved once to views of its arrays.
 
 | selector | reads |
 |---|---|
 | ``qpos[2]``, ``qvel``, ``qacc``, ``act``, ``ctrl``, ``sensordata`` | an element of the array |
 | ``time`` | the time of the simulation, in seconds |
 | ``sensor:imu[0]`` | an element of a sensor's reading |
-| ``body:torso.xpos[2]``, ``joint:hip.qvel``, ``actuator:hip.force`` | what `MjData` has by name |
+| ``body:torso.xpos[2]``, ``joint:hip.qvel``, ``actuator:hip.force`` | a field of a named object |
 | ``contact:foot,floor`` | 1 while the two touch, else 0; of one name: while it touches anything |
 | ``contact:foot,floor.force`` | the sum of the normal forces between them, in newtons |
 
 Objects are those with access by name in MuJoCo's Python bindings: ``data.body("torso").xpos`` is
 ``body:torso.xpos``. The index may be left out where there is one number. A contact is between
-geoms; a name that no geom has is that of a body, and means all its geoms. Only contacts that push
-count: those that MuJoCo's solver has taken in.
+geoms; a name that no geom has is that of a body, and means all its geoms. Only contacts count that
+MuJoCo's solver includes.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
 
 
 def _held(named: Any, field: str) -> bool:  # noqa: ANN401
-    """Whether a field is an array that the simulation writes to, and not made when it is read."""
+    """Whether a field is an array of the simulation, and not a copy made when it is read."""
     array = getattr(named, field)
     return isinstance(array, np.ndarray) and (
         not array.size or np.may_share_memory(array, getattr(named, field))

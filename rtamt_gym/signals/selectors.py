@@ -1,6 +1,6 @@
 """The grammar of text selectors: ``obs[2]``, ``info['speed']``, ``body:torso.xpos[2]``.
 
-A selector is a source, then names, a field and indices as the source has them::
+A selector is the word of a source, then names, a field and indices as its `Syntax` allows::
 
     source  [":" name ["," name]]  ["." field]  {"[" (integer | string) "]"}
 
@@ -66,12 +66,7 @@ class Selector:
 
 
 def parse_selector(name: str, text: str, sources: Mapping[str, Syntax]) -> Selector:
-    """Parses a selector.
-
-    Args:
-        name: Name of the signal, for messages.
-        text: The text of the selector.
-        sources: The words that it may begin with, and what may follow each.
+    """Parses the selector of the signal ``name``, which begins with one of the sources.
 
     Raises:
         InputError: With the column, what was expected there, and a caret.

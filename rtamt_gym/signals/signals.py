@@ -1,4 +1,4 @@
-"""Signals of a simulation: from what `reset` and `step` return to the named numbers of a formula.
+"""Signals: the named numbers of a formula, read from an environment or its simulation.
 
 A signal is a text selector, a callable, or a pair of one of them and its value at reset:
 
@@ -87,7 +87,7 @@ class Signal:
         name: Variable of the formulas.
         reads: A selector, or a callable.
         default: Value at reset, or None where reset gives one.
-        row: What is known of the selector's first word; None for a callable.
+        row: The row of the selector's first word; None for a callable.
     """
 
     name: str
@@ -165,21 +165,21 @@ class Signal:
         return lambda *_: default
 
     def call(self, *args: object) -> Any:  # noqa: ANN401 - whatever a callable gives
-        """What the callable returns."""
+        """Calls the callable."""
         return cast("Callable[..., Any]", self.reads)(*args)
 
     def _element(self, value: object) -> str:
-        """The way out where a selector gives an array or a sequence."""
+        """The hint of a message about a selector that reads an array or a sequence."""
         held = isinstance(value, np.ndarray | list | tuple) and np.size(value)
         if not held or not isinstance(self.reads, Selector):
             return ""
         return f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
 
     def number(self, value: object) -> float:
-        """The number that was read, as a float.
+        """Turns the value that was read into a float.
 
         Raises:
-            InputTypeError: If it is none.
+            InputTypeError: If it is no number.
         """
         if not isinstance(value, _NUMBERS):
             raise InputTypeError(

@@ -43,7 +43,7 @@ def _bind_reward(signal: Signal, _env: Env) -> Read:
 
 
 def _bind_info(signal: Signal, _env: Env) -> Read:
-    """Binds to the info; no space says what it holds, so each reading is checked."""
+    """Binds to the info; each reading is checked, for no space describes it."""
 
     def read(_obs: object, _action: object, _reward: object, info: dict[str, Any]) -> float:
         value: Any = info

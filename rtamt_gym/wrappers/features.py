@@ -1,15 +1,15 @@
-"""What a monitor knows, as bounded numbers of an observation.
+"""The state of monitors as bounded numbers, to be appended to an observation.
 
 For every specification, in their order:
 
 | feature | range |
 |---|---|
 | robustness, as the reward takes it | [-clip, clip] |
-| least and greatest robustness that the episode can still have | [-clip, clip] |
+| the least and the greatest robustness that the episode can still have | [-clip, clip] |
 | time left until the horizon, as a fraction of it; 1 if there is none | [0, 1] |
 
-The functions serve one environment and a batch: of lanes, numbers are arrays of shape (lanes,) and
-features an array of shape (lanes, features).
+The functions take floats of one environment, or arrays of shape (lanes,) of many; the features of
+many are an array of shape (lanes, features).
 """
 
 from __future__ import annotations
@@ -46,15 +46,7 @@ def features(
     upper: Sequence[Value],
     left: Sequence[Value],
 ) -> NDArray[np.float32]:
-    """The features, from the numbers of every specification.
-
-    Args:
-        shaping: Weights and bound of the numbers.
-        robustness: If the episode ended now.
-        lower: The least that it can still become.
-        upper: The greatest.
-        left: What `time_left` gives.
-    """
+    """The features of all specifications, from a sequence with an element for each."""
     rows: list[Value] = []
     for now, low, high, time in zip(
         shaping.scaled(robustness), shaping.scaled(lower), shaping.scaled(upper), left, strict=True
@@ -81,9 +73,9 @@ def time_left(sample: Value, horizon: int | None) -> Value:
 
 
 def appended_space(space: spaces.Space[Any], box: spaces.Box) -> spaces.Box | spaces.Dict:
-    """The space of an observation with features behind it.
+    """The space of observations with features appended.
 
-    A ``Box`` of one dimension grows, as floats; a ``Dict`` gets one more key.
+    A ``Box`` of one dimension grows, and holds floats; a ``Dict`` gets one more key.
 
     Raises:
         InputError: If the space is neither, or the ``Dict`` has the key.
@@ -109,7 +101,7 @@ def appended_space(space: spaces.Space[Any], box: spaces.Box) -> spaces.Box | sp
 
 
 def append(observation: Any, numbers: NDArray[np.float32]) -> Any:  # noqa: ANN401
-    """The observation with features behind it: an array or a dictionary, one or a batch."""
+    """Appends features to an observation or a batch of them: an array or a dictionary."""
     if isinstance(observation, dict):
         return {**observation, KEY: numbers}
     dtype = np.result_type(observation.dtype, np.float32)

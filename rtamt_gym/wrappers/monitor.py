@@ -1,4 +1,4 @@
-"""`StlMonitor`: specifications of signal temporal logic watch an environment, step by step."""
+"""`StlMonitor`: an environment monitored against specifications of signal temporal logic."""
 
 from __future__ import annotations
 
@@ -56,30 +56,29 @@ class StlMonitor(
     An episode that the environment itself terminates is a complete trace, and its verdicts are
     final. An episode cut short, by a time limit or by this wrapper, could have gone on: a verdict
     that is open then stays ``"UNDECIDED"``, neither success nor failure. Place time limits inside
-    of this wrapper; it does not see the truncation of a wrapper around it.
+    this wrapper; it does not see the truncation of a wrapper around it.
     A copy or a pickle of a MuJoCo environment is a new simulation, as Gymnasium makes it, with the
     monitors of the old one: reset it.
 
-    The last ``buffer_length`` episodes that ended are in :attr:`stl_episodes`. Whoever wants the
-    signals beside the robustness, sample by sample, or an end at a certain satisfaction, runs
-    whole episodes with :func:`rtamt_gym.simulate`.
+    :func:`rtamt_gym.simulate` runs whole episodes and records the signals too, sample by sample;
+    it can also stop at a certain satisfaction.
 
-    With ``substeps=True`` there is a sample for every step of the simulation instead: an
-    environment moves its simulation several times in one step, and what goes wrong in between is
-    gone when the observation is made. Signals are read from the simulation (``qpos[1]``,
-    ``body:torso.xpos[2]``, ``vehicle.speed``, or a callable, which finds it in ``env`` and gets
-    neither observation nor reward nor info) and from the action, which holds during the step. The
-    period is the simulation's, samples are counted likewise, and an episode still ends after a
-    whole step. For the MuJoCo environments of Gymnasium and for highway-env.
+    With ``substeps=True`` the wrapper takes a sample after every step of the simulation, of which
+    an environment makes several in one step of its own: a violation between two observations is
+    seen. Signals are read from the simulation (``qpos[1]``, ``body:torso.xpos[2]``,
+    ``vehicle.speed``, or a callable, which reads ``env`` and gets neither observation nor reward
+    nor info) and from the action, which holds during the step. The period is that of the
+    simulation, sample numbers count its steps, and an episode still ends after a whole step of the
+    environment. For the MuJoCo environments of Gymnasium and for highway-env.
 
-    With ``view="step"`` a formula is read as a requirement on every instant, as an online monitor
-    reads it: ``robustness`` is that of the newest instant whose horizon has passed (before the
-    first, that of the samples so far), bounds and verdict are those of ``always(formula)``.
+    With ``view="step"`` a formula is a requirement on every instant, as in an online monitor:
+    ``robustness`` is that of the newest instant whose horizon has passed (before the first, that of
+    the samples so far), bounds and verdict are those of ``always(formula)``.
 
     Attributes:
-        stl_episodes: Record of every episode that ended, the newest last: ``{"samples",
-            "terminated", "truncated", "specs", "violated_by", "violated_at"}``; ``specs`` is
-            ``info["stl_episode"]``, the last two are absent without a violation.
+        stl_episodes: Records of the last ``buffer_length`` episodes that ended, the newest last:
+            ``{"samples", "terminated", "truncated", "specs", "violated_by", "violated_at"}``;
+            ``specs`` is ``info["stl_episode"]``, the last two are absent without a violation.
 
     The vector version of the wrapper is :class:`VectorStlMonitor`.
 
@@ -136,15 +135,15 @@ class StlMonitor(
                 it from the environment; ``1`` with bounds in the default unit counts steps
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode, or only ``"report"`` it
-            view: ``"episode"``: a formula speaks of the episode from sample 0 on; ``"step"``: of
+            view: ``"episode"`` evaluates a formula at sample 0 of the episode, ``"step"`` at
                 every instant
             nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value
-            details: If to add ``info["stl"]``, the state of every specification
-            cost: If to add ``info["cost"]``: ``"indicator"`` is 1 while the episode is violated,
-                ``"depth"`` is how far, ``"first"`` is 1 only at the step that shows the violation
-            buffer_length: The size of the buffer :attr:`stl_episodes`
-            substeps: If to feed a sample for every step of the simulation inside of a step, see
-                above
+            details: Whether to add ``info["stl"]``, the state of every specification
+            cost: What ``info["cost"]`` is, if it is to be added: ``"indicator"`` is 1 while the
+                episode is violated, ``"depth"`` is how far ``stl_upper`` is below 0, ``"first"`` is
+                1 only at the step that shows the violation
+            buffer_length: How many records :attr:`stl_episodes` keeps
+            substeps: Whether to take a sample after every step of the simulation, see above
 
         Raises:
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
@@ -249,7 +248,7 @@ class StlMonitor(
 
     @property
     def samples(self) -> int:
-        """Samples fed since :meth:`reset`, its own included."""
+        """Samples fed since :meth:`reset`, that of the reset included."""
         return self._panel.samples
 
     @property
@@ -263,7 +262,7 @@ class StlMonitor(
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
-        """The environment's specification with this wrapper; JSON cannot hold a callable signal."""
+        """The ``EnvSpec`` with this wrapper; with a callable signal it has no JSON."""
         spec = super().spec
         if spec is not None and any(signal.source is None for signal in self._signals):
             spec = _CallableSpec(**{f.name: getattr(spec, f.name) for f in fields(spec) if f.init})
@@ -293,7 +292,7 @@ class StlMonitor(
 
 
 def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool:
-    """Whether the bounds are multiples of a period."""
+    """Whether all bounds are multiples of the period."""
     try:
         Panel(specs, period, view)
     except SpecificationError:
@@ -302,7 +301,7 @@ def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool
 
 
 class _CallableSpec(EnvSpec):
-    """An environment's specification with a callable signal: for `gym.make`, not for JSON."""
+    """An ``EnvSpec`` with a callable signal: for `gym.make`, not for JSON."""
 
     def to_json(self) -> str:
         for wrapper in self.additional_wrappers:

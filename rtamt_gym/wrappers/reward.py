@@ -1,4 +1,4 @@
-"""`StlReward`: the robustness of specifications becomes reward."""
+"""`StlReward`: the reward of an environment shaped with robustness."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     """Shapes the reward with the robustness of specifications.
 
     The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
-    the environment has already, so all that :class:`StlMonitor` says about ends of episodes and
-    about ``info`` holds. The environment's own reward stays in ``info["reward"]`` (float).
+    the environment has already: episodes end and ``info`` is filled as that class describes. The
+    environment's own reward stays in ``info["reward"]`` (float).
 
-    Let r be that reward, and x' the robustness of the episode so far, ``info["robustness"]``,
-    clipped to [-clip, clip], x the same before the step; the new reward is
+    Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
+    to [-clip, clip], and x the same before the step. The new reward is
 
     * ``mode="add"``: r + weight * x'
     * ``mode="replace"``: x'
@@ -46,28 +46,28 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
       truncated
     * ``mode="hierarchical"``: safety before target before comfort. The first level that is
       violated pays its own x', raised by ``clip`` for every level before it; if none is violated,
-      the last level does. Whoever violates a level earns less in that step than everyone who
-      violates only later ones. r plays no part.
+      the last level does. A step that violates a level pays less than any step that violates only
+      later ones. r is not part of it.
 
-    :mod:`rtamt_gym.shaping` says what each is for.
+    :mod:`rtamt_gym.shaping` explains what each is for.
 
-    Of several specifications x is the least, each times its entry in ``weights``; with a
-    ``temperature`` T the smooth minimum -T * log(sum(exp(-x / T))), which all specifications move.
-    It is smooth over the specifications only, and is that of a single specification itself.
+    With several specifications x is the least of them, each times its entry in ``weights``; with a
+    ``temperature`` T it is the smooth minimum -T * log(sum(exp(-x / T))), which depends on all
+    specifications. Within a formula minima and maxima stay exact.
 
-    The reward depends on the past through the monitor. ``observe="state"`` appends to the
-    observation what the monitor knows, so that the reward is one of state and action again for
+    The reward depends on the past through the monitor. ``observe="state"`` appends the state of the
+    monitor to the observation, so that the reward depends on state and action alone again, for
     formulas such as ``always(p)``, ``eventually(p)`` and their Boolean combinations (one
-    specification for each); a window inside of another keeps more than is shown. Four numbers for
-    every specification, in their order: robustness, lower and upper bound (times weight, clipped to
-    [-clip, clip]), and the fraction of its horizon that is left (1 where it has no end). A ``Box``
-    of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
+    specification for each); a window inside another keeps more than is shown. There are four
+    numbers for every specification, in their order: robustness, lower and upper bound (times
+    weight, clipped to [-clip, clip]), and the fraction of its horizon that is left (1 without a
+    horizon). A ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     With ``view="step"`` x is the robustness of the newest instant whose horizon has passed, but
     ``mode="terminal"`` pays that of the whole episode, ``always(formula)``.
 
-    The ``compute_reward`` of a goal environment stays its own: goals cannot be exchanged in
-    hindsight where the reward speaks of the whole past.
+    The ``compute_reward`` of a goal environment is not shaped: goals cannot be exchanged in
+    hindsight where the reward depends on the whole past.
 
     The vector version of the wrapper is :class:`VectorStlReward`.
 
@@ -127,12 +127,12 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         Args:
             env: The environment to apply the wrapper
             specs: As for :class:`StlMonitor`; ``None`` if the environment has one
-            signals: Likewise
+            signals: As for :class:`StlMonitor`; ``None`` if the environment has one
             mode: How robustness becomes reward, see above
             weight: Factor of the robustness beside the reward of the environment; not for
                 ``"replace"`` and ``"hierarchical"``
-            clip: Bound of the robustness; every specification should have its interesting margins
-                inside (``weights`` help)
+            clip: Bound of the robustness; the interesting margins of every specification should
+                lie inside (``weights`` help)
             gamma: The discount of the learner, for ``"potential"``
             temperature: Makes the minimum over the specifications a smooth one; ``None`` takes the
                 exact one
@@ -146,9 +146,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
-            InputError: Likewise; and if the environment has no monitor and none is described, or
-                has one and another is described; if an argument is none of its choices, out of its
-                range or names no specification; or if the observation cannot be appended to
+            InputError: As :class:`StlMonitor` does; and if the environment has no monitor and none
+                is described, or has one and another is described; if an argument is none of its
+                choices, out of its range or names no specification; or if nothing can be appended
+                to the observation
         """
         options = ShapingOptions(
             mode=mode,
@@ -192,7 +193,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
     @property
     def samples(self) -> int:
-        """Samples fed since :meth:`reset`, its own included."""
+        """Samples fed since :meth:`reset`, that of the reset included."""
         return self._monitor.samples
 
     @property

@@ -1,9 +1,9 @@
-"""Samples from inside of an environment's step: one for every step of its simulation.
+"""Samples inside an environment's step: one for every step of its simulation.
 
-An environment that is asked for one step makes several of its simulation: Gymnasium's
-`MujocoEnv` calls ``mj_step`` ``frame_skip`` times, highway-env moves its road once for every frame.
-The functions that make those steps are exchanged while the environment makes a step, and only
-then: copies, pickles, resets and other environments never see it.
+In one step an environment makes several steps of its simulation: Gymnasium's `MujocoEnv` calls
+``mj_step`` ``frame_skip`` times, highway-env steps its road once for every frame. The function that
+makes those steps is replaced while the environment makes a step, and only then: copies, pickles,
+resets and other environments never see it.
 """
 
 from __future__ import annotations
@@ -23,21 +23,15 @@ __all__ = ["SubSteps", "read_substep_period"]
 class SubSteps:
     """Feeds a panel after every step of the simulation that an environment makes.
 
-    Args:
-        env: The environment.
-        signals: What to read of its simulation.
-        panel: What to feed.
-
     Raises:
-        InputError: If the environment is none whose simulation can be followed, or if a signal
-            needs what only a whole step gives.
+        InputError: If the simulation of the environment cannot be followed, or if a signal needs
+            what only a whole step gives.
     """
 
     def __init__(self, env: Env, signals: Sequence[Signal], panel: Panel) -> None:
         self._env = env
         self._panel = panel
         self._follow = _follower(env.unwrapped)
-        self._samples = panel.samples  # of a copy in mid-episode there are some
         names = [signal.name for signal in signals]
         reads = [self._bind(signal) for signal in signals]
         first = [signal.bind_reset(env) for signal in signals]
@@ -46,23 +40,22 @@ class SubSteps:
 
     def reset(self, *_: object) -> Assessment:
         """Feeds sample 0."""
-        self._samples = 1
         return self._feed_first(None, None, None, {})
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        """Makes a step of the environment, and feeds every step of the simulation in it.
+        """Steps the environment, and feeds a sample after every step of its simulation.
 
         Raises:
-            StateError: If there was none.
+            StateError: If the simulation was not stepped.
             InputError: If a signal is nan or cannot be read.
         """
+        before = self._panel.samples
         undo = self._follow(partial(self._feed, None, action, None, {}))
         try:
             result = self._env.step(action)
         finally:
             undo()
-        before, self._samples = self._samples, self._panel.samples
-        if self._samples == before:
+        if self._panel.samples == before:
             raise StateError(
                 f"expected a step of {self._env.unwrapped} to step its simulation, got none: it "
                 "steps it in a way of its own; leave out substeps=True"
@@ -97,7 +90,7 @@ _Feed = Callable[[], object]
 _Undo = Callable[[], object]
 
 _Follow = Callable[[_Feed], _Undo]
-"""Lets every step of a simulation be followed by a call, until what it returns is called."""
+"""Arranges that every step of a simulation is followed by a call; returns what undoes that."""
 
 
 def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
@@ -141,7 +134,7 @@ class _Loop:
 
 def _follow_mujoco(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
     around = vars(simulation).get("_step_mujoco_simulation")
-    if isinstance(around, _Loop):  # of a monitor around this one
+    if isinstance(around, _Loop):  # a monitor around this one follows too
         around.feeds.append(feed)
         return around.feeds.pop
     simulation._step_mujoco_simulation = _Loop(simulation, feed)  # noqa: SLF001

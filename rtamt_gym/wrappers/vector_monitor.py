@@ -1,4 +1,4 @@
-"""`VectorStlMonitor`: specifications of signal temporal logic watch a vector environment."""
+"""`VectorStlMonitor`: a vector environment monitored against specifications."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ __all__ = ["VectorStlMonitor"]
 class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     """Monitors every environment of a vector environment against specifications.
 
-    What :class:`StlMonitor` says of an environment holds for each of them, as if each were wrapped
-    by itself: the same samples, and the same ``info``, in the form in which vector environments
-    gather it, an array for every key and a mask ``_key`` of the environments that have it. Numbers
-    are float64 arrays. Works with the vector environments of :func:`gymnasium.make_vec`, native,
-    synchronous and asynchronous, and with others that keep to their rules.
+    Samples and infos are those of environments wrapped by :class:`StlMonitor` one by one. The infos
+    have the form of vector environments: an array for every key, and a mask ``_key`` of the
+    environments that have it. Numbers are float64. Works with the vector environments of
+    :func:`gymnasium.make_vec`, native, synchronous and asynchronous, and with others that keep to
+    their rules.
 
-    The end of an episode is seen in all of Gymnasium's modes of autoreset:
+    The end of an episode is seen in all of Gymnasium's autoreset modes:
 
     * ``NEXT_STEP``: a step after the end of an episode is the reset, its observation is sample 0
     * ``SAME_STEP``: the terminal observation is read from ``final_obs``; what the last info of an
@@ -50,20 +50,23 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     * ``DISABLED``: until ``reset(options={"reset_mask": mask})``, which begins new episodes in the
       environments of the mask and touches no other
 
-    A wrapper around all environments cannot make one of them begin anew. So a violation is only
-    reported, unless the mode is ``DISABLED``, where the caller resets. Wrap each environment by
-    itself with :class:`StlMonitor` to end episodes in the other modes.
+    A wrapper around all environments cannot reset one of them. So a violation is only reported,
+    unless the mode is ``DISABLED``, where the caller resets. To end episodes in the other modes,
+    wrap each environment with :class:`StlMonitor`.
 
     Signals are read for all environments at once: ``"obs[2]"`` is column 2 of the observations. A
     callable gets the whole batch as a :class:`rtamt_gym.Step`, and returns an array with one number
     for each environment; for those that begin an episode it is called with ``action`` and
-    ``reward`` None. ``"qpos[1]"`` and what else is read of a simulation needs a ``SyncVectorEnv``,
-    whose environments are read one by one. For samples inside of a step, ``substeps=True``, wrap
-    each environment by itself too.
+    ``reward`` None. Selectors that read simulations, such as ``"qpos[1]"``, need a
+    ``SyncVectorEnv``, whose environments are read one by one. For samples inside a step,
+    ``substeps=True``, wrap each environment with :class:`StlMonitor` too.
 
     Attributes:
-        stl_episodes: The records of the last ``buffer_length`` episodes that ended, as
+        stl_episodes: Records of the last ``buffer_length`` episodes that ended, as
             :class:`StlMonitor` makes them, with ``"env"``, the number of the environment.
+        begun: The environments that the last step has reset instead of stepping; None if none.
+        terminal: With ``SAME_STEP``, the values of the monitors before the resets in the last step;
+            None if there were none.
 
     The scalar version of the wrapper is :class:`StlMonitor`.
 
@@ -108,19 +111,20 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         Args:
             env: The vector environment to apply the wrapper
             specs: As for :class:`StlMonitor`
-            signals: Likewise; a callable speaks of all environments, see above
-            period: Likewise; an ``AsyncVectorEnv`` is not asked for it
+            signals: As for :class:`StlMonitor`; a callable reads all environments, see above
+            period: As for :class:`StlMonitor`; an ``AsyncVectorEnv`` is not asked for it
             on_violation: ``"report"`` a certain violation; with ``AutoresetMode.DISABLED`` also
                 ``"terminate"`` or ``"truncate"`` the episode
             view: As for :class:`StlMonitor`
-            nan: Likewise
-            details: Likewise
-            cost: Likewise
-            buffer_length: Likewise
+            nan: As for :class:`StlMonitor`
+            details: As for :class:`StlMonitor`
+            cost: As for :class:`StlMonitor`
+            buffer_length: As for :class:`StlMonitor`
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
-            InputError: Likewise; and if the environment cannot do what ``on_violation`` asks
+            InputError: As :class:`StlMonitor` does; and if the environment cannot do what
+                ``on_violation`` asks
         """
         options = MonitorOptions(
             period=period,
@@ -150,8 +154,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(names)), np.nan)
         self._running = False
-        self.begun: Lanes | None = None  # the environments that the last step has reset instead
-        self.terminal: MonitorValues | None = None  # what SAME_STEP showed before the resets
+        self.begun: Lanes | None = None
+        self.terminal: MonitorValues | None = None
 
     def reset(
         self,
@@ -242,7 +246,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples fed to every environment's monitors since its reset, that one included."""
+        """Samples fed since each environment's reset, that of the reset included."""
         return self._panel.samples
 
     @property
@@ -256,7 +260,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
-        """The records of the last episodes, the newest last; a fresh deque."""
+        """The records of the last episodes that ended; a fresh deque."""
         return self._episodes.newest()
 
     def _bind_signals(self) -> None:
@@ -265,7 +269,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._columns = Columns(self._signals, self.env, same_step=same_step)
 
     def _begun(self) -> Lanes | None:
-        """The environments that the next step resets; None if there are none."""
+        """The environments that the next step resets; None if none."""
         if not self._running:
             raise StateError("expected running episodes, got step() before reset(); call reset()")
         if self._done is not None and self._autoreset is AutoresetMode.DISABLED:
@@ -277,20 +281,20 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         return self._done
 
     def _end(self, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401
-        """Ends the episodes that are violated, as `on_violation` asks."""
+        """Sets the flag that `on_violation` names, for the episodes that are violated."""
         failed = (self._panel.violated_at >= 0) & ~np.asarray(terminated)
         if self._on_violation == "terminate":
             return np.logical_or(terminated, failed), truncated
         return terminated, np.logical_or(truncated, failed)
 
     def _at_end(self, obs: Any, infos: dict[str, Any], ended: Lanes) -> Any:  # noqa: ANN401
-        """Observations and infos of a step before the resets in it, as far as signals read them."""
+        """Observations and infos from before the resets in a step, as far as signals need them."""
         if self._columns.reads_obs:
             obs = final_observations(self.env.single_observation_space, obs, infos, ended)
         return obs, final_infos(infos, ended) if self._columns.reads_info else infos
 
     def _begin(self, table: Floats, lanes: Lanes | None) -> None:
-        """Begins episodes with sample 0 in the environments of the mask; None: in all."""
+        """Begins episodes in the environments of the mask; None: in all."""
         which = slice(None) if lanes is None else lanes
         self._panel.reset(lanes)
         self._charged[which] = False
@@ -356,5 +360,5 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
 
 
 def _some(lanes: Lanes) -> Lanes | None:
-    """The environments of the mask; None if there are none."""
+    """The mask itself; None if it is true nowhere."""
     return lanes if np.count_nonzero(lanes) else None

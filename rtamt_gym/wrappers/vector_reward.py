@@ -1,4 +1,4 @@
-"""`VectorStlReward`: the robustness of specifications becomes reward, in many environments."""
+"""`VectorStlReward`: rewards of a vector environment shaped with robustness."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ __all__ = ["VectorStlReward"]
 class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     """Shapes the rewards of all environments with the robustness of specifications.
 
-    What :class:`StlReward` says of an environment holds for each of them. The wrapper takes the
+    Each reward is that of :class:`StlReward` around the environment. The wrapper takes the
     arguments of :class:`VectorStlMonitor` and contains one, or uses the one that the environment
     has already. The rewards are float64; those of the environments stay in ``infos["reward"]``. A
-    step that is the reset of an environment, in the autoreset mode ``NEXT_STEP``, pays what the
-    vector environment pays: 0. With ``SAME_STEP`` the reward of the last step of an episode is in
-    ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
+    step that resets an environment, in the autoreset mode ``NEXT_STEP``, pays what the vector
+    environment pays: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode
+    is in ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
 
     The scalar version of the wrapper is :class:`StlReward`.
 
@@ -75,20 +75,20 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         Args:
             env: The vector environment to apply the wrapper
             specs: As for :class:`VectorStlMonitor`; ``None`` if the environment has one
-            signals: Likewise
+            signals: As for :class:`VectorStlMonitor`; ``None`` if the environment has one
             mode: As for :class:`StlReward`
-            weight: Likewise
-            clip: Likewise
-            gamma: Likewise
-            temperature: Likewise
-            weights: Likewise
-            priorities: Likewise
-            observe: Likewise
+            weight: As for :class:`StlReward`
+            clip: As for :class:`StlReward`
+            gamma: As for :class:`StlReward`
+            temperature: As for :class:`StlReward`
+            weights: As for :class:`StlReward`
+            priorities: As for :class:`StlReward`
+            observe: As for :class:`StlReward`
             **monitor: The keyword arguments of :class:`VectorStlMonitor`
 
         Raises:
             SpecificationError: As :class:`VectorStlMonitor` does
-            InputError: Likewise; and as :class:`StlReward` does
+            InputError: As :class:`VectorStlMonitor` and :class:`StlReward` do
         """
         options = ShapingOptions(
             mode=mode,
@@ -153,7 +153,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples fed to every environment's monitors since its reset, that one included."""
+        """Samples fed since each environment's reset, that of the reset included."""
         return self._monitor.samples
 
     @property
