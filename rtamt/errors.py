@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection
+from collections.abc import Iterable
 
 __all__ = [
     "InputError",
@@ -21,7 +21,10 @@ class RtamtError(Exception):
 
 
 class SpecificationError(RtamtError, ValueError):
-    """A specification without a meaning: wrong bounds, units, depth or types, unbounded future."""
+    """A specification that has no meaning, or that a monitor cannot run.
+
+    Examples are a bound that is no multiple of the period, and a future without end in `Monitor`.
+    """
 
 
 class ParseError(SpecificationError):
@@ -39,8 +42,8 @@ class ParseError(SpecificationError):
 
     def __init__(self, reason: str, text: str, line: int, column: int, hint: str = "") -> None:
         source = text.split("\n")[line - 1].rstrip("\r")
-        # A caret under a tab-indented line stands right only if the tabs are kept; a line of
-        # thousands of characters is shown around the caret.
+        # Tabs stay tabs, so that the caret stands below its column; of a long line only the part
+        # around the caret is shown.
         start = max(0, column - 1 - _CONTEXT)
         shown = source[start : column - 1 + _CONTEXT]
         indent = "".join("\t" if c == "\t" else " " for c in source[start : column - 1])
@@ -73,7 +76,7 @@ class StateError(RtamtError, RuntimeError):
     """A call that the object's state does not allow, such as ``update`` after ``finish``."""
 
 
-def nearest(name: str, names: Collection[str]) -> str:
+def nearest(name: str, names: Iterable[str]) -> str:
     """A hint with the most similar name, or an empty string."""
-    close = difflib.get_close_matches(name, names, 1)
+    close = difflib.get_close_matches(name, tuple(names), 1)
     return f"; did you mean '{close[0]}'?" if close else ""

@@ -10,6 +10,7 @@ from STL", ATVA 2020.
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from rtamt.language.table import Bounds, Builder, Grouping, Meaning, Operator, Table
 
@@ -48,12 +49,6 @@ def _back(fold: str) -> Meaning:
     return meaning
 
 
-def _neighbour(offset: int, fold: str) -> Meaning:
-    # A window of one sample is that sample; outside the trace it is the identity of the fold:
-    # +inf of min is the weak form, -inf of max the strong one.
-    return lambda b, p: b.window(fold, offset, offset, p)
-
-
 def _distance(b: Builder, x: int, y: int) -> int:
     return b.map("abs", b.map("sub", x, y))
 
@@ -86,7 +81,7 @@ def _fall(b: Builder, p: int) -> int:
     return _rise(b, b.map("neg", p))
 
 
-# Shapes of rows over terms. ----------------------------------------------------------------------
+# Shapes of rows. ---------------------------------------------------------------------------------
 
 
 def _function(name: str, doc: str, least: int = 1, most: int | None = 1) -> Operator:
@@ -109,187 +104,142 @@ def _comparison(
     return Operator(spellings, "infix", 9, doc, difference, (2, 2), "term", "formula", holds=holds)
 
 
+def _junction(spellings: tuple[str, ...], precedence: int, doc: str, function: str) -> Operator:
+    meaning = _chained(function)
+    return Operator(spellings, "infix", precedence, doc, meaning, (2, None), grouping="flat")
+
+
+def _timed(
+    spellings: tuple[str, ...],
+    notation: Literal["prefix", "infix"],
+    doc: str,
+    meaning: Meaning,
+    *,
+    future: bool = False,
+) -> Operator:
+    """An operator that takes an interval."""
+    precedence, operands = (7, 1) if notation == "prefix" else (6, 2)
+    arity = (operands, operands)
+    return Operator(spellings, notation, precedence, doc, meaning, arity, timed=True, future=future)
+
+
+def _neighbour(spellings: tuple[str, ...], doc: str, offset: int, fold: str) -> Operator:
+    """The sample next to this one; outside the trace it is the identity of the fold.
+
+    The identity of min is +inf, which gives the weak operator, that of max is -inf, which gives
+    the strong one.
+    """
+
+    def meaning(b: Builder, p: int) -> int:
+        return b.window(fold, offset, offset, p)
+
+    return Operator(spellings, "prefix", 7, doc, meaning, sampled=True, future=offset > 0)
+
+
 # The rows. ---------------------------------------------------------------------------------------
 
-OPERATORS = Table(
-    (
-        # atoms
-        Operator(("true",), "atom", 14, "+inf", lambda b: b.constant(math.inf), (0, 0), "term"),
-        Operator(("false",), "atom", 14, "-inf", lambda b: b.constant(-math.inf), (0, 0), "term"),
-        # A term by itself is a formula; it has no symbol of its own.
-        Operator(
-            ("",),
-            "atom",
-            14,
-            "the value of the term",
-            lambda _, x: x,
-            operands="term",
-            holds=lambda b, x: b.map("ge", x, b.constant(0.0)),
-            name="value",
-        ),
-        # terms
-        _function("abs", "absolute value"),
-        _function("sqrt", "square root"),
-        _function("exp", "e to the power of x"),
-        _function("ln", "natural logarithm"),
-        _function("pow", "pow(x, y): x to the power of y", 2, 2),
-        _function("log", "log(x, base): ln(x) / ln(base)", 2, 2),
-        _function("min", "the least of two terms or more", 2, None),
-        _function("max", "the greatest of two terms or more", 2, None),
-        Operator(
-            ("-",), "prefix", 12, "unary minus", _apply("neg"), (1, 1), "term", "term", name="neg"
-        ),
-        _arithmetic("*", 11, "product", "mul", "left-flat"),
-        _arithmetic("/", 11, "quotient; x / 0 is +inf or -inf", "div", "left"),
-        _arithmetic("+", 10, "sum", "add", "left-flat"),
-        _arithmetic("-", 10, "difference", "sub", "left"),
-        # comparisons
-        _comparison((">=",), "x - y", _apply("sub"), _apply("ge")),
-        _comparison((">",), "x - y", _apply("sub"), _apply("gt")),
-        _comparison(("<=",), "y - x", _swapped("sub"), _swapped("ge")),
-        _comparison(("<",), "y - x", _swapped("sub"), _swapped("gt")),
-        _comparison(("==",), "-abs(x - y)", _nearness, _apply("eq")),
-        _comparison(("!=", "!=="), "abs(x - y)", _distance, _apply("ne")),
-        # Boolean
-        Operator(("not", "!"), "prefix", 8, "-p(i)", _apply("neg")),
-        Operator(
-            ("and", "&", "&&"),
-            "infix",
-            5,
-            "min of the operands at i",
-            _chained("min"),
-            (2, None),
-            grouping="flat",
-        ),
-        Operator(
-            ("or", "|", "||"),
-            "infix",
-            4,
-            "max of the operands at i",
-            _chained("max"),
-            (2, None),
-            grouping="flat",
-        ),
-        Operator(("implies", "->"), "infix", 3, "max(-p, q)", _implies, (2, 2)),
-        Operator(
-            ("iff", "<->"),
-            "infix",
-            2,
-            "min(max(-p, q), max(-q, p))",
-            _iff,
-            (2, 2),
-            grouping="left",
-        ),
-        Operator(
-            ("xor",), "infix", 1, "max(min(p, -q), min(-p, q))", _xor, (2, 2), grouping="left"
-        ),
-        # the past
-        Operator(
-            ("historically", "H"),
-            "prefix",
-            7,
-            "min of p over [i-b, i-a] cut to the trace; empty: +inf",
-            _back("min"),
-            timed=True,
-        ),
-        Operator(
-            ("once", "O"),
-            "prefix",
-            7,
-            "max of p over [i-b, i-a] cut to the trace; empty: -inf",
-            _back("max"),
-            timed=True,
-        ),
-        Operator(
-            ("since", "S"),
-            "infix",
-            6,
-            "max over j in [i-b, i-a] of min(q(j), min of p over (j, i])",
-            lambda b, bounds, p, q: b.since(bounds, p, q),
-            (2, 2),
-            timed=True,
-        ),
-        Operator(
-            ("prev", "Y"),
-            "prefix",
-            7,
-            "p(i-1); at the first sample +inf",
-            _neighbour(-1, "min"),
-            sampled=True,
-        ),
-        Operator(
-            ("s_prev", "sY"),
-            "prefix",
-            7,
-            "p(i-1); at the first sample -inf",
-            _neighbour(-1, "max"),
-            sampled=True,
-        ),
-        Operator(
-            ("rise",),
-            "call",
-            13,
-            "min(-p(i-1), p(i)); the first sample has no neighbour: p(i)",
-            _rise,
-            sampled=True,
-        ),
-        Operator(("fall",), "call", 13, "min(p(i-1), -p(i)); first: -p(i)", _fall, sampled=True),
-        # the future
-        Operator(
-            ("always", "G", "alw"),
-            "prefix",
-            7,
-            "min of p over [i+a, i+b] cut to the trace; empty: +inf",
-            _ahead("min"),
-            timed=True,
-            future=True,
-        ),
-        Operator(
-            ("eventually", "F", "ev"),
-            "prefix",
-            7,
-            "max of p over [i+a, i+b] cut to the trace; empty: -inf",
-            _ahead("max"),
-            timed=True,
-            future=True,
-        ),
-        Operator(
-            ("until", "U"),
-            "infix",
-            6,
-            "max over j in [i+a, i+b] of min(q(j), min of p over [i, j))",
-            lambda b, bounds, p, q: b.until(bounds, p, q),
-            (2, 2),
-            timed=True,
-            future=True,
-        ),
-        Operator(
-            ("unless", "W"),
-            "infix",
-            6,
-            "always[0:b] p or p until[a:b] q",
-            _unless,
-            (2, 2),
-            timed=True,
-            future=True,
-        ),
-        Operator(
-            ("next", "X"),
-            "prefix",
-            7,
-            "p(i+1); at the last sample +inf",
-            _neighbour(1, "min"),
-            sampled=True,
-            future=True,
-        ),
-        Operator(
-            ("s_next", "sX"),
-            "prefix",
-            7,
-            "p(i+1); at the last sample -inf",
-            _neighbour(1, "max"),
-            sampled=True,
-            future=True,
-        ),
-    )
+_ROWS = (
+    # atoms
+    Operator(("true",), "atom", 14, "+inf", lambda b: b.constant(math.inf), (0, 0), "term"),
+    Operator(("false",), "atom", 14, "-inf", lambda b: b.constant(-math.inf), (0, 0), "term"),
+    # A term by itself is a formula; it has no symbol of its own.
+    Operator(
+        ("",),
+        "atom",
+        14,
+        "the value of the term",
+        lambda _, x: x,
+        operands="term",
+        holds=lambda b, x: b.map("ge", x, b.constant(0.0)),
+        name="value",
+    ),
+    # terms
+    _function("abs", "absolute value"),
+    _function("sqrt", "square root"),
+    _function("exp", "e to the power of x"),
+    _function("ln", "natural logarithm"),
+    _function("pow", "pow(x, y): x to the power of y", 2, 2),
+    _function("log", "log(x, base): ln(x) / ln(base)", 2, 2),
+    _function("min", "the least of two terms or more", 2, None),
+    _function("max", "the greatest of two terms or more", 2, None),
+    Operator(
+        ("-",), "prefix", 12, "unary minus", _apply("neg"), (1, 1), "term", "term", name="neg"
+    ),
+    _arithmetic("*", 11, "product", "mul", "left-flat"),
+    _arithmetic("/", 11, "quotient; x / 0 is +inf or -inf", "div", "left"),
+    _arithmetic("+", 10, "sum", "add", "left-flat"),
+    _arithmetic("-", 10, "difference", "sub", "left"),
+    # comparisons
+    _comparison((">=",), "x - y", _apply("sub"), _apply("ge")),
+    _comparison((">",), "x - y", _apply("sub"), _apply("gt")),
+    _comparison(("<=",), "y - x", _swapped("sub"), _swapped("ge")),
+    _comparison(("<",), "y - x", _swapped("sub"), _swapped("gt")),
+    _comparison(("==",), "-abs(x - y)", _nearness, _apply("eq")),
+    _comparison(("!=", "!=="), "abs(x - y)", _distance, _apply("ne")),
+    # Boolean
+    Operator(("not", "!"), "prefix", 8, "-p(i)", _apply("neg")),
+    _junction(("and", "&", "&&"), 5, "min of the operands at i", "min"),
+    _junction(("or", "|", "||"), 4, "max of the operands at i", "max"),
+    Operator(("implies", "->"), "infix", 3, "max(-p, q)", _implies, (2, 2)),
+    Operator(
+        ("iff", "<->"), "infix", 2, "min(max(-p, q), max(-q, p))", _iff, (2, 2), grouping="left"
+    ),
+    Operator(("xor",), "infix", 1, "max(min(p, -q), min(-p, q))", _xor, (2, 2), grouping="left"),
+    # the past
+    _timed(
+        ("historically", "H"),
+        "prefix",
+        "min of p over [i-b, i-a] cut to the trace; empty: +inf",
+        _back("min"),
+    ),
+    _timed(
+        ("once", "O"),
+        "prefix",
+        "max of p over [i-b, i-a] cut to the trace; empty: -inf",
+        _back("max"),
+    ),
+    _timed(
+        ("since", "S"),
+        "infix",
+        "max over j in [i-b, i-a] of min(q(j), min of p over (j, i])",
+        lambda b, bounds, p, q: b.since(bounds, p, q),
+    ),
+    _neighbour(("prev", "Y"), "p(i-1); at the first sample +inf", -1, "min"),
+    _neighbour(("s_prev", "sY"), "p(i-1); at the first sample -inf", -1, "max"),
+    Operator(
+        ("rise",),
+        "call",
+        13,
+        "min(-p(i-1), p(i)); the first sample has no neighbour: p(i)",
+        _rise,
+        sampled=True,
+    ),
+    Operator(("fall",), "call", 13, "min(p(i-1), -p(i)); first: -p(i)", _fall, sampled=True),
+    # the future
+    _timed(
+        ("always", "G", "alw"),
+        "prefix",
+        "min of p over [i+a, i+b] cut to the trace; empty: +inf",
+        _ahead("min"),
+        future=True,
+    ),
+    _timed(
+        ("eventually", "F", "ev"),
+        "prefix",
+        "max of p over [i+a, i+b] cut to the trace; empty: -inf",
+        _ahead("max"),
+        future=True,
+    ),
+    _timed(
+        ("until", "U"),
+        "infix",
+        "max over j in [i+a, i+b] of min(q(j), min of p over [i, j))",
+        lambda b, bounds, p, q: b.until(bounds, p, q),
+        future=True,
+    ),
+    _timed(("unless", "W"), "infix", "always[0:b] p or p until[a:b] q", _unless, future=True),
+    _neighbour(("next", "X"), "p(i+1); at the last sample +inf", 1, "min"),
+    _neighbour(("s_next", "sX"), "p(i+1); at the last sample -inf", 1, "max"),
 )
+
+OPERATORS = Table(_ROWS)

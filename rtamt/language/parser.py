@@ -73,9 +73,9 @@ def parse_as(
     """The specification of a text in a dialect of the language.
 
     Args:
-        text: As for `parse`.
-        unit: As for `parse`.
-        constants: As for `parse`.
+        text: As `parse` takes it.
+        unit: As `parse` takes it.
+        constants: As `parse` takes them.
         modules: The modules that the text may import from; None: types are names only.
         chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
             ``since`` and ``unless`` alike; in the language itself that is an error.
@@ -131,17 +131,15 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
         return Specification.of(spec)
     if isinstance(spec, str):
         if spec.endswith(".stl") and len(spec.split()) == 1:
-            msg = (
-                f"expected the text of a specification, got the path {spec!r}; write load({spec!r})"
-            )
-            raise SpecificationError(msg)
+            msg = f"expected the text of a specification, got the path {spec!r}"
+            raise SpecificationError(f"{msg}; write load({spec!r})")
         return parse(spec)
     msg = f"expected a specification as text, Formula or Specification, got {type(spec).__name__}"
     raise InputTypeError(msg)
 
 
-# Pickles are text: short, and equal trees stay one object. They are registered here because only
-# the parser can read them.
+# A pickle is the text: it is short, and equal trees stay one object. It is registered here because
+# the parser reads it.
 
 
 def _term_from_text(text: str) -> Term:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
@@ -38,8 +38,8 @@ class Declaration:
 
     Attributes:
         type: A primitive type or the name of an imported one.
-        io: Whether the system reads or sets the variable; None if the text does not say.
-        default: The value of the variable until a sample has one, or None.
+        io: ``"input"`` if the system reads the variable, ``"output"`` if it sets it, else None.
+        default: The value of the variable before the first sample that has one, or None.
     """
 
     type: str
@@ -102,8 +102,7 @@ class Specification:
     @cached_property
     def variables(self) -> tuple[str, ...]:
         """Names used in any formula, in the order of declaration, else of first appearance."""
-        formulas = (*self.formulas.values(), self.formula)
-        used = dict.fromkeys(v for f in formulas for v in f.variables)
+        used = [n.leaf for n in self.nodes() if n.op is None and isinstance(n.leaf, str)]
         order = {name: rank for rank, name in enumerate(self.declarations)}
         return tuple(sorted(used, key=lambda v: order.get(self._declared(v), len(order))))
 
@@ -145,8 +144,12 @@ class Specification:
     @cached_property
     def timed(self) -> bool:
         """Whether any formula has an interval."""
+        return any(n.interval is not None for n in self.nodes())
+
+    def nodes(self) -> Iterator[Node]:
+        """Every different node of all formulas, operands before what uses them."""
         formulas = (*self.formulas.values(), self.formula)
-        return any(n.interval is not None for f in formulas for n in f.nodes())
+        return iter(dict.fromkeys(node for formula in formulas for node in formula.nodes()))
 
     def bounds(self, interval: Interval | None) -> tuple[Fraction, Fraction | None]:
         """The bounds of an interval in `unit`; None as the end is no end."""
@@ -215,16 +218,7 @@ class Specification:
         return tuple(v for v in self.variables if (d := self.declaration(v)) and d.io == io)
 
 
-_MAPPINGS = (
-    "formulas",
-    "declarations",
-    "constants",
-    "topics",
-    "imports",
-    "types",
-    "given",
-    "positions",
-)
+_MAPPINGS = tuple(f.name for f in fields(Specification) if f.default_factory is dict)
 
 
 class _Horizons:

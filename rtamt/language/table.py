@@ -1,4 +1,4 @@
-"""The table of operators: what a row has, and what is derived from all rows."""
+"""The table of operators: the fields of a row, and what follows from all rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Literal, Protocol
 __all__ = ["KEYWORDS", "Bounds", "Builder", "Meaning", "Notation", "Operator", "Table"]
 
 KEYWORDS = frozenset({"inf", "const", "input", "output", "specification", "from", "import"})
-"""The words of statements, which the grammar has; no operator is spelt like one."""
+"""The words of statements, which the grammar itself knows; no operator is spelt like one."""
 
 Bounds = tuple[int, int | None]
 """Bounds of an interval in samples; None is no upper bound."""
@@ -103,7 +103,7 @@ class Operator:
 
 
 class Table(Mapping[str, Operator]):
-    """Rows by name, and what is derived from all of them.
+    """Rows by name, and what follows from all of them.
 
     Attributes:
         spellings: (spelling, notation) to its row; ``-`` is a prefix and an infix operator.

@@ -1,14 +1,15 @@
 """Compiles a specification over dense time.
 
-Meanings and instructions are those of samples. Offsets are exact: whole numbers of ticks, where a
-tick is the greatest time that divides every bound. They become floats when a machine is made.
+Operators and instructions mean what they mean over samples. Offsets are exact: whole numbers of
+ticks, where a tick is the greatest time that divides every bound. They become floats when a machine
+is made.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -62,7 +63,7 @@ class _DenseBuilder(ProgramBuilder):
         return int(begin / self._tick), None if end is None else int(end / self._tick)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
-        """Since: p on (t', t]; a witness inside a step needs p on the rest of that step."""
+        """Since: p on (t', t]; if t' lies inside a step, p is needed on the rest of that step."""
         begin, end = bounds
         oldest = None if end is None else begin - end
         if oldest == 0:
@@ -76,7 +77,7 @@ class _DenseBuilder(ProgramBuilder):
         return self.map("min", held, self.window("max", -begin, -begin, recent))
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
-        """Until: p on [t, t'), up to the begin of the interval and from there to the witness."""
+        """Until: p on [t, t'): up to the begin of the interval, and from there to t'."""
         begin, end = bounds
         # [t, t + begin] in place of [t, t + begin): another value at isolated instants only.
         reached = self.window("until", 0, None if end is None else end - begin, p, q)
@@ -140,8 +141,7 @@ def _cached(
 
 def _tick(specification: Specification) -> Fraction:
     """The greatest time of which every bound is a multiple."""
-    formulas: Iterable[Node] = (*specification.formulas.values(), specification.formula)
-    intervals = {node.interval for formula in formulas for node in formula.nodes()}
+    intervals = {node.interval for node in specification.nodes()}
     bounds = [b for i in intervals for b in specification.bounds(i) if b]
     if not bounds:
         return Fraction(1)

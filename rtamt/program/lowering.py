@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import assert_never, cast
 
-from rtamt.language.formula import Formula, Term
+from rtamt.language.formula import Term
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Meaning
@@ -49,11 +49,8 @@ class ProgramBuilder:
         """The program of the whole specification."""
         specification = self.specification
         known: dict[Node, int] = {}
-        formulas: Iterable[Formula] = (*specification.formulas.values(), specification.formula)
-        for formula in formulas:
-            for node in formula.nodes():
-                if node not in known:
-                    known[node] = self.lower(node, known)
+        for node in specification.nodes():
+            known[node] = self.lower(node, known)
         raw = Program(
             instructions=tuple(self.instructions),
             terms=sum(self.is_term),

@@ -1,17 +1,18 @@
-"""Errors of text: what was expected where, what came instead, and the way out."""
+"""The errors of texts that are no specification: what was expected, what came, the way out."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
+from fractions import Fraction
 from typing import Protocol
 
 from antlr4.Token import Token as AntlrToken
 
-from rtamt.errors import ParseError
+from rtamt.errors import ParseError, SpecificationError, nearest
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.interval import UNITS
+from rtamt.language.interval import UNITS, exact
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES
 from rtamt.language.table import Notation, Operator
@@ -19,13 +20,14 @@ from rtamt.language.table import Notation, Operator
 __all__ = [
     "Token",
     "diagnose",
+    "exact_number",
     "fail",
     "misspelt",
-    "nearest",
-    "nearest_name",
     "no_bound",
     "no_formula",
     "shown",
+    "similar",
+    "similar_name",
 ]
 
 
@@ -46,14 +48,13 @@ def fail(text: str, token: Token, reason: str, hint: str = "") -> ParseError:
     return ParseError(reason, text, token.line, token.column + 1, hint)
 
 
-def nearest(word: str, words: Iterable[str], otherwise: str = "") -> str:
+def similar(word: str, words: Iterable[str], otherwise: str = "") -> str:
     """A hint with the most similar word; ``otherwise`` if none is similar."""
-    close = difflib.get_close_matches(word, tuple(words), 1)
-    return f"did you mean '{close[0]}'?" if close else otherwise
+    return nearest(word, words).removeprefix("; ") or otherwise
 
 
-def nearest_name(name: str, names: Iterable[str], declaration: str) -> str:
-    """A hint for an unknown name: the nearest one, and how to declare it."""
+def similar_name(name: str, names: Iterable[str], declaration: str) -> str:
+    """A hint for an unknown name: one that is like it, and how to declare it."""
     close = difflib.get_close_matches(name, tuple(names), 1, cutoff=0.4)
     declare = f"declare it: {declaration}"
     return f"did you mean '{close[0]}'? If not, {declare}" if close else declare
@@ -71,32 +72,14 @@ _HEADS = {
 }
 _LONG = 60
 _ASCII = "names have letters, digits, '_' and dots; operators are as in: not (x >= 3) -> y < 2"
+_PRINTED = "≥≤≠¬∧∨→⇒↔⇔□◇"  # noqa: RUF001 - as formulas are printed in papers
+_SPELT = (">=", "<=", "!=", "not", "and", "or", "->", "->", "<->", "<->", "always", "eventually")
 _INSTEAD = {
     "#": "a comment begins with //",
     "^": "write pow(x, 2) for a power",
-    **{
-        character: f"write '{spelling}'"
-        for character, spelling in zip(
-            "≥≤≠¬∧∨→⇒↔⇔□◇",  # noqa: RUF001 - as formulas are printed in papers
-            (
-                ">=",
-                "<=",
-                "!=",
-                "not",
-                "and",
-                "or",
-                "->",
-                "->",
-                "<->",
-                "<->",
-                "always",
-                "eventually",
-            ),
-            strict=True,
-        )
-    },
+    **{c: f"write '{spelling}'" for c, spelling in zip(_PRINTED, _SPELT, strict=True)},
 }
-# What other tools call our operators, where the nearest word would be another one.
+# Names of operators in other tools, each of which is more like the name of another operator here.
 _ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
 
 
@@ -148,6 +131,19 @@ def no_formula(text: str, token: Token, instead: str, hint: str = "") -> ParseEr
 def no_bound(text: str, token: Token, hint: str) -> ParseError:
     """The error for a token that stands where a bound of an interval belongs."""
     return fail(text, token, f"expected an interval bound, got {_got(token)}", hint)
+
+
+def exact_number(text: str, token: Token, digits: str, what: str) -> Fraction:
+    """The exact value of a number in the text.
+
+    Raises:
+        ParseError: At the token, if the number is too large or too small to compute with.
+    """
+    try:
+        return exact(digits, what)
+    except SpecificationError:
+        reason = f"expected a {what} between 1e-300 and 1e300, got {shown(digits)}"
+        raise fail(text, token, reason) from None
 
 
 def shown(text: str) -> str:
@@ -241,8 +237,8 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
     elif token.type == StlParser.COMMA:
         hint = "',' stands between the operands of a function only"
     elif token.type == StlParser.NAME:
-        prefix = nearest(before.text, _words("prefix")) if before.type == StlParser.NAME else ""
-        hint = nearest(token.text, _words("infix")) or prefix or hint
+        prefix = similar(before.text, _words("prefix")) if before.type == StlParser.NAME else ""
+        hint = similar(token.text, _words("infix")) or prefix or hint
     return fail(text, token, reason, hint)
 
 
@@ -258,10 +254,10 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
         reason = f"expected '(' after '{word}', got {_got(token)}"
         return fail(text, token, reason, f"write {word}({token.text})")
     if token.type == StlParser.OPEN:
-        hint = nearest(word, functions + operators, f"functions are {', '.join(functions)}")
+        hint = similar(word, functions + operators, f"functions are {', '.join(functions)}")
         return fail(text, before, f"unknown function '{word}'", hint)
     timed = [s for s in operators if OPERATORS.words[s].timed]
-    if token.type == StlParser.OPEN_INTERVAL and (close := nearest(word, timed)):
+    if token.type == StlParser.OPEN_INTERVAL and (close := similar(word, timed)):
         return fail(text, before, f"unknown operator '{word}'", close)
     return None
 

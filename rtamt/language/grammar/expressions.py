@@ -8,9 +8,17 @@ from typing import cast
 
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.formula import Formula, make, number
-from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, no_bound, shown
+from rtamt.language.grammar.diagnosis import (
+    Token,
+    exact_number,
+    fail,
+    no_bound,
+    shown,
+    similar,
+    similar_name,
+)
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.interval import UNITS, Interval, decimal_text, exact, no_unit
+from rtamt.language.interval import UNITS, Interval, decimal_text, no_unit
 from rtamt.language.node import MAX_DEPTH, Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Operator
@@ -22,7 +30,7 @@ _CLOSING = (StlParser.CLOSE, StlParser.CLOSE_INTERVAL)
 
 _BACK = "bounds count away from now; once, historically and since look back"
 _LONG = 60
-"""Operands longer than this are p, q and r where an error shows two readings."""
+"""An error that shows two readings of operands longer than this calls them p, q and r."""
 
 
 class _Frame:
@@ -243,18 +251,14 @@ class TreeBuilder:
         if unit.type != StlParser.NAME:
             return value, None, at + 1
         if unit.text not in UNITS:
-            raise self._fail(unit, no_unit(unit.text), nearest(unit.text, UNITS))
+            raise self._fail(unit, no_unit(unit.text), similar(unit.text, UNITS))
         return value, unit, at + 2
 
     def _value(self, token: Token) -> Fraction | None:
         if token.type == StlParser.INF:
             return None
         if token.type == StlParser.NUMBER:
-            try:
-                return exact(token.text, "a bound")
-            except SpecificationError:
-                reason = f"expected a bound between 1e-300 and 1e300, got {shown(token.text)}"
-                raise self._fail(token, reason) from None
+            return exact_number(self.text, token, token.text, "bound")
         name = token.text
         if name in self.constants:
             return self.constants[name]
@@ -263,7 +267,7 @@ class TreeBuilder:
             raise self._fail(token, reason, "write a number, a constant or inf")
         if name in UNITS:
             raise no_bound(self.text, token, f"write a number before the unit: [0:500{name}]")
-        hint = nearest_name(name, self.constants, f"const float {name} = 5")
+        hint = similar_name(name, self.constants, f"const float {name} = 5")
         raise self._fail(token, f"unknown constant '{name}'", hint)
 
     def _fail(self, token: Token, reason: str, hint: str = "") -> ParseError:

@@ -6,12 +6,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Literal, cast
 
-from rtamt.errors import ParseError, SpecificationError
+from rtamt.errors import ParseError
 from rtamt.language.formula import Formula, Term, number, variable
-from rtamt.language.grammar.diagnosis import Token, fail, nearest, nearest_name, no_formula, shown
+from rtamt.language.grammar.diagnosis import (
+    Token,
+    exact_number,
+    fail,
+    no_formula,
+    similar,
+    similar_name,
+)
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.tokens import Part, Statement, Statements, read
-from rtamt.language.interval import exact
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES, Declaration, Specification
@@ -57,7 +63,7 @@ class _Reader:
         self.constants = dict(given)
         self.declarations: dict[str, Declaration] = {}
         self.declared: set[str] = set()
-        self.declares = False
+        self.all_declared = False  # whether a variable must be declared
         self.topics: dict[str, str] = {}
         self.formulas: dict[str, Formula] = {}
         self.used: set[str] = set()
@@ -73,17 +79,17 @@ class _Reader:
             self._constant(statement)
         for statement in statements.declarations:
             self._declare(statement)
-        # A declaration of what a formula computes declares no input of the formulas.
+        # The declaration of a name that a formula defines declares no variable.
         named = {d.name.text for d in statements.definitions if d.name is not None}
         self.declared = self.declarations.keys() - named
         computed = {name.rpartition(".")[0] for name in named}
-        self.declares = any(name not in computed for name in self.declared)
+        self.all_declared = any(name not in computed for name in self.declared)
         *others, last = statements.definitions
         for statement in others:
             if statement.name is None:
                 hint = "name it, p = ..., or remove it: the last formula is the result"
                 token = statement.formula.start
-                raise fail(self.text, token, "only the last formula may stand without a name", hint)
+                raise self._fail(token, "only the last formula may stand without a name", hint)
             self._define(statement)
         formula = self._define(last)
         if formula.op is _VALUE and not formula.variables and formula in self.formulas.values():
@@ -115,12 +121,12 @@ class _Reader:
         if self.modules is None:  # then a type is a name
             return
         if module not in self.modules:
-            hint = nearest(module, self.modules, f"modules=['{module}'] imports it")
+            hint = similar(module, self.modules, f"modules=['{module}'] imports it")
             raise self._fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self.modules[module])
         if name.text not in known:
             reason = f"module '{module}' has no type '{name.text}'"
-            raise self._fail(name, reason, nearest(name.text, known))
+            raise self._fail(name, reason, similar(name.text, known))
         kind = getattr(self.modules[module], name.text)
         if isinstance(kind, type):
             self.types[name.text] = kind
@@ -138,11 +144,10 @@ class _Reader:
     def _new(self, statement: Statement, types: Iterable[str]) -> str:
         token = cast("Token", statement.name)
         if statement.kind.text not in types:
-            otherwise = (
-                f"take bool, int, float, float64, ... or: from MODULE import {statement.kind.text}"
-            )
-            hint = nearest(statement.kind.text, types, otherwise)
-            raise self._fail(statement.kind, f"unknown type '{statement.kind.text}'", hint)
+            kind = statement.kind.text
+            otherwise = f"take bool, int, float, float64, ... or: from MODULE import {kind}"
+            hint = similar(kind, types, otherwise)
+            raise self._fail(statement.kind, f"unknown type '{kind}'", hint)
         if token.text in self.declarations or token.text in self.constants:
             by = "given as a constant" if token.text in self.given else "declared"
             raise self._fail(token, f"'{token.text}' is already {by}", "choose another name")
@@ -150,12 +155,8 @@ class _Reader:
 
     def _value(self, part: Part) -> Fraction:
         value = self.tokens[part.start.tokenIndex : part.stop.tokenIndex + 1]
-        text = "".join(token.text for token in value)
-        try:
-            return exact(text, "a value")
-        except SpecificationError:
-            reason = f"expected a number between 1e-300 and 1e300, got {shown(text)}"
-            raise self._fail(part.start, reason) from None
+        digits = "".join(token.text for token in value)
+        return exact_number(self.text, part.start, digits, "number")
 
     def _annotate(self, statement: Statement) -> None:
         if statement.kind.text != "topic":
@@ -164,7 +165,7 @@ class _Reader:
         name = statement.variable.text
         known = self.declarations.keys() | self.used | self.formulas.keys()
         if name not in known:
-            hint = nearest_name(name, known, f"float {name}")
+            hint = similar_name(name, known, f"float {name}")
             raise self._fail(statement.variable, f"unknown variable '{name}'", hint)
         first, last = statement.location.start.tokenIndex, statement.location.stop.tokenIndex
         steps = self.tokens[first : last + 1]
@@ -183,21 +184,17 @@ class _Reader:
         if name is not None:
             if name.text in self.used:
                 reason = f"'{name.text}' is used as a variable and cannot name a formula"
-                raise self._fail(
-                    name, reason, "choose another name, or use it in later formulas only"
-                )
+                hint = "choose another name, or use it in later formulas only"
+                raise self._fail(name, reason, hint)
             self.formulas[name.text] = formula
         return formula
 
     def _check_free(self, name: Token) -> None:
-        if name.text in self.formulas:
-            reason = f"'{name.text}' already names a formula"
-        elif name.text in self.constants:
-            reason = f"'{name.text}' already names a constant"
-        else:
-            self._check_field(name)
-            return
-        raise self._fail(name, reason, "choose another name")
+        for what, names in (("formula", self.formulas), ("constant", self.constants)):
+            if name.text in names:
+                reason = f"'{name.text}' already names a {what}"
+                raise self._fail(name, reason, "choose another name")
+        self._check_field(name)
 
     def _resolve(self, token: Token) -> Node:
         name = token.text
@@ -211,9 +208,9 @@ class _Reader:
         return variable(name)
 
     def _check_declared(self, token: Token) -> None:
-        if self.declares and self._check_field(token) not in self.declared:
+        if self.all_declared and self._check_field(token) not in self.declared:
             known = (*self.declared, *self.formulas, *self.constants)
-            hint = nearest_name(token.text, known, f"float {token.text}")
+            hint = similar_name(token.text, known, f"float {token.text}")
             raise self._fail(token, f"'{token.text}' is not declared", hint)
 
     def _check_field(self, token: Token) -> str:

@@ -72,9 +72,9 @@ _TYPES: Mapping[tuple[Notation, bool], int] = {
 _SPELT = frozenset({StlParser.NAME, StlParser.SYMBOL})
 _PREFIX = frozenset({StlParser.TEMPORAL, StlParser.PREFIX, StlParser.MINUS})
 _INFIX = frozenset({StlParser.BINDING, StlParser.INFIX, StlParser.MINUS, StlParser.SLASH})
-# After these a newline ends nothing; what follows the end of an interval is an operand.
+# A newline after one of these ends no statement.
 _UNFINISHED = _PREFIX | _INFIX | {StlParser.EQUALS}
-# A statement names something after these: that name calls no function.
+# What follows one of these is the name of something, which calls no function.
 _NAMING = frozenset({StlParser.NAME, StlParser.SPECIFICATION, StlParser.IMPORT})
 _OPEN_ENDS = frozenset({StlParser.COLON, StlParser.COMMA, StlParser.INF})
 
@@ -97,7 +97,7 @@ def read(text: str) -> tuple[Statements, Sequence[Token]]:
         try:
             return cast("Statements", parser.specification()), tokens
         except ParseError as error:
-            raise error.with_traceback(None) from None  # two calls of ANTLR's for every bracket
+            raise error.with_traceback(None) from None  # it has two calls for every bracket
 
 
 class _Scanner:
@@ -160,9 +160,8 @@ class _Scanner:
                     raise self._unclosed()
                 self.unfinished = True
             case StlParser.OPEN_COMMENT:
-                raise fail(
-                    self.text, token, "the comment is not closed", "write '*/' where it ends"
-                )
+                hint = "write '*/' where it ends"
+                raise fail(self.text, token, "the comment is not closed", hint)
             case StlParser.ILLEGAL:
                 raise misspelt(self.text, token)
 
@@ -176,7 +175,7 @@ class _Scanner:
             if token.type == StlParser.CLOSE and not open_end:
                 reason = f"expected ']' to close {_place(opened)}, got ')'"
                 raise fail(self.text, token, reason, "both bounds belong to an interval: [0:5]")
-            self.unfinished = True
+            self.unfinished = True  # an operand follows an interval
         elif token.type == StlParser.CLOSE_INTERVAL:
             raise fail(self.text, token, f"expected ')' to close {_place(opened)}, got ']'")
 
