@@ -13,7 +13,7 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.terms import Operation, PythonSampleMachine, Registers, map_operation
 from rtamt.machines.windows import DelayLine, FoldedWindow, make_window
 from rtamt.program.algebra import FOLDS, Element
-from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.program import Map, Program, Window
 from rtamt.program.schedule import Delay, Scheduled, schedule
 
 __all__ = ["PythonDiscreteMachine"]
@@ -44,16 +44,12 @@ class PythonDiscreteMachine(PythonSampleMachine):
         self._operations: list[Operation] = []
         self._parts: list[DelayLine | FoldedWindow] = []
         for slot, scheduled in schedule(program):
-            if slot >= program.terms:
-                self._initial += [0.0] * (slot + 1 - len(self._initial))
-                self._operations.append(self._compiled(slot, scheduled))
+            self._initial += [0.0] * (slot + 1 - len(self._initial))
+            self._operations.append(self._compiled(slot, scheduled))
         self.reset()
 
     def _compiled(self, out: int, scheduled: Scheduled) -> Operation:
         match scheduled:
-            case Load() | Const():
-                msg = f"register {out} is an input behind the terms"
-                raise AssertionError(msg)
             case Map(function, args):
                 return map_operation(out, function, args)
             case Window(name, _, _, args):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -56,10 +56,7 @@ def _ln(x: float) -> float:
 def _pow(x: float, y: float) -> float:
     try:
         return math.pow(x, y)
-    except (
-        OverflowError,
-        ValueError,
-    ):  # where math raises, IEEE has a value, which numpy gives
+    except (OverflowError, ValueError):  # numpy gives the value that IEEE 754 has there
         with np.errstate(all="ignore"):
             return float(np.power(x, y))
 
@@ -161,23 +158,25 @@ class LatticeFold:
 
     def _broken_law(self) -> str | None:
         fold = self.combine_arrays
-        (x,) = _elements(_NUMBERS, self.width, 1)
-        for i in _differences(fold(x, x), x):
-            return f"it is not idempotent (of {_text(x, i)} twice it makes {_text(fold(x, x), i)})"
         x, y = _elements(_NUMBERS, self.width, 2)
-        both = fold(x, y)
-        example = "(of {} and {} it makes {})"
+        twice, both = fold(x, x), fold(x, y)
+        for i in _differences(twice, x):
+            return f"it is not idempotent (of {_text(x, i)} twice it makes {_text(twice, i)})"
         new = [np.all(np.not_equal((*x, *y), number), axis=0) for number in both]
-        for i in np.flatnonzero(np.any(new, axis=0)).tolist():
-            example = example.format(_text(x, i), _text(y, i), _text(both, i))
-            return f"it does not choose among the numbers of its elements {example}"
-        for i in _differences(_reached(both), fold(_reached(x), _reached(y))):
-            example = example.format(_text(x, i), _text(y, i), _text(both, i))
-            return f"it does not act on each threshold by itself {example}"
-        older, younger, made = (_rows(tuple(a[::8] for a in some)) for some in (x, y, both))
-        if [self.combine(*pair) for pair in zip(older, younger, strict=True)] != made:
+        wrong = {
+            "choose among the numbers of its elements": np.flatnonzero(np.any(new, axis=0)),
+            "act on each threshold by itself": _differences(
+                _reached(both), fold(_reached(x), _reached(y))
+            ),
+        }
+        for law, places in wrong.items():
+            for i in places:
+                made = f"of {_text(x, i)} and {_text(y, i)} it makes {_text(both, i)}"
+                return f"it does not {law} ({made})"
+        rows = zip(*(_rows(tuple(a[::8] for a in some)) for some in (x, y, both)), strict=True)
+        if any(self.combine(older, younger) != made for older, younger, made in rows):
             return "combine and combine_arrays differ"
-        # What acts on each threshold by itself is decided by what it does at -inf and +inf.
+        # A fold that acts on each threshold by itself is known by what it does at -inf and +inf.
         x, y, z = _elements(_ENDS, self.width, 3)
         identity = tuple(np.full_like(x[0], e) for e in self.identity)
         if _differences(fold(identity, x), x) or _differences(fold(x, identity), x):
@@ -203,10 +202,9 @@ def _reached(x: Arrays) -> Arrays:
     return tuple(np.where(a >= _NUMBERS[:, None], INF, -INF) for a in x)
 
 
-def _differences(x: Arrays, y: Arrays) -> list[int]:
+def _differences(x: Arrays, y: Arrays) -> Sequence[int]:
     """The places at which elements differ."""
-    places: list[int] = np.nonzero(np.any(np.not_equal(x, y), axis=0))[-1].tolist()
-    return places
+    return list(np.nonzero(np.any(np.not_equal(x, y), axis=0))[-1])
 
 
 def _rows(x: Arrays) -> list[Element]:
@@ -249,7 +247,7 @@ def _pair_of_duals(
 
 
 def _table(*rows: LatticeFold) -> Mapping[str, LatticeFold]:
-    """The rows by name, after a check of those that each one names."""
+    """The rows by name, after a check of the dual and the mirror of each."""
     table = {row.name: row for row in rows}
     for row in rows:
         dual, mirror = table[row.dual], table[row.mirror]
@@ -263,7 +261,7 @@ def _table(*rows: LatticeFold) -> Mapping[str, LatticeFold]:
             raise AssertionError(msg)
         # An episode machine has one unknown for the fold of all samples that are still to come.
         if not any(_reads_one_number(fold) for fold in (row, mirror)):
-            msg = f"'{row.name}' and its mirror read more of what is younger than its last number"
+            msg = f"'{row.name}' and its mirror read more than the last number of a younger element"
             raise AssertionError(msg)
     return table
 

@@ -1,21 +1,19 @@
 """Programs as the C++ machines read them: tuples of names and numbers.
 
-Names of instructions, functions and lattice folds cross as text. `rtamt/native/python/encoding.hpp`
-reads the fields by position, in the order of their definition. An instruction without a second
-operand repeats the first.
+`rtamt/native/python/encoding.hpp` reads the fields of a row by position. Names of instructions,
+functions and lattice folds are text. An instruction without a second operand repeats the first.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from dataclasses import replace
 from typing import NamedTuple, assert_never
 
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.placement import place
-from rtamt.program.program import Const, Load, Map, Program, Window
-from rtamt.program.schedule import Delay, Scheduled, schedule
+from rtamt.program.program import Const, Instruction, Load, Map, Program, Window
+from rtamt.program.schedule import Delay, schedule
 
 __all__ = [
     "DenseRow",
@@ -30,22 +28,16 @@ __all__ = [
 
 
 class DiscreteRow(NamedTuple):
-    """An instruction or a delay line on samples.
+    """An instruction or a delay line on samples."""
 
-    Attributes:
-        slot: Where the value is written.
-        length: Samples in a window or a delay line; 0 for a window without begin.
-        start: The first sample at which a window takes in a value of its operands.
-    """
-
-    slot: int
+    slot: int  # where the value is written
     kind: str
     name: str
     first: int
     second: int
     value: float
-    length: int
-    start: int
+    length: int = 0  # samples in a window or a delay line; 0 for a window without begin
+    start: int = 0  # the first sample at which a window takes in a value of its operands
 
 
 class FormulaRow(NamedTuple):
@@ -93,8 +85,16 @@ class EncodedEpisode(NamedTuple):
 # Programs are equal only if they are the same object: compilers cache them, so it comes again.
 @functools.lru_cache(maxsize=512)
 def encoded_discrete(program: Program) -> Encoded:
-    """The schedule of a program on samples."""
-    return Encoded(_scheduled(program), program.terms, program.variables, program.result)
+    """The terms of a program on samples, and the schedule of its formulas."""
+    rows = _terms(program)
+    for slot, scheduled in schedule(program):
+        length = start = 0
+        if isinstance(scheduled, Delay):
+            length = scheduled.length
+        elif isinstance(scheduled, Window):
+            length, start = scheduled.length or 0, program.start(slot)
+        rows.append(DiscreteRow(slot, *_fields(program, scheduled), length, start))
+    return Encoded(tuple(rows), program.terms, program.variables, program.result)
 
 
 @functools.lru_cache(maxsize=256)
@@ -102,19 +102,20 @@ def encoded_episode(program: Program) -> EncodedEpisode:
     """The placement of a program, for the machine that bounds an episode."""
     placement = place(program)
     program = placement.program
-    known = program.terms
-    terms = replace(
-        program, instructions=program.instructions[:known], latencies=program.latencies[:known]
-    )
     formulas = []
-    for instruction in program.instructions[known:]:
-        kind, name, first, second, _ = _fields(program, instruction)
+    for register in range(program.terms, len(program.instructions)):
+        instruction = program.formula(register)
         lo = hi = None
         if isinstance(instruction, Window):
             lo, hi = instruction.lo, instruction.hi
+        kind, name, first, second, _ = _fields(program, instruction)
         formulas.append(FormulaRow(kind, name, first, second, lo, hi))
     return EncodedEpisode(
-        _scheduled(terms), tuple(formulas), placement.initial, placement.streams, program.variables
+        tuple(_terms(program)),
+        tuple(formulas),
+        placement.initial,
+        placement.streams,
+        program.variables,
     )
 
 
@@ -132,21 +133,14 @@ def encoded_dense(dense: DenseProgram) -> Encoded:
     return Encoded(tuple(rows), program.terms, program.variables, program.result)
 
 
-def _scheduled(program: Program) -> tuple[DiscreteRow, ...]:
-    rows = []
-    for slot, instruction in schedule(program):
-        length = start = 0
-        if isinstance(instruction, Delay):
-            length = instruction.length
-        elif isinstance(instruction, Window):
-            length, start = instruction.length or 0, program.start(slot)
-        rows.append(DiscreteRow(slot, *_fields(program, instruction), length, start))
-    return tuple(rows)
+def _terms(program: Program) -> list[DiscreteRow]:
+    terms = enumerate(program.instructions[: program.terms])
+    return [DiscreteRow(register, *_fields(program, term)) for register, term in terms]
 
 
-def _fields(program: Program, instruction: Scheduled) -> tuple[str, str, int, int, float]:
-    """Kind, name, first operand, second operand and value of an instruction."""
-    match instruction:
+def _fields(program: Program, row: Instruction | Delay) -> tuple[str, str, int, int, float]:
+    """Kind, name, first operand, second operand and value of an instruction or a delay line."""
+    match row:
         case Load(variable):
             return "LOAD", variable, program.variables.index(variable), 0, 0.0
         case Const(value):

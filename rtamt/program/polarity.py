@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from rtamt.program.algebra import FOLDS
-from rtamt.program.program import Const, Instruction, Load, Map, Program, Window, latencies_of
+from rtamt.program.program import Const, Instruction, Map, Program, Window, latencies_of
 
 __all__ = ["positive"]
 
@@ -58,24 +58,22 @@ class _Writer:
     def _needs(self, register: int, negated: bool) -> list[tuple[int, bool]]:  # noqa: FBT001
         if register < self.program.terms:
             return []
-        match self.program.instructions[register]:
+        match self.program.formula(register):
             case Map("neg", (operand,)):
                 return [(operand, not negated)]
             case Map(_, args) | Window(_, _, _, args):
                 return [(a, negated) for a in args]
-            case Load() | Const():
-                return []
             case _ as never:
                 assert_never(never)
 
     def _written(self, register: int, negated: bool) -> int:  # noqa: FBT001
-        instruction = self.program.instructions[register]
         if register < self.program.terms:
+            instruction = self.program.instructions[register]
             if isinstance(instruction, Const):
                 return self._emit(Const(-instruction.value), register, term=True)
             return self._emit(Map("neg", (register,)), register, term=True)
         args = tuple(self.known[need] for need in self._needs(register, negated))
-        match instruction:
+        match self.program.formula(register):
             case Map("neg"):
                 return args[0]
             case Map(function):
@@ -88,9 +86,6 @@ class _Writer:
                     shift = "max" if FOLDS[name].identity[-1] < 0 else "min"
                     return self._emit(Window(shift, lo, lo, (open_end,)), register, term=False)
                 return self._emit(Window(name, lo, hi, args), register, term=False)
-            case Load() | Const():
-                msg = f"register {register} is an input behind the terms"
-                raise AssertionError(msg)
             case _ as never:
                 assert_never(never)
 

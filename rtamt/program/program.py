@@ -33,6 +33,9 @@ __all__ = [
     "Map",
     "Program",
     "Window",
+    "latencies_of",
+    "latency_of",
+    "listed",
 ]
 
 
@@ -116,6 +119,14 @@ class Program:
         """Samples by which the robustness is late; None if it needs the whole future."""
         return self.latencies[self.result]
 
+    def formula(self, register: int) -> Map | Window:
+        """The instruction of a register after the terms."""
+        instruction = self.instructions[register]
+        if isinstance(instruction, Load | Const):
+            msg = f"register {register} is an input behind the terms"
+            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
+        return instruction
+
     def delay(self, register: int, operand: int) -> int:
         """Samples by which ``register`` must delay what it reads from ``operand``."""
         instruction = self.instructions[register]
@@ -144,21 +155,13 @@ class Program:
         Raises:
             AssertionError: If it is not, which is a bug in this package.
         """
+        count = len(self.instructions)
         for register, instruction in enumerate(self.instructions):
             self._check(register, instruction)
         for register in (self.result, *self.outputs.values()):
-            self._require(
-                0 <= register < len(self.instructions),
-                register,
-                "is not in the program",
-            )
-        loads = [i.variable for i in self.instructions if isinstance(i, Load)]
-        self._require(set(loads) <= set(self.variables), 0, "loads what is no variable")
-        self._require(
-            len(set(self.instructions[self.terms :])) == len(self.instructions) - self.terms,
-            0,
-            "repeats",
-        )
+            self._require(0 <= register < count, register, "is not in the program")
+        distinct = len(set(self.instructions[self.terms :]))
+        self._require(distinct == count - self.terms, self.terms, "or a later one repeats another")
 
     def _check(self, register: int, instruction: Instruction) -> None:
         args = operands(instruction)
@@ -166,6 +169,8 @@ class Program:
         match instruction:
             case Load() | Const():
                 self._require(register < self.terms, register, "is an input behind the terms")
+                known = isinstance(instruction, Const) or instruction.variable in self.variables
+                self._require(known, register, "loads what is no variable")
             case Map(function):
                 self._require(FUNCTIONS[function].arity == len(args), register, "has wrong arity")
                 if register < self.terms:
@@ -203,20 +208,15 @@ class Program:
         root = self.instructions[self.result]
         if isinstance(root, Window) and root.hi is None and root.lo == 0 and len(root.args) == 1:
             running = Window(root.fold, None, 0, root.args)
-            source = self.sources[self.result]
+            instructions = (*self.instructions, running)
+            new = {self.result: len(self.instructions)}
             program = replace(
                 self,
-                instructions=(*self.instructions, running),
-                latencies=(
-                    *self.latencies,
-                    latency_of(running, self.latencies, self.instructions),
-                ),
-                sources=(*self.sources, source),
-                result=len(self.instructions),
-                outputs={
-                    name: len(self.instructions) if register == self.result else register
-                    for name, register in self.outputs.items()
-                },
+                instructions=instructions,
+                latencies=latencies_of(instructions),
+                sources=(*self.sources, self.sources[self.result]),
+                result=new[self.result],
+                outputs={name: new.get(r, r) for name, r in self.outputs.items()},
             ).pruned()
         for register, instruction in enumerate(program.instructions):
             if isinstance(instruction, Window) and instruction.hi is None:
@@ -263,34 +263,26 @@ class Program:
 
     def clamped(self, n: int) -> Program:
         """The program with bounds cut to n: equivalent on traces of n samples or less."""
-        instructions: list[Instruction] = []
-        for instruction in self.instructions:
-            if isinstance(instruction, Window):
-                lo, hi = (
-                    None if bound is None else max(-n, min(n, bound))
-                    for bound in (instruction.lo, instruction.hi)
-                )
-                instruction = replace(instruction, lo=lo, hi=hi)  # noqa: PLW2901
-            instructions.append(instruction)
-        return replace(self, instructions=tuple(instructions), latencies=latencies_of(instructions))
+
+        def cut(bound: int | None) -> int | None:
+            return None if bound is None else max(-n, min(n, bound))
+
+        instructions = tuple(
+            replace(i, lo=cut(i.lo), hi=cut(i.hi)) if isinstance(i, Window) else i
+            for i in self.instructions
+        )
+        return replace(self, instructions=instructions, latencies=latencies_of(instructions))
 
     def __str__(self) -> str:
         """A listing, in columns: register, instruction, latency, source."""
-        rows = []
-        for register, instruction in enumerate(self.instructions):
-            late = self.latencies[register]
-            rows.append(
-                (
-                    f"{register}",
-                    listed(instruction),
-                    "-" if late is None else f"{late}",
-                    str(self.sources[register]),
-                )
-            )
-        widths = [max(len(row[i]) for row in rows) for i in range(3)]
+        registers = [str(register) for register in range(len(self.instructions))]
+        texts = [listed(instruction) for instruction in self.instructions]
+        latencies = ["-" if late is None else str(late) for late in self.latencies]
+        columns = (registers, texts, latencies)
+        r, i, late = (max(map(len, column)) for column in columns)
         lines = [
-            f"{r:>{widths[0]}}  {i:<{widths[1]}}  {late:>{widths[2]}}  {source}"
-            for r, i, late, source in rows
+            f"{register:>{r}}  {text:<{i}}  {latency:>{late}}  {source}"
+            for register, text, latency, source in zip(*columns, self.sources, strict=True)
         ]
         names = {register: name for name, register in self.outputs.items()}
         lines.append(f"result {self.result}" + "".join(f", {n} = {r}" for r, n in names.items()))
@@ -298,6 +290,7 @@ class Program:
 
 
 def listed(instruction: Instruction) -> str:
+    """The text of an instruction in a listing."""
     match instruction:
         case Load(variable):
             return f"LOAD {variable}"
@@ -335,6 +328,7 @@ def latency_of(
     latencies: Sequence[int | None],
     instructions: Sequence[Instruction],
 ) -> int | None:
+    """The latency of an instruction, from the instructions and latencies before it."""
     late = 0
     for operand in operands(instruction):
         if not isinstance(instructions[operand], Const):

@@ -23,7 +23,7 @@ from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers, Terms
 from rtamt.program.algebra import FOLDS
 from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.program import Const, Load, Map, Window
+from rtamt.program.program import Map, Window
 
 __all__ = ["PythonDenseMachine"]
 
@@ -65,10 +65,7 @@ class PythonDenseMachine(StateFields):
 
     def _node(self, dense: DenseProgram, register: int) -> StreamNode:
         out = self._streams[register]
-        match dense.program.instructions[register]:
-            case Load() | Const():
-                msg = f"register {register} is an input behind the terms"
-                raise AssertionError(msg)
+        match dense.program.formula(register):
             case Map(function, args):
                 return MapNode(function, [self._streams[a] for a in args], out)
             case Window(name, lo, hi, args):

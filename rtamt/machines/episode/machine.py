@@ -45,7 +45,7 @@ from rtamt.machines.episode.streams import (
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import place
-from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.program import Const, Map, Program, Window
 
 __all__ = ["PythonEpisodeMachine", "refuse_finish", "refuse_update"]
 
@@ -105,7 +105,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
             return Constant(corners, instruction.value)
         if register < self.program.terms:
             return Predicate(corners, register)
-        match instruction:
+        match self.program.formula(register):
             case Map(function, args):
                 return Pointwise(FOLDS[function], [self._streams[a] for a in args])
             case Window(name, lo, hi, args):
@@ -115,9 +115,6 @@ class PythonEpisodeMachine(PythonSampleMachine):
                 if lo is None:
                     return UnboundedPast(FOLDS[name], hi, streams)
                 return Sliding(FOLDS[name], lo, hi, streams)
-            case Load():
-                msg = f"register {register} is an input behind the terms"
-                raise AssertionError(msg)
             case _ as never:
                 assert_never(never)
 

@@ -15,7 +15,8 @@ from rtamt import Monitor, evaluate
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.windows import DelayLine, make_window
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.schedule import Scheduled
+from rtamt.program.program import Instruction
+from rtamt.program.schedule import Delay
 
 if TYPE_CHECKING:
     from rtamt._native import DiscreteMachine
@@ -84,7 +85,7 @@ def test_both_sides_know_the_same_lattice_folds() -> None:
 
 
 def test_both_sides_know_the_same_kinds_of_instructions() -> None:
-    assert set(native.KINDS) == {kind.__name__.upper() for kind in get_args(Scheduled)}
+    assert set(native.KINDS) == {kind.__name__.upper() for kind in get_args(Instruction | Delay)}
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
