@@ -1,4 +1,4 @@
-"""The Python machines in lockstep: lists of single ones, which take in a row of samples or none."""
+"""The Python machines in lockstep: lists of single ones, all of which take in a sample or none."""
 
 from __future__ import annotations
 
@@ -37,11 +37,9 @@ class _PythonBank(StateFields, Generic[_M]):
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples taken in by every lane since its reset."""
         return np.array([machine.samples for machine in self._machines], dtype=np.int64)
 
     def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
-        """Take in a sample in every lane that the mask chooses; the result of every lane."""
         table, chosen = self._reader.values(values), self._reader.mask(mask)
         lanes = self._chosen(chosen)
         self._require_open(lanes)
@@ -54,12 +52,11 @@ class _PythonBank(StateFields, Generic[_M]):
         return self._each("result")
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget every sample of the lanes that the mask chooses."""
         for lane in self._chosen(self._reader.mask(mask)):
             self._machines[lane].reset()
 
     def _require_open(self, lanes: Sequence[int]) -> None:
-        """Refuse lanes that take no samples any more."""
+        """Refuse lanes whose trace has ended."""
 
     def _chosen(self, mask: Lanes | None) -> Sequence[int]:
         if mask is None:
@@ -89,31 +86,25 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeMachine]):
 
     @property
     def robustness(self) -> Floats:
-        """Robustness if the episodes ended now."""
         return self._each("robustness")
 
     @property
     def lower(self) -> Floats:
-        """The least over all continuations."""
         return self._each("lower")
 
     @property
     def upper(self) -> Floats:
-        """The greatest over all continuations."""
         return self._each("upper")
 
     @property
     def verdict(self) -> NDArray[np.int8]:
-        """1 where lower is above 0, -1 where upper is below, else 0."""
         return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
 
     @property
     def finished(self) -> NDArray[np.bool_]:
-        """Whether the traces have ended."""
         return np.array([machine.finished for machine in self._machines])
 
     def finish(self, mask: ArrayLike | None = None) -> Floats:
-        """End the traces of the lanes that the mask chooses; the robustness of every lane."""
         lanes = self._chosen(self._reader.mask(mask))
         for lane in lanes:
             if self._machines[lane].samples == 0:

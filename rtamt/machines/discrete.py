@@ -85,13 +85,11 @@ class PythonDiscreteMachine(PythonSampleMachine):
         return operation
 
     def update(self, *args: object, **named: object) -> float:
-        """Take in one sample; the robustness of time t - latency, nan before there is one."""
         values = self.reader.read(args, named, self.samples, self.inputs)
         self.take(self.terms(values), values)
         return self.result
 
     def take(self, terms: Registers, values: list[float]) -> None:
-        """Take in a sample whose terms are known."""
         registers = self.registers
         known = self.program.terms
         registers[:known] = terms[:known]
@@ -108,18 +106,6 @@ class PythonDiscreteMachine(PythonSampleMachine):
     def run(
         self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
     ) -> list[NDArray[np.float64]]:
-        """Take in n samples at once, all or none.
-
-        Args:
-            columns: For every variable its n values.
-            n: How many samples.
-            final: Whether the trace ends with them. The machine must be new, and must be reset
-                before it takes in another sample.
-
-        Returns:
-            For every observed register an array of n values. If ``final`` is true, these are its
-            values of times 0 to n - 1; if not, those after each sample, nan before the latency.
-        """
         rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
         terms = [self._terms(row, self.samples + i) for i, row in enumerate(rows)]
         late = [self.program.latencies[r] or 0 for r in self.observed]

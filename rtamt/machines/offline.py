@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
 from rtamt.program.algebra import FOLDS
-from rtamt.program.program import Instruction, Load, Program, Window, latencies_of
+from rtamt.program.program import Load, Program, Window, latencies_of
 
 __all__ = ["Passes", "result_alone", "run_offline", "run_outputs"]
 
@@ -117,11 +117,8 @@ def _planned(program: Program, n: int) -> _Plan:
     backwards = []
     while None in program.latencies:
         # Everything before the first window without end has a latency.
-        cut = next(
-            r for r, i in enumerate(program.instructions) if isinstance(i, Window) and i.hi is None
-        )
-        window = program.instructions[cut]
-        assert isinstance(window, Window)  # noqa: S101 - for the type checker
+        windows = ((r, i) for r, i in enumerate(program.instructions) if isinstance(i, Window))
+        cut, window = next((r, window) for r, window in windows if window.hi is None)
         operands = {str(i): register for i, register in enumerate(window.args)}
         part = program.restricted(window.args[0], operands)
         backwards.append((part, _mirrored(program, window)))
@@ -133,7 +130,7 @@ def _planned(program: Program, n: int) -> _Plan:
 
 @functools.lru_cache(maxsize=512)
 def _greatest_bound(program: Program) -> int:
-    """The longest way that a window reaches back or ahead, in samples."""
+    """The number of samples by which a window reaches back or ahead at most."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)
 
@@ -141,18 +138,17 @@ def _greatest_bound(program: Program) -> int:
 def _mirrored(program: Program, window: Window) -> Program:
     """The program that folds the operands of a window without end over reversed time."""
     width = len(window.args)
-    inputs: tuple[Instruction, ...] = tuple(Load(str(i)) for i in range(width))
+    names = tuple(str(i) for i in range(width))
     mirrored = Window(FOLDS[window.fold].mirror, None, -(window.lo or 0), tuple(range(width)))
-    source = program.sources[-1]
     return replace(
         program,
-        instructions=(*inputs, mirrored),
-        terms=len(inputs),
-        latencies=(0,) * (len(inputs) + 1),
-        result=len(inputs),
-        outputs={"": len(inputs)},
-        variables=tuple(str(i) for i in range(width)),
-        sources=(source,) * (len(inputs) + 1),
+        instructions=(*map(Load, names), mirrored),
+        terms=width,
+        latencies=(0,) * (width + 1),
+        result=width,
+        outputs={"": width},
+        variables=names,
+        sources=program.sources[-1:] * (width + 1),
     )
 
 
@@ -166,6 +162,5 @@ def _with_variable(program: Program, cut: int, name: str) -> Program:
         latencies=latencies_of(instructions),
         variables=(*program.variables, name),
     )
-    return loaded.reordered(
-        [cut, *(r for r in range(len(instructions)) if r != cut)], program.terms + 1
-    )
+    others = (r for r in range(len(instructions)) if r != cut)
+    return loaded.reordered([cut, *others], program.terms + 1)

@@ -35,12 +35,13 @@ __all__ = [
     "Stateful",
 ]
 
+Floats = NDArray[np.float64]
 Snapshot = Any
 """State of a machine; only a machine of the same program and back-end knows what is in it."""
 
 
 class Stateful(Protocol):
-    """What can be stopped and continued elsewhere."""
+    """A machine whose state can be taken, and given to another one of the same program."""
 
     def state(self) -> Snapshot:
         """A copy of the state, which ``restore`` takes."""
@@ -50,100 +51,105 @@ class Stateful(Protocol):
 
 
 class SampleMachine(Stateful, Protocol):
-    """A machine that takes in samples."""
+    """A machine that takes in samples.
+
+    Attributes:
+        samples: Samples taken in since the reset.
+        inputs: The last sample, empty before the first.
+        update: Takes in one sample, in any of the argument forms; returns the robustness.
+    """
 
     @property
-    def samples(self) -> int:
-        """Samples taken in since the reset."""
-
+    def samples(self) -> int: ...
     @property
-    def inputs(self) -> Sequence[float]:
-        """The last sample, empty before the first."""
-
+    def inputs(self) -> Sequence[float]: ...
     @property
-    def update(self) -> Callable[..., float]:
-        """Take in one sample, in any of the argument forms; the robustness."""
-
-    def reset(self) -> None:
-        """Forget every sample."""
+    def update(self) -> Callable[..., float]: ...
+    def reset(self) -> None: ...
 
 
 class DiscreteMachine(SampleMachine, Protocol):
     """Runs a program whose every register has a latency."""
 
     @property
-    def registers(self) -> Sequence[float]:
-        """The value of every register."""
+    def registers(self) -> Sequence[float]: ...
+    def run(self, columns: Sequence[Floats], n: int, *, final: bool) -> list[Floats]:
+        """Take in n samples at once, all or none.
 
-    def run(
-        self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
-    ) -> list[NDArray[np.float64]]:
-        """Take in n samples at once, all or none; the observed registers at each."""
+        Args:
+            columns: For every variable its n values.
+            n: How many samples.
+            final: Whether the trace ends with them. The machine must be new, and must be reset
+                before it takes in another sample.
+
+        Returns:
+            For every observed register an array of n values. If ``final`` is true, these are its
+            values of times 0 to n - 1; if not, those after each sample, nan before the latency.
+        """
 
 
 class EpisodeMachine(SampleMachine, Protocol):
-    """Runs a program at time 0, future without end included."""
+    """Runs a program at time 0, future without end included.
+
+    Attributes:
+        robustness: The robustness if the episode ended now.
+        lower: The least robustness over all continuations.
+        upper: The greatest robustness over all continuations.
+        finished: Whether the trace has ended.
+    """
 
     @property
-    def robustness(self) -> float:
-        """The robustness if the episode ended now."""
-
+    def robustness(self) -> float: ...
     @property
-    def lower(self) -> float:
-        """The least robustness over all continuations."""
-
+    def lower(self) -> float: ...
     @property
-    def upper(self) -> float:
-        """The greatest robustness over all continuations."""
-
+    def upper(self) -> float: ...
+    @property
+    def finished(self) -> bool: ...
     def bounds(self) -> tuple[float, float]:
         """Both bounds in one call."""
-
-    @property
-    def finished(self) -> bool:
-        """Whether the trace has ended."""
 
     def finish(self) -> float:
         """End the trace; its robustness."""
 
 
 class DenseMachine(Stateful, Protocol):
-    """Runs a program on events, each variable at its own pace."""
+    """Runs a program on events, each variable at its own pace.
+
+    Attributes:
+        settled: The time before which the result is known; -inf until every variable has an event.
+        finished: Whether the trace has ended.
+        values: The last known values of the observed registers; after `finish`, those at the end.
+        update: Takes in new events; returns the breakpoints of the result that they settle.
+    """
 
     @property
-    def settled(self) -> float:
-        """The time before which the result is known."""
-
+    def settled(self) -> float: ...
     @property
-    def finished(self) -> bool:
-        """Whether the trace has ended."""
-
+    def finished(self) -> bool: ...
     @property
-    def values(self) -> Sequence[float]:
-        """The observed registers just before they are unknown."""
-
+    def values(self) -> Sequence[float]: ...
     @property
-    def update(self) -> Callable[..., list[tuple[float, float]]]:
-        """Take in new events; the breakpoints of the result that are settled by them."""
-
+    def update(self) -> Callable[..., list[tuple[float, float]]]: ...
     def finish(self) -> list[tuple[float, float]]:
-        """End the trace; the breakpoints that are left."""
+        """End the trace where the first variable ends; the breakpoints that are left."""
 
-    def run(self, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def run(self, columns: Sequence[Column]) -> tuple[Floats, Floats]:
         """Times and values of the result over the whole trace of a new machine."""
 
-    def reset(self) -> None:
-        """Forget every event."""
+    def reset(self) -> None: ...
 
 
 class Bank(Stateful, Protocol):
-    """Machines of one program in lockstep, each in a lane with a time of its own."""
+    """Machines of one program in lockstep, each in a lane with a time of its own.
+
+    Attributes:
+        samples: Samples taken in by every lane since its reset.
+    """
 
     @property
-    def samples(self) -> NDArray[np.int64]:
-        """Samples taken in by every lane since its reset."""
-
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+    def samples(self) -> NDArray[np.int64]: ...
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
         """Take in a sample in every lane that the mask chooses; the result of every lane."""
 
     def reset(self, mask: ArrayLike | None = None) -> None:
@@ -155,27 +161,25 @@ class DiscreteBank(Bank, Protocol):
 
 
 class EpisodeBank(Bank, Protocol):
-    """Episode machines in lockstep."""
+    """Episode machines in lockstep.
+
+    Attributes:
+        robustness: The robustness of every lane if its episode ended now.
+        lower: The least robustness of every lane over all continuations.
+        upper: The greatest robustness of every lane over all continuations.
+        verdict: 1 where lower is above 0, -1 where upper is below, else 0.
+        finished: Whether the trace of every lane has ended.
+    """
 
     @property
-    def robustness(self) -> NDArray[np.float64]:
-        """The robustness of every lane if its episode ended now."""
-
+    def robustness(self) -> Floats: ...
     @property
-    def lower(self) -> NDArray[np.float64]:
-        """The least robustness over all continuations."""
-
+    def lower(self) -> Floats: ...
     @property
-    def upper(self) -> NDArray[np.float64]:
-        """The greatest robustness over all continuations."""
-
+    def upper(self) -> Floats: ...
     @property
-    def verdict(self) -> NDArray[np.int8]:
-        """1 where lower is above 0, -1 where upper is below, else 0."""
-
+    def verdict(self) -> NDArray[np.int8]: ...
     @property
-    def finished(self) -> NDArray[np.bool_]:
-        """Whether the traces have ended."""
-
-    def finish(self, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+    def finished(self) -> NDArray[np.bool_]: ...
+    def finish(self, mask: ArrayLike | None = None) -> Floats:
         """End the traces of the lanes that the mask chooses; the robustness of every lane."""

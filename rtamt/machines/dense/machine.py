@@ -79,16 +79,13 @@ class PythonDenseMachine(StateFields):
 
     @property
     def settled(self) -> float:
-        """The time before which the result is known; -inf until every variable has an event."""
         return self._end if self.finished else self._streams[self._result].frontier
 
     @property
     def values(self) -> list[float]:
-        """The observed registers just before they are unknown; after `finish`, at the end."""
         return [self._streams[r].value for r in self._observed]
 
     def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> list[Breakpoint]:
-        """Take in new events; the breakpoints of the result that are settled by them."""
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
@@ -149,7 +146,6 @@ class PythonDenseMachine(StateFields):
         return settled
 
     def finish(self) -> list[Breakpoint]:
-        """End the trace where the first variable ends; the breakpoints that are left."""
         if self.finished:
             return []
         if self._waits is None:
@@ -161,7 +157,6 @@ class PythonDenseMachine(StateFields):
         return self._settled_steps()
 
     def run(self, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Times and values of the result over the whole trace of a new machine."""
         steps = self._take(columns)
         steps += self.finish()
         times, values = zip(*steps, strict=True)

@@ -26,7 +26,7 @@ Values = tuple[float, ...]
 
 
 def just_after(time: float) -> float:
-    """The next float after a time: a stream that is known before it is known at the time."""
+    """The next float after a time; a stream with this frontier is known at the time itself."""
     return math.nextafter(time, math.inf)
 
 
@@ -34,7 +34,7 @@ class Stream(StateFields):
     """The value of a register as far as it is known.
 
     Attributes:
-        new: The breakpoints that came with this call.
+        new: The breakpoints that the present call of the machine has added.
         frontier: The time before which the register is known.
         value: The value just before the frontier; nan where there is none.
     """
@@ -58,7 +58,7 @@ class Stream(StateFields):
 
 
 class Joint(StateFields):
-    """Breakpoints of several streams, which wait to be read together."""
+    """Queues of breakpoints of several streams, which are read in the order of time."""
 
     __slots__ = ("_now", "_waiting")
     STATE = ("_now", "_waiting")

@@ -17,7 +17,7 @@ class WindowNode(StreamNode):
     """Folds the steps that a window meets.
 
     The step from t to t' meets the closed window from s + lo to s + hi if t <= s + hi and
-    s + lo < t'. So it comes at s = t - hi and leaves at s = t' - lo, and the fold is a
+    s + lo < t'. So it enters at s = t - hi and leaves at s = t' - lo, and the fold is a
     right-continuous function of s. The last instant of the trace counts as a step without an end,
     except for windows that begin after s: those are empty from ``end - lo`` on.
     """
@@ -58,7 +58,7 @@ class WindowNode(StreamNode):
     def _run(self, begin: float, before: float) -> None:
         joint, inside = self._joint, self._inside
         while True:
-            # The first value is that at the begin of the trace, even if no step has come by then.
+            # The fold has a value at the begin of the trace, even if the window is empty there.
             now = min(joint.next - self._hi, inside.leaves) if self._begun else begin
             if not now < before:
                 break
@@ -156,17 +156,16 @@ class SuffixNode(StreamNode):
         self._collect()
 
     def finish(self, begin: float, end: float) -> None:
-        # From the last step to the first; each leaves the window where the next one begins.
         self.advance(begin, end)
         steps: list[tuple[float, Element]] = []
         while (time := self._joint.next) <= end:
             steps.append((time, self._joint.take()))
         fold = self._fold.identity
-        folds = [(end, fold[-1])] if self._lo > 0 else []  # windows that begin later are empty
+        folds = [(end, fold[-1])] if self._lo > 0 else []  # windows after the end are empty
         for time, x in reversed(steps):
             fold = self._fold.combine(x, fold)
             folds.append((time, fold[-1]))
-        # The last of several folds at one time counts, and the last of those before the begin.
+        # Several folds may come to the same time, as at the begin: that of the latest step counts.
         values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
         for time, value in values.items():
             self._out.push(time, value)

@@ -22,7 +22,7 @@ class InitialFold(Polynomials):
     ) -> None:
         self._operands = Operands(fold, streams)
         self._operands.hold(self._operands.late, 0)
-        super().__init__(self._operands.identities(1))
+        super().__init__(self._operands.identities(*self._operands.corners, 1))
         self.fold = fold
         self._begin = max(0, lo or 0)
         self._end = hi

@@ -119,7 +119,6 @@ class PythonEpisodeMachine(PythonSampleMachine):
                 assert_never(never)
 
     def update(self, *args: object, **named: object) -> float:
-        """Take in one sample; the robustness if the episode ended with it."""
         if self.finished:
             refuse_update()
         values = self.reader.read(args, named, self.samples, self.inputs)
@@ -127,14 +126,12 @@ class PythonEpisodeMachine(PythonSampleMachine):
         return self.robustness
 
     def take(self, terms: Registers, values: list[float]) -> None:
-        """Take in a sample whose terms are known."""
         self.inputs = values
         self.samples += 1
         self._advance(terms)
 
     @property
     def result(self) -> float:
-        """The robustness if the episode ended now."""
         return self.robustness
 
     def _advance(self, terms: Registers) -> None:
@@ -179,11 +176,9 @@ class PythonEpisodeMachine(PythonSampleMachine):
         return [choose(found[a][world] for a in instruction.args) for world in WORLDS]
 
     def bounds(self) -> tuple[float, float]:
-        """The lower and the upper bound."""
         return self.lower, self.upper
 
     def finish(self) -> float:
-        """End the trace here; see `EpisodeMonitor.finish`."""
         if self.samples == 0:
             refuse_finish()
         self.finished = True

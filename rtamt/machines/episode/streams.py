@@ -63,7 +63,7 @@ class Polynomials(StateFields):
         self.kept = self._nothing
 
     def substitute(self, axis: int, value: Array) -> None:
-        """Replace an unknown by its value one sample later."""
+        """Write an unknown as a polynomial in what it is one sample later."""
         self.kept = tuple(
             np.maximum(a.take([0], axis), np.minimum(a.take([1], axis), value[..., None]))
             for a in self.kept
@@ -176,19 +176,19 @@ class Operands:
         self.past = max(s.past for s in streams)
 
     def hold(self, late: int, oldest: int) -> None:
-        """Have the operands keep their values from time t - late + oldest on."""
+        """Make the operands keep their values from time t - late + oldest on."""
         for s in self.streams:
             s.keep = max(s.keep, late - s.late - oldest + 1)
 
-    def identities(self, count: int) -> Arrays:
-        """As many settled elements, all of them the identity of the fold."""
-        return tuple(np.full((*self.corners, count), e) for e in self.fold.identity)
+    def identities(self, *shape: int) -> Arrays:
+        """Elements that are the identity of the fold."""
+        return tuple(np.full(shape, e) for e in self.fold.identity)
 
     def settled(self, begin: int, end: int) -> Arrays:
         """The settled elements of times begin to end; identities before time 0."""
         first = max(0, begin)
         if first > end:
-            return self.identities(end - begin + 1)
+            return self.identities(*self.corners, end - begin + 1)
         elements = tuple(s.settled(first, end) for s in self.streams)
         return padded(self.fold, elements, first - begin, 0)
 
@@ -197,14 +197,14 @@ class Operands:
         first = max(0, begin)
         last = min(end, t) if world == NOW else end
         if first > last:
-            return tuple(np.full(end - begin + 1, e) for e in self.fold.identity)
+            return self.identities(end - begin + 1)
         elements = tuple(s.seen(world, first, last, unknowns) for s in self.streams)
         return padded(self.fold, elements, first - begin, end - last)
 
     def tail(self, world: int) -> Arrays:
         """The element of all times after the open ones."""
         if world == NOW:
-            return tuple(np.array([e]) for e in self.fold.identity)
+            return self.identities(1)
         return tuple(np.array([s.tail[world]]) for s in self.streams)
 
 
@@ -217,7 +217,6 @@ class _Windowed(Stream):
         self.fold = operands.fold
 
     def look(self, t: int, unknowns: Array) -> None:
-        """Find the open values and the tail of every world after sample t."""
         begin = self.last + 1
         for world in WORLDS:
             count = (t if world == NOW else t + self.past) - begin + 1
@@ -291,7 +290,7 @@ class UnboundedPast(_Windowed):
         super().__init__(operands, max(0, operands.late + hi), operands.past - hi)
         operands.hold(self.late, hi)
         self._hi = hi
-        self._total = Polynomials(operands.identities(1))
+        self._total = Polynomials(operands.identities(*operands.corners, 1))
 
     def reset(self) -> None:
         super().reset()
@@ -315,7 +314,6 @@ class UnboundedPast(_Windowed):
         return prefixes[-1][1:]
 
     def substitute(self, axis: int, value: Array) -> None:
-        """Replace an unknown in the settled values and in the fold."""
         super().substitute(axis, value)
         self._total.substitute(axis, value)
 
