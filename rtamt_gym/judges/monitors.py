@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,45 +14,13 @@ from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = [
     "InstantMonitor",
-    "MonitorValues",
     "VectorInstantMonitor",
     "machine_state",
     "make_monitor",
     "make_vector_monitor",
-    "read_values",
 ]
 
 Period = float | str | None
-
-
-class MonitorValues(NamedTuple):
-    """The values of the monitors after a sample: for each specification a float, or an array.
-
-    Attributes:
-        robustness: The robustness of the sources.
-        judged: The robustness of the judges: that of the whole episode.
-        lower: The lower bounds of ``judged``.
-        upper: The upper bounds of ``judged``.
-        samples: Samples fed since the reset.
-    """
-
-    robustness: list[Any]
-    judged: list[Any]
-    lower: list[Any]
-    upper: list[Any]
-    samples: Any
-
-
-def read_values(monitors: Mapping[str, tuple[Any, Any]], samples: Any) -> MonitorValues:  # noqa: ANN401
-    """Reads the values of all monitors, in one environment or in many."""
-    judges = [judge for _, judge in monitors.values()]
-    return MonitorValues(
-        [source.robustness for source, _ in monitors.values()],
-        [judge.robustness for judge in judges],
-        [judge.lower for judge in judges],
-        [judge.upper for judge in judges],
-        samples,
-    )
 
 
 class InstantMonitor:

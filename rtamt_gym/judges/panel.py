@@ -111,7 +111,6 @@ class Panel:
         reads: Sequence[Read] | None = None,
         *,
         decide: Callable[[], None] | None = None,
-        curves: Sequence[list[Assessment]] | None = None,
     ) -> Feed:
         """Makes the function that feeds one sample to all monitors.
 
@@ -123,22 +122,23 @@ class Panel:
             reads: What reads each signal; None: the first argument is the sample itself, with a
                 value for each signal.
             decide: Called after a sample that has decided a verdict, in place of `note`.
-            curves: For each specification a list, which gets the three numbers of every sample.
         """
         note = decide or self.note
-        if len(self.monitors) == 1 and reads is not None and len(reads) == 1 and curves is None:
+        if len(self.monitors) == 1 and reads is not None and len(reads) == 1:
             return self._feeder_of_one(reads[0], note)
-        parts = self._parts(names, curves)
+        parts = [
+            (source.update, indices[0] if len(indices) == 1 else None, _pick(indices), judge.bounds)
+            for name, (source, judge) in self.monitors.items()
+            for indices in [tuple(names.index(variable) for variable in self.variables[name])]
+        ]
 
         def feed(*step: Any) -> Assessment:  # noqa: ANN401
             values = step[0] if reads is None else [read(*step) for read in reads]
             robustness = lower = upper = math.inf
             decided = 0
-            for update, alone, pick, bounds, keep in parts:
+            for update, alone, pick, bounds in parts:
                 value = update(*pick(values)) if alone is None else update(values[alone])
                 low, high = bounds()
-                if keep is not None:
-                    keep((value, low, high))
                 if high < 0.0 or low > 0.0:
                     decided += 1
                 # Calls of min() would cost as much as all the rest.
@@ -172,18 +172,6 @@ class Panel:
             return robustness, lower, upper
 
         return feed
-
-    def _parts(
-        self, names: Sequence[str], curves: Sequence[list[Assessment]] | None
-    ) -> list[tuple[Any, ...]]:
-        """What `feeder` needs of each specification."""
-        parts: list[tuple[Any, ...]] = []
-        for place, (name, (source, judge)) in enumerate(self.monitors.items()):
-            indices = tuple(names.index(variable) for variable in self.variables[name])
-            alone = indices[0] if len(indices) == 1 else None
-            keep = None if curves is None else curves[place].append
-            parts.append((source.update, alone, _pick(indices), judge.bounds, keep))
-        return parts
 
     def reset(self) -> None:
         """Forgets every sample."""

@@ -27,17 +27,21 @@ def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: i
 
     ``value`` has an element for every environment, or is a dictionary of such arrays.
     """
+    if lanes is not None:
+        put_at(infos, key, _chosen(value, at := np.flatnonzero(lanes)), at, lanes)
+        return
     if isinstance(value, dict):
         group: dict[str, Any] = {}
         for name, part in value.items():
-            put(group, name, part, lanes, num)
+            put(group, name, part, None, num)
         value = group
-    elif lanes is not None:
-        at = np.flatnonzero(lanes)
-        put_at(infos, key, value[at], at, num)
-        return
-    infos[key] = value
-    infos[f"_{key}"] = (_all(num) if lanes is None else lanes).copy()
+    infos[key], infos[f"_{key}"] = value, _all(num).copy()
+
+
+def _chosen(value: Any, at: NDArray[np.integer[Any]]) -> Any:  # noqa: ANN401
+    if isinstance(value, dict):
+        return {name: _chosen(part, at) for name, part in value.items()}
+    return value[at]
 
 
 def put_at(
@@ -45,36 +49,38 @@ def put_at(
     key: str,
     value: Any,  # noqa: ANN401
     at: NDArray[np.integer[Any]],
-    num: int,
+    mask: Lanes,
 ) -> None:
-    """Sets a key of the environments with the numbers ``at``, out of ``num``.
+    """Sets a key of the environments of the mask, which have the numbers ``at``.
 
     ``value`` has an element for each of them, or is a `Where` or a dictionary of such arrays.
     """
+    num = len(mask)
     if isinstance(value, Where):
         at, value = at[value.there], value.value[value.there]
+        mask = np.zeros(num, np.bool_)
+        mask[at] = True
     if isinstance(value, dict):
         held: Any = {}
         for name, part in value.items():
-            put_at(held, name, part, at, num)
+            put_at(held, name, part, at, mask)
     elif len(at) == 0:
         return
     else:
-        held = np.full(num, None) if value.dtype == object else np.zeros(num, value.dtype)
+        make = np.empty if value.dtype == object else np.zeros  # empty objects are None
+        held = make(num, value.dtype)
         held[at] = value
-    mask = np.zeros(num, np.bool_)
-    mask[at] = True
-    infos[key], infos[f"_{key}"] = held, mask
+    infos[key], infos[f"_{key}"] = held, mask.copy()
 
 
 def put_last(
-    infos: dict[str, Any], last: Mapping[str, Any], at: NDArray[np.integer[Any]], num: int
+    infos: dict[str, Any], last: Mapping[str, Any], at: NDArray[np.integer[Any]], mask: Lanes
 ) -> None:
     """Sets the keys of `last_info`; an ``is_success`` that environments report is kept."""
-    before = infos.get("is_success")
+    num, before = len(mask), infos.get("is_success")
     reported = who_has(infos, "is_success", num)
     for key, value in last.items():
-        put_at(infos, key, value, at, num)
+        put_at(infos, key, value, at, mask)
     if reported.any():
         new = who_has(infos, "is_success", num) & ~reported
         held = np.array(before)

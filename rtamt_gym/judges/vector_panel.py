@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,30 @@ from rtamt_gym.judges.monitors import VectorInstantMonitor, make_vector_monitor
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["VectorMonitors", "VectorPanel"]
+__all__ = ["MonitorValues", "VectorMonitors", "VectorPanel"]
 
 VectorMonitors = dict[str, tuple[VectorEpisodeMonitor | VectorInstantMonitor, VectorEpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
 Numbers = NDArray[np.integer[Any]]
+
+
+class MonitorValues(NamedTuple):
+    """The values of the monitors after a sample: for each specification an array.
+
+    Attributes:
+        robustness: The robustness of the sources.
+        judged: The robustness of the judges: that of the whole episode.
+        lower: The lower bounds of ``judged``.
+        upper: The upper bounds of ``judged``.
+        samples: Samples of every environment since its reset.
+    """
+
+    robustness: list[Floats]
+    judged: list[Floats]
+    lower: list[Floats]
+    upper: list[Floats]
+    samples: NDArray[np.int64]
 
 
 class VectorPanel:
@@ -127,6 +145,16 @@ class VectorPanel:
         for judge in self._judges:
             judge.finish(lanes)
         self.note()
+
+    def values(self) -> MonitorValues:
+        """Reads the values of all monitors."""
+        return MonitorValues(
+            [source.robustness for source, _ in self.monitors.values()],
+            [judge.robustness for judge in self._judges],
+            [judge.lower for judge in self._judges],
+            [judge.upper for judge in self._judges],
+            self.samples,
+        )
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification."""

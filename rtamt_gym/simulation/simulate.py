@@ -174,7 +174,11 @@ class _Recorder:
         self._unread = range(len(variables), len(self._names))
         self._samples: list[Sequence[float]] = []
         self._curves: dict[str, list[Assessment]] = {name: [] for name in panel.monitors}
-        self._feed = panel.feeder(variables, curves=list(self._curves.values()))
+        self._feed = panel.feeder(variables)
+        self._monitors = [
+            (source, judge, self._curves[name].append)
+            for name, (source, judge) in panel.monitors.items()
+        ]
 
     def take(self, values: Sequence[float]) -> None:
         """Feeds and keeps a sample: the variables, then the signals that are not variables."""
@@ -182,6 +186,8 @@ class _Recorder:
             last = self._samples[-1]
             values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
         self._feed(values)
+        for source, judge, keep in self._monitors:
+            keep((source.robustness, judge.lower, judge.upper))
         for index in self._unread:
             self._check(index, values[index])
         self._samples.append(tuple(values))

@@ -16,7 +16,6 @@ from gymnasium.utils import RecordConstructorArgs
 from rtamt import InputError, Specification, SpecificationError, StateError
 from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.infos import Cost, last_info, present, step_cost, step_info
-from rtamt_gym.judges.monitors import MonitorValues, read_values
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
@@ -255,10 +254,6 @@ class StlMonitor(
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
         return dict(self._panel.monitors)
-
-    def values(self) -> MonitorValues:
-        """Reads the values of all monitors."""
-        return read_values(self._panel.monitors, self._panel.samples)
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do

@@ -167,6 +167,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         gym.Wrapper.__init__(self, env)
         monitors = self._monitor.monitors
         self._set_up(monitors, options, observe)
+        self._judges = [judge for _, judge in monitors.values()]
         self._sources = [judge if self._judged else source for source, judge in monitors.values()]
         if self._observes:
             box = feature_box(self._shaping)
@@ -207,4 +208,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def _observation(self, obs: ObsType) -> Any:  # noqa: ANN401
         if not self._observes:
             return obs
-        return append(obs, self._features(self._monitor.values()))
+        numbers = self._features(
+            [source.robustness for source in self._sources],
+            [judge.lower for judge in self._judges],
+            [judge.upper for judge in self._judges],
+            self._monitor.samples - 1.0,
+        )
+        return append(obs, numbers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Required, TypedDict, TypeVar, get_args
 
 import gymnasium as gym
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judges.monitors import MonitorValues
 from rtamt_gym.judges.specs import SpecsLike
-from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.shaping import Mode, Priority, Shaping, Value
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.features import features, time_left
 from rtamt_gym.wrappers.monitoring import MonitorOptions
@@ -54,15 +53,16 @@ class Rewarding:
         self._judged = options["mode"] == "terminal"
         self._horizons = [judge.program.latency for _, judge in monitors.values()]
 
-    def _paying(self, values: MonitorValues) -> list[Any]:
-        """The robustness of each specification that the reward is made of."""
-        return values.judged if self._judged else values.robustness
-
-    def _features(self, values: MonitorValues) -> NDArray[np.float32]:
-        """What ``observe="state"`` appends to the observation."""
-        sample = values.samples - 1.0
+    def _features(
+        self,
+        robustness: Sequence[Value],
+        lower: Sequence[Value],
+        upper: Sequence[Value],
+        sample: Value,
+    ) -> NDArray[np.float32]:
+        """What ``observe="state"`` appends to the observation made with a sample."""
         left = [time_left(sample, horizon) for horizon in self._horizons]
-        return features(self._shaping, self._paying(values), values.lower, values.upper, left)
+        return features(self._shaping, robustness, lower, upper, left)
 
 
 def find_or_make(

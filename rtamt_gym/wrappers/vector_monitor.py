@@ -16,7 +16,6 @@ from rtamt import InputError, StateError
 from rtamt_gym.checks.arguments import check_mask
 from rtamt_gym.judges.episodes import EpisodeRecords, record
 from rtamt_gym.judges.infos import Cost, last_info, step_cost, step_info
-from rtamt_gym.judges.monitors import MonitorValues, read_values
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, autoreset_mode, read_period, recordable
 from rtamt_gym.judges.vector_infos import (
     final_infos,
@@ -25,7 +24,7 @@ from rtamt_gym.judges.vector_infos import (
     put_last,
     who_has,
 )
-from rtamt_gym.judges.vector_panel import VectorMonitors, VectorPanel
+from rtamt_gym.judges.vector_panel import MonitorValues, VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Columns, Floats, Lanes
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
@@ -256,7 +255,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
 
     def values(self) -> MonitorValues:
         """Reads the values of all monitors."""
-        return read_values(self._panel.monitors, self._panel.samples)
+        return self._panel.values()
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
@@ -354,7 +353,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
         reported = who_has(infos, "is_success", self.num_envs)[at]
         last = last_info(*found, panel.all_decided[at], reported)
-        put_last(infos, last, at, self.num_envs)
+        put_last(infos, last, at, ended)
         flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
         self._episodes.append(at, record(*found, panel.samples[at], *flags))
 

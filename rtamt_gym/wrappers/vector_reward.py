@@ -12,9 +12,9 @@ from gymnasium.vector import VectorWrapper
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from rtamt_gym.judges.monitors import MonitorValues
 from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.judges.vector_infos import put
+from rtamt_gym.judges.vector_panel import MonitorValues
 from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.columns import Batch, Floats, Lanes
 from rtamt_gym.signals.signals import SignalLike
@@ -161,14 +161,22 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         """The records of :class:`VectorStlMonitor`."""
         return self._monitor.stl_episodes
 
+    def _paying(self, values: MonitorValues) -> list[Floats]:
+        """The robustness of each specification that the reward uses."""
+        return values.judged if self._judged else values.robustness
+
     def _potential(self, values: MonitorValues) -> Floats:
         return self._shaping.robustness(self._paying(values))
 
+    def _shown(self, values: MonitorValues) -> NDArray[np.float32]:
+        sample = values.samples.astype(np.float64) - 1.0
+        return self._features(self._paying(values), values.lower, values.upper, sample)
+
     def _observed(self, obs: Any, values: MonitorValues) -> Any:  # noqa: ANN401
-        return append(obs, self._features(values)) if self._observes else obs
+        return append(obs, self._shown(values)) if self._observes else obs
 
     def _observed_last(self, final: Any, values: MonitorValues, ended: Lanes) -> Any:  # noqa: ANN401
-        numbers = self._features(values)
+        numbers = self._shown(values)
         if not isinstance(final, np.ndarray) or final.dtype != object:
             return append(final, numbers)
         # An object for each environment, as Gymnasium has them.
