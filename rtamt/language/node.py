@@ -15,13 +15,18 @@ from rtamt.errors import SpecificationError
 from rtamt.language.interval import Interval
 from rtamt.language.table import Operator
 
-__all__ = ["MAX_DEPTH", "MAX_SIZE", "Node", "interned"]
+__all__ = ["MAX_DEPTH", "MAX_SIZE", "Node", "interned", "too_deep"]
 
 MAX_DEPTH = 200
 """Nodes on the longest path of a formula; also the most brackets that may stand inside another."""
 
 MAX_SIZE = 1_000_000
 """Nodes of a formula written out; a name used twice counts twice."""
+
+
+def too_deep(what: str, depth: int) -> str:
+    """The reason to refuse a formula or brackets."""
+    return f"{what} nested {depth} deep; the limit is {MAX_DEPTH}"
 
 
 class Node:
@@ -102,8 +107,7 @@ def interned(
             depth = 1 + max((a.depth for a in args), default=0)
             size = 1 + sum(a.size for a in args)
             if depth > MAX_DEPTH:
-                msg = f"the formula is nested {depth} deep; the limit is {MAX_DEPTH}"
-                raise SpecificationError(msg)
+                raise SpecificationError(too_deep("the formula is", depth))
             if size > MAX_SIZE:
                 msg = f"the formula has {size} nodes written out; the limit is {MAX_SIZE}"
                 raise SpecificationError(msg)

@@ -171,9 +171,9 @@ class Specification:
         return SpecificationError(f"{shown}\n  hint: {hint}" if hint else shown)
 
     def __eq__(self, other: object) -> bool:
-        return (
-            self._content == other._content if isinstance(other, Specification) else NotImplemented
-        )
+        if not isinstance(other, Specification):
+            return NotImplemented
+        return self._content == other._content
 
     def __hash__(self) -> int:
         return hash((self.formula, self.name, self.unit, *self.formulas))

@@ -141,14 +141,12 @@ class DenseMachine(Stateful, Protocol):
 
 
 class Bank(Stateful, Protocol):
-    """Machines of one program in lockstep, each in a lane with a time of its own.
-
-    Attributes:
-        samples: Samples taken in by every lane since its reset.
-    """
+    """Machines of one program in lockstep, each in a lane with a time of its own."""
 
     @property
-    def samples(self) -> NDArray[np.int64]: ...
+    def samples(self) -> NDArray[np.int64]:
+        """Samples taken in by every lane since its reset."""
+
     def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
         """Take in a sample in every lane that the mask chooses; the result of every lane."""
 
@@ -161,14 +159,10 @@ class DiscreteBank(Bank, Protocol):
 
 
 class EpisodeBank(Bank, Protocol):
-    """Episode machines in lockstep.
+    """Episode machines in lockstep; the attributes are those of `EpisodeMachine`, for every lane.
 
     Attributes:
-        robustness: The robustness of every lane if its episode ended now.
-        lower: The least robustness of every lane over all continuations.
-        upper: The greatest robustness of every lane over all continuations.
         verdict: 1 where lower is above 0, -1 where upper is below, else 0.
-        finished: Whether the trace of every lane has ended.
     """
 
     @property

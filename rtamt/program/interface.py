@@ -52,9 +52,7 @@ _MEANINGS: Mapping[Semantics, tuple[Role, bool]] = {
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """A semantics, and the variables that a system reads and sets.
-
-    `as_interface` makes one, and checks the names against a specification.
+    """A semantics, and the variables that a system reads and sets; made by `as_interface`.
 
     Attributes:
         semantics: The name of the semantics.
@@ -101,10 +99,8 @@ def as_interface(
     Args:
         spec: Declares the inputs and outputs that are not given.
         semantics: The name of the semantics.
-        inputs: Variables that the system reads; the name of a message means all its fields. None:
-            those that the text declares ``input``; empty: there are none.
-        outputs: Variables that the system sets; the name of a message means all its fields. None:
-            those that the text declares ``output``; empty: there are none.
+        inputs: As in `Interface`; None: the variables that the text declares ``input``.
+        outputs: As in `Interface`; None: the variables that the text declares ``output``.
 
     Raises:
         InputError: On an unknown semantics, a name that is no variable of the specification or
@@ -127,9 +123,7 @@ def as_interface(
         raise InputError(msg + nearest(str(semantics), (*others, last)))
     reads = _declared(spec, "input") if inputs is None else _checked(spec, "inputs", inputs)
     sets = _declared(spec, "output") if outputs is None else _checked(spec, "outputs", outputs)
-    for name in reads:
-        if name not in sets:
-            continue
+    for name in (name for name in reads if name in sets):
         msg = f"'{name}' is in inputs= and in outputs="
         if outputs is None:
             msg = f"'{name}' is in inputs= and declared output in the text; give outputs= as well"
@@ -140,8 +134,7 @@ def as_interface(
         role, _ = _MEANINGS[semantics]
         said, found = (inputs, reads) if role == "input" else (outputs, sets)
         if said is None and not found:
-            free = (v for v in spec.variables if v not in (*reads, *sets))
-            some = next(free, "x")
+            some = next((v for v in spec.variables if v not in (*reads, *sets)), "x")
             msg = (
                 f"semantics='{semantics}' is about {role}s, and there are none; declare them in "
                 f"the text ({role} float {some}) or name them: {role}s=('{some}',)"

@@ -110,45 +110,36 @@ def samples(
             f"{interval} has a unit, but no period is known",
             "give period= in seconds or as text such as '100ms', or write bounds in samples",
         )
-    begin = _count(interval.begin, interval.unit, period, unit, error)
-    if interval.end is None:
-        return begin, None
-    return begin, _count(interval.end, interval.unit, period, unit, error)
+    unit = interval.unit or unit
+    step = Fraction(1) if period is None else period / UNITS[unit]
 
+    def count(bound: Fraction) -> int:
+        steps = bound / step
+        text = decimal_text(bound) if period is None else f"{decimal_text(bound)} {unit}"
+        if steps > MAX_WINDOW:
+            raise error(
+                f"bound {text} is {math.ceil(steps)} samples; the limit is {MAX_WINDOW}",
+                "write a smaller bound or a longer period",
+            )
+        if steps.denominator == 1:
+            return int(steps)
+        low, high = (n * step for n in (math.floor(steps), math.ceil(steps)))
+        if period is None:
+            raise error(
+                f"bound {text} is not a whole number of samples",
+                f"use {low} or {high}, or give period= for bounds in time",
+            )
+        finer = Fraction(
+            math.gcd(bound.numerator * step.denominator, step.numerator * bound.denominator),
+            bound.denominator * step.denominator,
+        )
+        raise error(
+            f"bound {text} is not a multiple of the period "
+            f"{seconds_text(period)} s ({float(steps):g} steps)",
+            f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
+            # Not another period=: one that is not that of the data gives wrong bounds silently.
+            f"or take samples {seconds_text(finer * UNITS[unit])} s apart",
+        )
 
-def _count(
-    bound: Fraction,
-    own: str | None,
-    period: Fraction | None,
-    unit: str,
-    error: Callable[[str, str], RtamtError],
-) -> int:
-    step = Fraction(1) if period is None else period / UNITS[own or unit]
-    count = bound / step
-    if count > MAX_WINDOW:
-        text = decimal_text(bound) if period is None else f"{decimal_text(bound)} {own or unit}"
-        raise error(
-            f"bound {text} is {math.ceil(count)} samples; the limit is {MAX_WINDOW}",
-            "write a smaller bound or a longer period",
-        )
-    if count.denominator == 1:
-        return int(count)
-    low, high = (n * step for n in (math.floor(count), math.ceil(count)))
-    if period is None:
-        raise error(
-            f"bound {decimal_text(bound)} is not a whole number of samples",
-            f"use {low} or {high}, or give period= for bounds in time",
-        )
-    name = own or unit
-    steps = float(count)
-    finer = Fraction(
-        math.gcd(bound.numerator * step.denominator, step.numerator * bound.denominator),
-        bound.denominator * step.denominator,
-    )
-    raise error(
-        f"bound {decimal_text(bound)} {name} is not a multiple of the period "
-        f"{seconds_text(period)} s ({steps:g} steps)",
-        f"use {seconds_text(low)} {name} or {seconds_text(high)} {name}, "
-        # Not another period=: one that is not that of the data gives wrong bounds silently.
-        f"or take samples {seconds_text(finer * UNITS[name])} s apart",
-    )
+    begin = count(interval.begin)
+    return begin, None if interval.end is None else count(interval.end)

@@ -247,8 +247,12 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
     word = before.text
     functions = [name for name, row in OPERATORS.words.items() if row.notation == "call"]
     operators = [*_words("prefix"), *_words("infix")]
+    hint = ""
     if word.lower() in _ELSEWHERE:
         hint = f"write '{_ELSEWHERE[word.lower()]}'"
+    elif token.type == StlParser.OPEN_INTERVAL:
+        hint = similar(word, [s for s in operators if OPERATORS.words[s].timed])
+    if hint:
         return fail(text, before, f"unknown operator '{word}'", hint)
     if word in functions and token.type in _OPERANDS:
         reason = f"expected '(' after '{word}', got {_got(token)}"
@@ -256,9 +260,6 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
     if token.type == StlParser.OPEN:
         hint = similar(word, functions + operators, f"functions are {', '.join(functions)}")
         return fail(text, before, f"unknown function '{word}'", hint)
-    timed = [s for s in operators if OPERATORS.words[s].timed]
-    if token.type == StlParser.OPEN_INTERVAL and (close := similar(word, timed)):
-        return fail(text, before, f"unknown operator '{word}'", close)
     return None
 
 

@@ -22,7 +22,7 @@ from rtamt.errors import ParseError
 from rtamt.language.grammar.diagnosis import Token, diagnose, fail, misspelt
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.node import MAX_DEPTH
+from rtamt.language.node import MAX_DEPTH, too_deep
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Notation
 
@@ -186,9 +186,9 @@ class _Scanner:
             elif not self.unfinished:
                 self.prefixes = 0
         if self.prefixes > MAX_DEPTH:
-            reason = f"the formula is nested {self.prefixes} deep; the limit is {MAX_DEPTH}"
+            reason = too_deep("the formula is", self.prefixes)
         elif len(self.brackets) > MAX_DEPTH:
-            reason = f"brackets are nested {len(self.brackets)} deep; the limit is {MAX_DEPTH}"
+            reason = too_deep("brackets are", len(self.brackets))
         else:
             return
         raise fail(self.text, token, reason, "write the formula as several specifications")
