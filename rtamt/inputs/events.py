@@ -188,7 +188,7 @@ class EventReader:
         refuse_term(self.program, values, f"time {time!r}")
 
     def refuse_end(self, first: Sequence[float], last: Sequence[float]) -> NoReturn:
-        """Raise the error that refuses to end a trace which has no beginning.
+        """Raise the error of a trace that ends although at no time all variables were known.
 
         Args:
             first: Time of every variable's first event; inf where there was none.

@@ -89,7 +89,7 @@ class DiscreteMachine(SampleMachine, Protocol):
 
 
 class EpisodeMachine(SampleMachine, Protocol):
-    """Runs a program at time 0, future without end included.
+    """Evaluates a program at time 0 of an episode, with bounds; its future may have no end.
 
     Attributes:
         robustness: The robustness if the episode ended now.
@@ -110,7 +110,7 @@ class EpisodeMachine(SampleMachine, Protocol):
         """Both bounds in one call."""
 
     def finish(self) -> float:
-        """End the trace; its robustness."""
+        """End the trace and return its robustness."""
 
 
 class DenseMachine(Stateful, Protocol):
@@ -132,7 +132,7 @@ class DenseMachine(Stateful, Protocol):
     @property
     def update(self) -> Callable[..., list[tuple[float, float]]]: ...
     def finish(self) -> list[tuple[float, float]]:
-        """End the trace where the first variable ends; the breakpoints that are left."""
+        """End the trace where the first variable ends; return the breakpoints that are left."""
 
     def run(self, columns: Sequence[Column]) -> tuple[Floats, Floats]:
         """Times and values of the result over the whole trace of a new machine."""
@@ -148,7 +148,7 @@ class Bank(Stateful, Protocol):
         """Samples taken in by every lane since its reset."""
 
     def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
-        """Take in a sample in every lane that the mask chooses; the result of every lane."""
+        """Take in a sample in every lane that the mask chooses; return every lane's result."""
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget every sample of the lanes that the mask chooses."""
@@ -176,4 +176,4 @@ class EpisodeBank(Bank, Protocol):
     @property
     def finished(self) -> NDArray[np.bool_]: ...
     def finish(self, mask: ArrayLike | None = None) -> Floats:
-        """End the traces of the lanes that the mask chooses; the robustness of every lane."""
+        """End the traces of the lanes that the mask chooses; return every lane's robustness."""

@@ -74,7 +74,7 @@ class Interface:
         return None
 
     def reading(self, predicate: Node) -> Reading:
-        """What a predicate counts for, by the roles of its variables."""
+        """Tell which value a predicate gives; the roles of its variables decide."""
         if self.semantics == "standard":
             return "value"
         role, relative = _MEANINGS[self.semantics]

@@ -125,7 +125,7 @@ class ProgramBuilder:
         return self._emit(Map(function, args), term=self.term)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
-        """The fold over offsets lo to hi from now; of the present alone it is the last operand."""
+        """The fold over offsets lo to hi from now; if both are 0, the last operand itself."""
         if fold not in FOLDS:
             msg = (
                 f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "

@@ -31,7 +31,7 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
 
 
 def check_length(name: str, value: object) -> int:
-    """The number of elements: an integer, 0 or more."""
+    """Refuses a length that is not an integer of 0 or more."""
     if isinstance(value, int) and value >= 0:
         return value
     raise InputError(f"expected {name}= as an integer, 0 or more, got {value!r}")

@@ -51,7 +51,7 @@ class EpisodeRecords:
         self._steps: deque[tuple[NDArray[np.integer[Any]], dict[str, Any]]] = deque()
 
     def append(self, envs: NDArray[np.integer[Any]], records: dict[str, Any]) -> None:
-        """Adds the records of some environments, by their numbers; forgets the oldest."""
+        """Adds the records of the environments with these numbers; drops the oldest records."""
         self._steps.append((envs, records))
         self._count += len(envs)
         while self._steps and self._count - len(self._steps[0][0]) >= self._length:

@@ -71,8 +71,7 @@ class Snapshot:
         """Sets the simulation and its monitors back to this instant.
 
         Raises:
-            InputError: If the monitor is of a model with another state, or of other
-                specifications.
+            InputError: If the monitor's model has another state, or its specifications differ.
         """
         size = mujoco.mj_stateSize(monitor.model, _STATE)
         if size != len(self._simulation):

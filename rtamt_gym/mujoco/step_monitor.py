@@ -52,8 +52,8 @@ class StepMonitor:
     the state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived
     quantities (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with
     the RK4 integrator positions are those of a state that it only tried. ``forward=True`` calls
-    ``mj_forward`` after every step, which derives them again, so that a sample is of one instant;
-    the trajectory stays the same.
+    ``mj_forward`` after every step, which derives them again, so that all values of a
+    sample belong to one instant; the trajectory stays the same.
 
     Args:
         model: A ``mujoco.MjModel``, kept as an attribute.

@@ -196,14 +196,14 @@ def parse_signals(
     *,
     spare: bool = False,
 ) -> tuple[Signal, ...]:
-    """Parses ``signals=``: the signals of the variables in their order, then those to spare.
+    """Parses ``signals=``: the signals of the variables in their order, then all others.
 
     Args:
         signals: Selector, callable, or pair with a value at reset, for every variable; see
             `SignalLike`.
         variables: Names that the specifications read.
         sources: The words that selectors may begin with.
-        spare: Whether signals are allowed that no specification reads, to be recorded.
+        spare: Whether signals that no specification reads are allowed; they are recorded.
 
     Raises:
         InputError: If a variable has no signal or a signal no variable; names the nearest.

@@ -199,7 +199,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
-        """The records of :class:`StlMonitor`."""
+        """The records of the last episodes that ended, as in :class:`StlMonitor`."""
         return self._monitor.stl_episodes
 
     def _read(self) -> float:

@@ -158,7 +158,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:
-        """The records of :class:`VectorStlMonitor`."""
+        """The records of the last episodes that ended, as in :class:`VectorStlMonitor`."""
         return self._monitor.stl_episodes
 
     def _paying(self, values: MonitorValues) -> list[Floats]:

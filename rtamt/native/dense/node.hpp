@@ -9,7 +9,7 @@
 
 namespace rtamt::dense {
 
-// A function of MAP over columns.
+// Applies a function to two columns of n values: operands, result, n.
 using Function = void (*)(const double*, const double*, double*, std::size_t);
 
 // Null if there is no such function.
@@ -33,7 +33,7 @@ public:
     virtual void fields(Snapshot&) {}
 };
 
-// The node of MAP.
+// Applies a function to the values that its operands have at the same time.
 class Pointwise final : public Node {
 public:
     Pointwise(Joint in, Function function, Stream& out)

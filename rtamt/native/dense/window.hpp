@@ -12,15 +12,15 @@ namespace rtamt::dense {
 // The fold of the steps inside a window. A step enters when the end of the window reaches its
 // start, and leaves when the begin, `lo` from now, reaches the start of the next step.
 //
-// A queue of two stacks: back_ has the newer steps, with their fold; front_ has, of the older ones,
-// the folds that are left whenever the oldest leaves, but only where that changes the fold. When
-// front_ is used up, all of back_ but the newest step goes there.
+// A queue of two stacks. back_ holds the newer steps. front_ holds folds of the older ones: each is
+// valid until its time, when the oldest steps leave and the next fold takes its place; equal folds
+// are stored once. When front_ is used up, all steps of back_ but the newest move there.
 template <class F>
 class Queue {
 public:
     using Element = typename F::Element;
 
-    explicit Queue(double lo) : lo_(lo), forgets_(lo > -kInfinity) {}
+    explicit Queue(double lo) : lo_(lo), bounded_(lo > -kInfinity) {}
 
     Element fold() const { return F::combine(older_, newer_); }
     // The time at which the oldest step leaves; inf while the end of the only step is not known.
@@ -28,7 +28,7 @@ public:
 
     // Adds a step, with which the one before ends. Returns whether the fold changed.
     bool push(double start, Element x) {
-        if (forgets_) {
+        if (bounded_) {
             if (back_.size() == 1 && front_.empty()) leaves_ = start - lo_;
             back_.push_back({start, x});
         }
@@ -63,7 +63,7 @@ public:
         for (std::size_t i = 0; i < back_.size(); ++i)
             s.require(std::isfinite(back_[i].time) &&
                       (i == 0 || back_[i].time > back_[i - 1].time));
-        s.require(forgets_ || (front_.empty() && back_.empty()));
+        s.require(bounded_ || (front_.empty() && back_.empty()));
         s.require(!back_.empty() || front_.empty());
         refresh();
     }
@@ -74,7 +74,7 @@ private:
         Element x;
     };
 
-    // Moves all steps of back_ to front_, but for the newest; the oldest leaves.
+    // Drops the oldest step of back_, and moves the others but the newest to front_.
     void flip() {
         Element fold = F::identity;
         for (std::size_t i = back_.size() - 1; i-- > 1;) {
@@ -97,7 +97,7 @@ private:
     }
 
     double lo_;
-    bool forgets_;
+    bool bounded_;  // whether steps ever leave
     double leaves_ = kInfinity;
     Element older_ = F::identity;  // the fold of the steps in front_
     Element newer_ = F::identity;  // the fold of the steps in back_

@@ -48,7 +48,7 @@ struct Load {
     std::uint32_t variable;
 };
 
-// Calls `map` with a function, `window` with the class of a window, or `delay`, as the opcode says.
+// Calls what the opcode says: `map` for a function, `window` for a class of windows, or `delay`.
 template <class Map, class Window, class Delay>
 inline void dispatch(Opcode opcode, Map map, Window window, Delay delay) {
     switch (opcode) {

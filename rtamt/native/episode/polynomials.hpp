@@ -26,7 +26,7 @@ struct Unknowns {
     std::size_t count = 0;
     std::array<std::array<double, kMaxUnknowns>, kWorlds> values{};
 
-    // The number of corners of polynomials in some unknowns, or in none.
+    // The number of corners of a polynomial: 1 if the mask names no unknown, else 2^count.
     std::size_t corners(std::uint32_t mask) const {
         return mask == 0 ? 1 : std::size_t{1} << count;
     }

@@ -104,7 +104,7 @@ private:
             if (place == n) return false;
             order_[i] = place;
         }
-        // A call has no name twice, so that these are all names.
+        // No name stands twice in a call, so n known names are all the names.
         kwnames_ = nb::borrow<nb::tuple>(kwnames);
         return true;
     }

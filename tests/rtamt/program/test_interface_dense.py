@@ -26,7 +26,7 @@ INF = math.inf
 def expected(case: Case, whole: Signals) -> Breakpoints:
     """The breakpoints by definition."""
     spec, of = case[0], read(case)
-    # A definition of samples, of which there is one.
+    # The definition is one of sampled traces; here the trace is a single sample.
     definition = Definition(
         relevant(whole, spec.variables),
         lambda f, values: of(f, {name: [value] for name, value in values.items()}, 0)[0],

@@ -215,7 +215,7 @@ class Nested(gym.Env[Any, Any]):
 
 
 def height(step: Step) -> Any:  # noqa: ANN401
-    """Of one environment or of many."""
+    """A signal that reads the step of one environment or of many."""
     return step.obs[..., 0] + (0.0 if step.action is None else step.action[..., 0])
 
 
