@@ -12,6 +12,7 @@ __all__ = [
     "RtamtError",
     "SpecificationError",
     "StateError",
+    "alternatives",
     "nearest",
 ]
 
@@ -74,6 +75,12 @@ class InputTypeError(RtamtError, TypeError):
 
 class StateError(RtamtError, RuntimeError):
     """A call that the object's state does not allow, such as ``update`` after ``finish``."""
+
+
+def alternatives(names: Iterable[str]) -> str:
+    """The names that may be given: ``'a', 'b' or 'c'``."""
+    *others, last = map(repr, names)
+    return f"{', '.join(others)} or {last}"
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
-from rtamt.errors import InputError
+from rtamt.errors import InputError, alternatives
 from rtamt.inputs.events import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
@@ -80,8 +80,6 @@ else:
 BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"
 """``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""
 
-_NAMES = get_args(BackendName)
-
 
 def choose(backend: Backend) -> BackendName:
     """The name of the back-end that an argument asks for, a key of `BACKENDS`.
@@ -91,8 +89,9 @@ def choose(backend: Backend) -> BackendName:
     """
     if backend == "auto":
         return BACKEND
-    if backend not in _NAMES:
-        msg = f"expected backend='auto', 'native' or 'python', got {backend!r}"
+    known = get_args(Backend)
+    if backend not in known:
+        msg = f"expected backend={alternatives(known)}, got {backend!r}"
         raise InputError(msg)
     if backend not in BACKENDS:
         msg = f"backend={backend!r} was not built; reinstall rtamt where a C++20 compiler is found"

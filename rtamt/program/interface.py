@@ -26,7 +26,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from rtamt.errors import InputError, InputTypeError, nearest
+from rtamt.errors import InputError, InputTypeError, alternatives, nearest
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
@@ -116,11 +116,10 @@ def as_interface(
     """
     if semantics == "standard" and inputs is None and outputs is None:
         return STANDARD  # most monitors; some are made at every episode
-    *others, last = get_args(Semantics)
-    if semantics not in (*others, last):
-        choices = f"{', '.join(map(repr, others))} or {last!r}"
-        msg = f"expected semantics={choices}, got {semantics!r}"
-        raise InputError(msg + nearest(str(semantics), (*others, last)))
+    known = get_args(Semantics)
+    if semantics not in known:
+        msg = f"expected semantics={alternatives(known)}, got {semantics!r}"
+        raise InputError(msg + nearest(str(semantics), known))
     reads = _declared(spec, "input") if inputs is None else _checked(spec, "inputs", inputs)
     sets = _declared(spec, "output") if outputs is None else _checked(spec, "outputs", outputs)
     for name in (name for name in reads if name in sets):
