@@ -115,14 +115,14 @@ def samples(
 
     def count(bound: Fraction) -> int:
         steps = bound / step
+        if steps.denominator == 1 and steps <= MAX_WINDOW:
+            return int(steps)
         text = decimal_text(bound) if period is None else f"{decimal_text(bound)} {unit}"
         if steps > MAX_WINDOW:
             raise error(
                 f"bound {text} is {math.ceil(steps)} samples; the limit is {MAX_WINDOW}",
                 "write a smaller bound or a longer period",
             )
-        if steps.denominator == 1:
-            return int(steps)
         low, high = (n * step for n in (math.floor(steps), math.ceil(steps)))
         if period is None:
             raise error(
