@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,20 +17,19 @@ __all__ = [
     "InstantMonitor",
     "VectorInstantMonitor",
     "machine_state",
-    "make_monitor",
-    "make_vector_monitor",
+    "make_monitors",
 ]
 
 Period = float | str | None
 
 
 class InstantMonitor:
-    """The robustness of instant after instant, and a judge of ``always(formula)``.
+    """The robustness of a formula at every instant, and a judge of ``always(formula)``.
 
     Attributes:
         robustness: That of the newest instant whose horizon has passed; before the first, that of
             the samples so far.
-        judge: Gives bounds and verdict of ``always(formula)``, of the same samples.
+        judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
     """
 
     def __init__(self, spec: rtamt.Specification, period: Period, nan: Nan) -> None:
@@ -48,16 +48,13 @@ class InstantMonitor:
         return robustness
 
     def reset(self) -> None:
-        """Forgets every sample."""
         for monitor in self._parts():
             monitor.reset()
 
     def state(self) -> tuple[Any, ...]:
-        """What `restore` takes."""
         return [machine_state(monitor) for monitor in self._parts()], self.robustness
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Goes back to a `state`."""
         states, self.robustness = state
         for monitor, held in zip(self._parts(), states, strict=True):
             monitor.__setstate__(held)
@@ -97,47 +94,39 @@ def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa
     return monitor.__reduce__()[2]
 
 
-def make_monitor(
-    name: str, spec: rtamt.Specification, period: Period, view: View, nan: Nan
-) -> tuple[rtamt.EpisodeMonitor | InstantMonitor, rtamt.EpisodeMonitor]:
-    """The monitors of a specification: ``(robustness source, judge)``.
+def make_monitors(
+    specs: Mapping[str, rtamt.Specification],
+    view: View,
+    of_episode: Callable[[rtamt.Specification], Any],
+    of_instants: Callable[[rtamt.Specification], Any],
+) -> dict[str, tuple[Any, Any]]:
+    """Makes the monitors of each specification: ``(robustness source, judge)``.
 
     The source is fed, and gives the robustness; the judge gives bounds and verdict of the episode,
     and is the source itself or fed by it.
+
+    Args:
+        specs: Specifications by name.
+        view: Whether a formula is evaluated at sample 0 of the episode, or at every instant.
+        of_episode: Makes the monitor of a specification for ``"episode"``.
+        of_instants: Makes the monitor of a specification for ``"step"``.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, if the formula speaks of
             the first sample only and ``view`` is ``"episode"``, or if its future has no bound and
             ``view`` is ``"step"``.
     """
-    if view == "step":
-        source = InstantMonitor(spec, period, nan)
-        return source, source.judge
-    _check_looks_ahead(name, spec)
-    judge = rtamt.EpisodeMonitor(spec, period=period, nan=nan)
-    return judge, judge
-
-
-def make_vector_monitor(
-    name: str, spec: rtamt.Specification, num: int, period: Period, view: View, nan: Nan
-) -> tuple[rtamt.VectorEpisodeMonitor | VectorInstantMonitor, rtamt.VectorEpisodeMonitor]:
-    """The monitors of a specification in ``num`` environments, as `make_monitor` has them.
-
-    Raises:
-        SpecificationError: As `make_monitor` does.
-    """
-    if view == "step":
-        source = VectorInstantMonitor(spec, num, period, nan)
-        return source, source.judge
-    _check_looks_ahead(name, spec)
-    judge = rtamt.VectorEpisodeMonitor(spec, num, period, nan=nan)
-    return judge, judge
-
-
-def _check_looks_ahead(name: str, spec: rtamt.Specification) -> None:
-    """Refuses a formula that the first sample alone decides: no episode can be judged by it."""
-    if not spec.looks_ahead:
-        raise SpecificationError(
-            f"specification {name!r} speaks of the first sample only: {spec.formula}; "
-            f"write always({spec.formula}) or view='step'"
-        )
+    monitors: dict[str, tuple[Any, Any]] = {}
+    for name, spec in specs.items():
+        if view == "step":
+            source = of_instants(spec)
+            monitors[name] = source, source.judge
+            continue
+        if not spec.looks_ahead:  # no episode can be judged by its first sample
+            raise SpecificationError(
+                f"specification {name!r} speaks of the first sample only: {spec.formula}; "
+                f"write always({spec.formula}) or view='step'"
+            )
+        judge = of_episode(spec)
+        monitors[name] = judge, judge
+    return monitors

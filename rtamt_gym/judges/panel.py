@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from operator import itemgetter
 from typing import Any
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
-from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitor
+from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.signals import Read
 
@@ -45,7 +46,7 @@ class Panel:
         nan: Whether a signal that is nan is refused, or keeps its last value.
 
     Raises:
-        SpecificationError: As `rtamt_gym.judges.monitors.make_monitor` does.
+        SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` does.
     """
 
     def __init__(
@@ -55,9 +56,12 @@ class Panel:
         view: View,
         nan: Nan = "raise",
     ) -> None:
-        self.monitors: Monitors = {
-            name: make_monitor(name, spec, period, view, nan) for name, spec in specs.items()
-        }
+        self.monitors: Monitors = make_monitors(
+            specs,
+            view,
+            of_episode=partial(EpisodeMonitor, period=period, nan=nan),
+            of_instants=partial(InstantMonitor, period=period, nan=nan),
+        )
         self.variables = {name: spec.variables for name, spec in specs.items()}
         self._described = {name: str(spec.formula) for name, spec in specs.items()}
         self._sources = [source for source, _ in self.monitors.values()]
@@ -174,7 +178,6 @@ class Panel:
         return feed
 
     def reset(self) -> None:
-        """Forgets every sample."""
         for source in self._sources:
             source.reset()
         self._decided = {}
@@ -198,14 +201,14 @@ class Panel:
         return self.lower, self.upper
 
     def describe(self) -> dict[str, dict[str, Any]]:
-        """The state of every specification."""
+        """The state of every specification: ``info["stl"]``."""
         return {
             name: spec_state(source.robustness, judge.lower, judge.upper, _NAMES[judge.verdict])
             for name, (source, judge) in self.monitors.items()
         }
 
     def outcomes(self) -> dict[str, dict[str, Any]]:
-        """The outcome of every specification so far."""
+        """The outcome of every specification so far: ``info["stl_episode"]``."""
         decided = self._decided
         return {
             name: present(outcome(judge.robustness, judge.verdict, decided.get(name, -1)))
@@ -213,7 +216,7 @@ class Panel:
         }
 
     def state(self) -> tuple[Any, ...]:
-        """What `restore` takes; small, and fit for pickle."""
+        """The state of the monitors, small and fit for pickle."""
         sources = [
             source.state() if isinstance(source, InstantMonitor) else machine_state(source)
             for source in self._sources

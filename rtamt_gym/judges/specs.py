@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
@@ -23,10 +23,10 @@ __all__ = [
     "SpecsLike",
     "View",
     "autoreset_mode",
+    "check_period",
     "load_specs",
     "read_period",
     "recordable",
-    "resolve_period",
 ]
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
@@ -76,15 +76,15 @@ def recordable(specs: SpecsLike) -> str | dict[str, str]:
 
 
 def read_period(env: Env) -> float | None:
-    """Reads the seconds between two steps of an environment; None if it does not have them.
+    """Reads the seconds between two steps of an environment; None if they are not known.
 
     They are ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
     ``1 / unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
     ``metadata["render_fps"]``, is not the rate of the samples: Pendulum has 30 and steps 20 times.
 
-    A `SyncVectorEnv` has the period of its environments. An `AsyncVectorEnv` has none: asked for
-    what its environments lack, it would shut them down. Nor is there one where a
-    `MaxAndSkipObservation` makes several steps in one.
+    A `SyncVectorEnv` has the period of its environments. An `AsyncVectorEnv` is not asked: it shuts
+    its environments down when they lack an attribute. Below a `MaxAndSkipObservation`, which makes
+    several steps in one, the period is not known either.
 
     Raises:
         InputError: If the environments of a `SyncVectorEnv` have different periods.
@@ -133,27 +133,20 @@ def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
     return AutoresetMode.NEXT_STEP
 
 
-def resolve_period(
-    specs: Mapping[str, rtamt.Specification],
-    period: float | str | None,
-    env: Env,
-    read: Callable[[Any], float | None] = read_period,
-) -> float | str | None:
-    """The period given, else that which ``read`` finds in the environment.
+def check_period(
+    specs: Mapping[str, rtamt.Specification], period: float | str | None, system: object
+) -> None:
+    """Checks that there is a period if a specification has a bound.
 
     Raises:
-        SpecificationError: If there is none and a specification has a bound.
+        SpecificationError: If there is none; names ``system``, which should have one.
     """
-    if period is None:
-        period = read(env)
-    if period is None:
-        for name, spec in specs.items():
-            if spec.timed:
-                raise SpecificationError(
-                    f"specification {name!r} has bounds in time, but {env.unwrapped} does not "
-                    "say how long a step lasts; give period= in seconds, or period=1 to count steps"
-                )
-    return period
+    timed = next((name for name, spec in specs.items() if spec.timed), None)
+    if period is None and timed is not None:
+        raise SpecificationError(
+            f"specification {timed!r} has bounds in time, but {system} does not say how long a "
+            "step lasts; give period= in seconds, or period=1 to count steps"
+        )
 
 
 def _load(spec: SpecLike) -> rtamt.Specification:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import VectorEpisodeMonitor
 from rtamt_gym.judges.infos import VERDICTS, outcome, spec_state
-from rtamt_gym.judges.monitors import VectorInstantMonitor, make_vector_monitor
+from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 
@@ -70,10 +71,12 @@ class VectorPanel:
         nan: Nan,
         columns: Sequence[str],
     ) -> None:
-        self.monitors: VectorMonitors = {
-            name: make_vector_monitor(name, spec, num, period, view, nan)
-            for name, spec in specs.items()
-        }
+        self.monitors: VectorMonitors = make_monitors(
+            specs,
+            view,
+            of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan),
+            of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan),
+        )
         self._judges = [judge for _, judge in self.monitors.values()]
         # The columns that each specification reads; None: all of them, in their order.
         picks = [[columns.index(name) for name in spec.variables] for spec in specs.values()]
@@ -157,7 +160,7 @@ class VectorPanel:
         )
 
     def describe(self) -> dict[str, dict[str, Any]]:
-        """The state of every specification."""
+        """The state of every specification: ``infos["stl"]``."""
         return {
             name: spec_state(source.robustness, judge.lower, judge.upper, VERDICTS[judge.verdict])
             for name, (source, judge) in self.monitors.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal, get_args
@@ -13,7 +14,7 @@ from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.panel import Monitors, Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
-from rtamt_gym.mujoco.callback import Attached
+from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import Clock
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
@@ -193,7 +194,7 @@ class StepMonitor:
             self.step()
         return self.verdict
 
-    def attached(self) -> Attached:
+    def attached(self) -> AbstractContextManager[None]:
         """A context that monitors a program with a loop of its own.
 
         Samples come from ``mjcb_control``, which MuJoCo calls inside ``mj_step``, one for every
@@ -220,7 +221,7 @@ class StepMonitor:
             >>> monitor.samples, monitor.verdict.name
             (101, 'UNDECIDED')
         """
-        return Attached(self.data, self._offer, self._offer_last)
+        return attached(self.data, self._offer, self._offer_last)
 
     def finish(self) -> float:
         """Ends the trace with the last sample, and returns its robustness.

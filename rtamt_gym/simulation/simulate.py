@@ -16,10 +16,10 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 
 import rtamt
-from rtamt import InputError, InputTypeError, SpecificationError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.panel import Assessment, Panel
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
+from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Course, Floats, RunEnd, Stop
 from rtamt_gym.simulation.run import Run
@@ -113,7 +113,14 @@ def simulate(
     check_choice("nan", nan, get_args(Nan))
     loaded = load_specs(specs)
     ran = _as_system(system, policy, seed)
-    panel = Panel(loaded, _period(loaded, period, ran), view)
+    if period is None:
+        period = ran.period
+    if period is None and ran.needs_period:
+        raise InputError(
+            f"{ran.name} does not say how long a step lasts; give period= in seconds"
+        )
+    check_period(loaded, period, ran.name)
+    panel = Panel(loaded, period, view)
     most = _most(duration, panel.period, ran)
     limits = [steps for steps in (most, ran.limit) if steps is not None]
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
@@ -271,30 +278,6 @@ def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System: 
 
 
 _MUJOCO = {"MjModel", "MjData"}
-
-
-def _period(
-    specs: Mapping[str, rtamt.Specification], period: float | str | None, system: System
-) -> float | str | None:
-    """The period given, else that of the system, else None.
-
-    Raises:
-        InputError: If it is None and the system cannot run without a period.
-        SpecificationError: If it is None and a specification has a bound.
-    """
-    if period is None:
-        period = system.period
-    if period is None:
-        silent = f"{system.name} does not say how long a step lasts; give period= in seconds"
-        if system.needs_period:
-            raise InputError(silent)
-        for name, spec in specs.items():
-            if spec.timed:
-                raise SpecificationError(
-                    f"specification {name!r} has bounds in time, but {silent}, or period=1 to "
-                    "count steps"
-                )
-    return period
 
 
 def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, TypedDict, get_args
 from rtamt import Specification, StateError
 from rtamt_gym.checks.arguments import check_choice, check_length
 from rtamt_gym.judges.infos import Cost
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs, resolve_period
+from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
@@ -62,9 +62,11 @@ class Monitoring:
         variables = [name for spec in loaded.values() for name in spec.variables]
         self._signals = parse_signals(signals, variables, SOURCES)
         self._read_period = read_period
-        self._period = resolve_period(loaded, options["period"], env, read_period)
+        period = options["period"]
+        self._period = read_period(env) if period is None else period
+        check_period(loaded, self._period, env.unwrapped)
         timed = any(spec.timed for spec in loaded.values())
-        self._guards_period = options["period"] is None and timed
+        self._guards_period = period is None and timed
         return loaded
 
     def _check_period(self, env: Any) -> None:  # noqa: ANN401
