@@ -69,14 +69,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
-    parser = _parser(next((word for word in argv if not word.startswith("-")), ""))
+    command = next((word for word in argv if not word.startswith("-")), "")
+    parser = _parser(command)
     options, rest = parser.parse_known_args(argv)
     if rest and "trace" in options and not any(text.startswith("-") for text in rest):
         # argparse ends the list of specifications at the first option after it.
         options.specs += [options.trace, *rest]
         options.trace = options.specs.pop()
     elif rest:
-        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+        # argparse leaves them to the parser of all commands.
+        raise InputError(
+            f"unrecognized arguments: {' '.join(rest)}; see {parser.prog} {command} --help"
+        )
     return options
 
 

@@ -97,7 +97,7 @@ class SampleReader:
         counted = list(values)
         if len(counted) != len(self.variables):
             raise InputError(
-                f"expected {len(self.variables)} values ({', '.join(self.variables)}), "
+                f"expected {_count(self.variables)} ({', '.join(self.variables)}), "
                 f"got {len(counted)}"
             )
         return self._floats(counted, sample, previous)
@@ -142,7 +142,7 @@ class SampleReader:
         if isinstance(values, np.ndarray):
             if values.ndim != 1 and values.shape != ():
                 raise InputError(
-                    f"expected a 1-D array of {len(self.variables)} values, "
+                    f"expected a 1-D array of {_count(self.variables)}, "
                     f"got shape {values.shape}; update_many takes blocks"
                 )
             return cast("list[object]", np.atleast_1d(values).tolist())
@@ -334,6 +334,10 @@ def number(value: object) -> float | None:
         return float(value) if hasattr(value, "__float__") else None
     except (TypeError, ValueError, OverflowError):  # such as an array of several values
         return None
+
+
+def _count(variables: Sequence[str]) -> str:
+    return f"{len(variables)} value{'' if len(variables) == 1 else 's'}"
 
 
 def _is_count(n: object) -> bool:

@@ -26,7 +26,7 @@ Exact = int | float | str | Decimal | Fraction
 
 def no_unit(text: object) -> str:
     """The reason to refuse what is not a unit."""
-    return f"expected a unit out of {', '.join(UNITS)}, got {text!r}"
+    return f"expected one of the units {', '.join(UNITS)}, got {text!r}"
 
 
 def exact(value: Exact, what: str) -> Fraction:

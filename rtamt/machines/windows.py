@@ -31,7 +31,7 @@ class FoldedWindow(StateFields):
     __slots__ = ()
 
     def push(self, x: Element) -> Element:
-        """Take in the next element; the fold of the window that ends with it."""
+        """Take in the next element and return the fold of the window that ends with it."""
         raise NotImplementedError
 
 
@@ -148,7 +148,7 @@ class DelayLine(StateFields):
         self._place = 0
 
     def push(self, x: float) -> float:
-        """Take in x; the value of ``length`` pushes ago, 0.0 before there is one."""
+        """Take in x and return the value of ``length`` pushes ago, 0.0 before there is one."""
         place = self._place
         late = self._ring[place]
         self._ring[place] = x

@@ -218,10 +218,9 @@ def parse_signals(
     others = [name for name in signals if name not in names]
     for name in names:
         if name not in signals:
+            given = f"; the signals are {listing(signals)}" if signals else ""
             way_out = nearest(name, others) or f'; give one: "{name}": "{example}"'
-            raise InputError(
-                f"variable {name!r} has no signal; the signals are {listing(signals)}{way_out}"
-            )
+            raise InputError(f"variable {name!r} has no signal{given}{way_out}")
     for name in () if spare else others:
         raise InputError(
             f"signal {name!r} is read by no specification; the variables are "

@@ -181,7 +181,7 @@ def _in_interval(text: str, token: Token, expected: AbstractSet[int]) -> ParseEr
     if StlParser.COLON in expected:
         reason = f"expected ':' and the other bound, got {_got(token)}"
         return fail(text, token, reason, "write both bounds: [0:5]")
-    hint = f"after a bound comes a unit out of {', '.join(UNITS)}"
+    hint = f"after a bound comes one of the units {', '.join(UNITS)}"
     return fail(text, token, f"expected ']', got {_got(token)}", hint)
 
 

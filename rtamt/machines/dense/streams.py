@@ -89,7 +89,7 @@ class Joint(StateFields):
         return min((waiting[0][0] for waiting in self._waiting if waiting), default=math.inf)
 
     def take(self) -> Values:
-        """Remove the breakpoints of the next time; the values of all streams from then on."""
+        """Remove the breakpoints of the next time; return all streams' values from then on."""
         time = self.next
         for i, waiting in enumerate(self._waiting):
             if waiting and waiting[0][0] == time:

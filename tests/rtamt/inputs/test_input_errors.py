@@ -327,6 +327,11 @@ EVALUATIONS: list[tuple[Callable[[Any], object], type[RtamtError], str]] = [
 ]
 
 
+def test_one_value_is_counted_in_the_singular(backend: Backend) -> None:
+    with pytest.raises(InputError, match=r"^expected 1 value \(x\), got 2$"):
+        Monitor("x > 0", backend=backend).update(1.0, 2.0)
+
+
 @pytest.mark.parametrize(("call", "error", "message"), EVALUATIONS, ids=[r[2] for r in EVALUATIONS])
 def test_what_cannot_be_monitored_says_why(
     call: Callable[[Backend], object], error: type[RtamtError], message: str, backend: Backend

@@ -156,7 +156,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         (
             "run CartPole-v1 --spec always(x<1)",
-            "variable 'x' has no signal; the signals are none; give one: --signal \"x=obs[0]\"",
+            "variable 'x' has no signal; give one: --signal \"x=obs[0]\"",
         ),
         (
             "run CartPole-v1 --spec always(x<1) --signal x=obs[4]",

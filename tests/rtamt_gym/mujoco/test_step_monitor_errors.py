@@ -41,7 +41,7 @@ X = {"x": "qpos[0]"}
         (
             {"signals": {}},
             InputError,
-            ('variable \'x\' has no signal; the signals are none; give one: "x": "qpos[0]"'),
+            ('variable \'x\' has no signal; give one: "x": "qpos[0]"'),
         ),
         (
             {"signals": {"x": ("qpos[0]", 0.0)}},

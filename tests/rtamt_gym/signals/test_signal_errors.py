@@ -303,7 +303,7 @@ def test_an_info_without_the_number_says_what_it_has(
         (
             {},
             ["theta"],
-            'variable \'theta\' has no signal; the signals are none; give one: "theta": "obs[0]"',
+            'variable \'theta\' has no signal; give one: "theta": "obs[0]"',
         ),
         (
             {"x": "obs[0]", "theta": "obs[1]"},

@@ -56,7 +56,7 @@ Z = {"level": "qpos[2]"}
             (CARTPOLE, LOW),
             {"policy": int},
             InputError,
-            'variable \'level\' has no signal; the signals are none; give one: "level": "obs[0]"',
+            'variable \'level\' has no signal; give one: "level": "obs[0]"',
         ),
         (
             (gym.make_vec("CartPole-v1", num_envs=2), LOW),
