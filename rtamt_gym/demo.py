@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt_gym.drawing import save
-from rtamt_gym.signals.signals import SignalLike, Step
+from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.outcomes import report, saved_note
 from rtamt_gym.simulation.plot import draw
 from rtamt_gym.simulation.policies import import_highway, make
@@ -80,22 +81,12 @@ PENDULUM = Scenario(
 )
 
 
-def front_gap(step: Step) -> float:
+def _front_gap(env: gym.Env[Any, Any]) -> float:
     """Metres to the vehicle ahead in the same lane, at most 100.
 
-    It is read from the simulation, because highway-env's observations are normalised and relative
-    by default.
+    They are read from the simulation, because highway-env's observations are normalised and
+    relative by default.
     """
-    return _front_gap(step.env)
-
-
-def own_speed(step: Step) -> float:
-    """Speed in m/s."""
-    simulation: Any = step.env.unwrapped
-    return float(simulation.vehicle.speed)
-
-
-def _front_gap(env: gym.Env[Any, Any]) -> float:
     simulation: Any = env.unwrapped
     own = simulation.vehicle
     ahead, _ = simulation.road.neighbour_vehicles(own)
@@ -130,7 +121,7 @@ HIGHWAY = Scenario(
         "distance": "always[0:30](gap > 0.5 * speed)",
         "closes": "always[0:20](gap > 60 implies eventually[0:10](gap < 60))",
     },
-    signals={"gap": front_gap, "speed": own_speed},
+    signals={"gap": lambda step: _front_gap(step.env), "speed": "vehicle.speed"},
     duration=30.0,
     drivers={
         "keeps distance": _keep_distance,
@@ -143,21 +134,19 @@ HIGHWAY = Scenario(
 
 def watch(scenario: Scenario, seed: int = 0) -> list[Run]:
     """Runs one episode for each driver of a scenario."""
-    env = make(scenario.env_id)
-    runs = [
-        simulate(
-            env,
-            scenario.specs,
-            scenario.signals,
-            policy=driver(env),
-            seed=seed,
-            duration=scenario.duration,
-            label=name,
-        )
-        for name, driver in scenario.drivers.items()
-    ]
-    env.close()
-    return runs
+    with closing(make(scenario.env_id)) as env:
+        return [
+            simulate(
+                env,
+                scenario.specs,
+                scenario.signals,
+                policy=driver(env),
+                seed=seed,
+                duration=scenario.duration,
+                label=name,
+            )
+            for name, driver in scenario.drivers.items()
+        ]
 
 
 def run(seed: int, picture: Path) -> Iterator[str]:

@@ -230,10 +230,10 @@ class Shaping:
         check_choice("mode", mode, get_args(Mode))
         if weights is not None:
             check_known("weights", weights, names)
-        factors = [
-            check_number(f"weights[{name!r}]", value) for name, value in (weights or {}).items()
-        ]
-        factor = dict(zip(weights or (), factors, strict=True))
+        factor = {
+            name: check_number(f"weights[{name!r}]", value)
+            for name, value in (weights or {}).items()
+        }
         return cls(
             mode=mode,
             weight=check_number("weight", weight),

@@ -11,7 +11,6 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `rtamt demo`."""
     parser.description = (
         "Runs InvertedPendulum-v5 and highway-fast-v0 with good and bad controllers, each under "
         "two specifications. Prints a table and draws a picture. Needs the extras gym, highway "
@@ -25,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Runs the demo and prints its lines as they are known."""
     from rtamt_gym import demo
 
     check_outputs(picture=options.plot)

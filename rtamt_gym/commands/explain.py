@@ -11,7 +11,6 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `rtamt explain`."""
     parser.description = (
         "Follows the robustness of recorded samples from the specification through its formulas "
         "down to the predicate and the sample that decided it. Where several have the same value, "

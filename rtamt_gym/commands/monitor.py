@@ -18,7 +18,6 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `rtamt monitor`."""
     parser.description = (
         "Judges a file of samples or events under one or more specifications. Columns that no "
         "specification reads are ignored. Exits 1 on a violation, else 0."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 from rtamt import InputError
@@ -23,7 +24,6 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `rtamt run`."""
     parser.description = (
         "Runs episodes of a registered Gymnasium environment under specifications and prints "
         "their robustness and verdicts. Exits 0 whatever the verdicts are."
@@ -91,22 +91,21 @@ def run(options: argparse.Namespace) -> int:
     specs = read_specs(options.spec)
     signals = _read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
-    env = make(options.env_id, options.max_steps)
-    make_policy = POLICIES[options.policy](env.action_space)
-    runs = [
-        simulate(
-            env,
-            specs,
-            signals,
-            policy=make_policy(seed),
-            seed=seed,
-            period=options.period,
-            stop="end" if options.on_violation == "report" else "violation",
-            view=options.view,
-        )
-        for seed in range(options.seed, options.seed + options.episodes)
-    ]
-    env.close()
+    with closing(make(options.env_id, options.max_steps)) as env:
+        make_policy = POLICIES[options.policy](env.action_space)
+        runs = [
+            simulate(
+                env,
+                specs,
+                signals,
+                policy=make_policy(seed),
+                seed=seed,
+                period=options.period,
+                stop="end" if options.on_violation == "report" else "violation",
+                view=options.view,
+            )
+            for seed in range(options.seed, options.seed + options.episodes)
+        ]
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
     print("", *report(runs), "", *saved_note(runs), sep="\n")

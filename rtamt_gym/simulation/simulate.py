@@ -116,9 +116,7 @@ def simulate(
     if period is None:
         period = ran.period
     if period is None and ran.needs_period:
-        raise InputError(
-            f"{ran.name} does not say how long a step lasts; give period= in seconds"
-        )
+        raise InputError(f"{ran.name} does not say how long a step lasts; give period= in seconds")
     check_period(loaded, period, ran.name)
     panel = Panel(loaded, period, view)
     most = _most(duration, panel.period, ran)

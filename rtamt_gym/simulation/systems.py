@@ -110,19 +110,16 @@ class Environment(System):
         signals: Signals,
         period: Fraction | None,  # noqa: ARG002 - an environment's step has a length of its own
     ) -> None:
-        """Binds the selectors."""
         parsed = parse_signals(signals or {}, variables, SOURCES, spare=True)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
         self._reads = [signal.bind(self._env) for signal in parsed]
 
     def start(self) -> list[float]:
-        """Resets the environment."""
         self.ended = ""
         self._obs, info = self._env.reset(seed=self._seed)
         return [read(self._obs, None, None, info) for read in self._reads_at_reset]
 
     def advance(self) -> list[float]:
-        """Steps the environment."""
         action = self._policy(self._obs)
         self._obs, reward, terminated, truncated, info = self._env.step(action)
         if terminated or truncated:
@@ -150,12 +147,10 @@ class SampleSource(System):
         self._count = 0
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
-        """Keeps the names to read."""
         self._reads = named_signals(variables, signals)
         self._period = period
 
     def start(self) -> list[float]:
-        """Takes the first sample."""
         self.ended = ""
         source = self._source
         if self.endless:
@@ -170,7 +165,6 @@ class SampleSource(System):
         return first
 
     def advance(self) -> list[float] | None:
-        """Takes the next sample."""
         sample = next(self._samples, None)
         if sample is None:
             self.ended = "terminated"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import fields
-from fractions import Fraction
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
@@ -104,6 +103,7 @@ class StlMonitor(
     """
 
     _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
+    _panel: Panel
 
     def __init__(
         self,
@@ -239,11 +239,6 @@ class StlMonitor(
             self._running = False
             self._conclude(info, terminated, truncated)
         return obs, reward, terminated, truncated, info
-
-    @property
-    def period(self) -> Fraction | None:
-        """Seconds between samples; ``None`` if neither the argument nor the environment says."""
-        return self._panel.period
 
     @property
     def samples(self) -> int:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from typing import Any, ClassVar, Literal, TypedDict, get_args
 
-from rtamt import Specification, StateError
-from rtamt_gym.checks.arguments import check_choice, check_length
+from rtamt import InputError, Specification, StateError
+from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.infos import Cost
+from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
@@ -41,7 +44,9 @@ class Monitoring:
     """The base of the two wrappers."""
 
     _UNPICKLED: ClassVar[frozenset[str]]
-    """Attributes that pickle cannot carry; `_bind_signals` makes them."""
+    """Attributes that pickle cannot carry; `_bind_signals` makes them anew."""
+
+    _panel: Panel | VectorPanel
 
     def _set_up(
         self,
@@ -54,7 +59,9 @@ class Monitoring:
         """Checks the options, parses specifications and signals, and finds the period."""
         for name, choices in _CHOICES.items():
             check_choice(name, options[name], choices)
-        check_length("buffer_length", options["buffer_length"])
+        length: object = options["buffer_length"]
+        if not isinstance(length, int) or length < 0:
+            raise InputError(f"expected buffer_length= as an integer, 0 or more, got {length!r}")
         self._on_violation = options["on_violation"]
         self._details = options["details"]
         self._cost = options["cost"]
@@ -70,12 +77,17 @@ class Monitoring:
         return loaded
 
     def _check_period(self, env: Any) -> None:  # noqa: ANN401
-        """Refuses an environment that has changed its period since construction."""
+        """Refuses an environment that has changed its period since the wrapper was made."""
         if self._guards_period and self._read_period(env) != self._period:
             raise StateError(
                 f"expected the period of {self._period} s that {env.unwrapped} had at "
                 f"construction, got {self._read_period(env)} s; wrap it again, or give period="
             )
+
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples; ``None`` if neither the argument nor the environment says."""
+        return self._panel.period
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: self.__dict__[name] for name in self.__dict__ if name not in self._UNPICKLED}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Any, SupportsFloat, Unpack
 
@@ -106,6 +105,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
      * v0.5.0 - Initially added
     """
 
+    _monitor: StlMonitor[Any, Any]
+
     def __init__(
         self,
         env: gym.Env[ObsType, ActType],
@@ -196,11 +197,6 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def samples(self) -> int:
         """Samples fed since :meth:`reset`, that of the reset included."""
         return self._monitor.samples
-
-    @property
-    def stl_episodes(self) -> deque[dict[str, Any]]:
-        """The records of the last episodes that ended, as in :class:`StlMonitor`."""
-        return self._monitor.stl_episodes
 
     def _read(self) -> float:
         return self._shaping.robustness([source.robustness for source in self._sources])

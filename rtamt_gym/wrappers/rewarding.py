@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Required, TypedDict, TypeVar, get_args
 
@@ -16,7 +17,9 @@ from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping, Value
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.features import features, time_left
+from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
+from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 __all__ = ["Observe", "Rewarding", "ShapingOptions", "find_or_make"]
 
@@ -41,6 +44,8 @@ class ShapingOptions(TypedDict, total=False):
 class Rewarding:
     """The base of the two wrappers."""
 
+    _monitor: StlMonitor[Any, Any] | VectorStlMonitor
+
     def _set_up(
         self,
         monitors: Mapping[str, tuple[Any, Any]],
@@ -53,6 +58,11 @@ class Rewarding:
         self._judged = options["mode"] == "terminal"
         self._horizons = [judge.program.latency for _, judge in monitors.values()]
 
+    @property
+    def stl_episodes(self) -> deque[dict[str, Any]]:
+        """The records of the last episodes that ended, as the monitor keeps them."""
+        return self._monitor.stl_episodes
+
     def _features(
         self,
         robustness: Sequence[Value],
@@ -60,7 +70,7 @@ class Rewarding:
         upper: Sequence[Value],
         sample: Value,
     ) -> NDArray[np.float32]:
-        """What ``observe="state"`` appends to the observation made with a sample."""
+        """What ``observe="state"`` appends to the observation of a sample."""
         left = [time_left(sample, horizon) for horizon in self._horizons]
         return features(self._shaping, robustness, lower, upper, left)
 
@@ -72,10 +82,21 @@ def find_or_make(
     signals: Mapping[str, SignalLike] | None,
     options: MonitorOptions,
 ) -> tuple[Any, _M]:
-    """Finds the monitor of an environment, or makes one; returns the environment with it, and it.
+    """Finds the monitor of an environment, or makes one.
+
+    Args:
+        kind: `StlMonitor` or `VectorStlMonitor`.
+        env: The environment.
+        specs: The argument of the monitor to make; None if the environment has a monitor.
+        signals: The argument of the monitor to make; None if the environment has a monitor.
+        options: The other arguments of the monitor to make.
+
+    Returns:
+        The environment inside its monitor, and the monitor.
 
     Raises:
-        InputError: If there is none and none is described, or one and another is described.
+        InputError: If the environment has no monitor and the arguments describe none, or if it has
+            one and the arguments describe another.
     """
     what = f"{'a' if kind.__name__.startswith('V') else 'an'} {kind.__name__}"
     given = {"specs": specs, "signals": signals}

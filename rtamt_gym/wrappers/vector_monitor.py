@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -12,17 +11,16 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
-from rtamt import InputError, StateError
-from rtamt_gym.checks.arguments import check_mask
+from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.judges.episodes import EpisodeRecords, record
 from rtamt_gym.judges.infos import Cost, last_info, step_cost, step_info
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, autoreset_mode, read_period, recordable
 from rtamt_gym.judges.vector_infos import (
     final_infos,
     final_observations,
+    key_mask,
     put,
     put_last,
-    who_has,
 )
 from rtamt_gym.judges.vector_panel import MonitorValues, VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Columns, Floats, Lanes
@@ -90,6 +88,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     """
 
     _UNPICKLED = frozenset({"_columns"})
+    _panel: VectorPanel
 
     def __init__(
         self,
@@ -107,18 +106,10 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
-        Args:
-            env: The vector environment to apply the wrapper
-            specs: As for :class:`StlMonitor`
-            signals: As for :class:`StlMonitor`; a callable reads all environments, see above
-            period: As for :class:`StlMonitor`; an ``AsyncVectorEnv`` is not asked for it
-            on_violation: ``"report"`` a certain violation; with ``AutoresetMode.DISABLED`` also
-                ``"terminate"`` or ``"truncate"`` the episode
-            view: As for :class:`StlMonitor`
-            nan: As for :class:`StlMonitor`
-            details: As for :class:`StlMonitor`
-            cost: As for :class:`StlMonitor`
-            buffer_length: As for :class:`StlMonitor`
+        The arguments are those of :class:`StlMonitor`, except that ``env`` is a vector environment,
+        that a callable signal reads all environments at once, that an ``AsyncVectorEnv`` is not
+        asked for its period, and that ``on_violation`` is ``"report"``, unless the mode is
+        ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
@@ -239,11 +230,6 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         return obs, rewards, terminated, truncated, infos
 
     @property
-    def period(self) -> Fraction | None:
-        """Seconds between samples; ``None`` if neither the argument nor the environment says."""
-        return self._panel.period
-
-    @property
     def samples(self) -> NDArray[np.int64]:
         """Samples fed since each environment's reset, that of the reset included."""
         return self._panel.samples
@@ -301,13 +287,22 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._table[which] = table[which]
 
     def _checked(self, mask: Any) -> Lanes:  # noqa: ANN401
-        lanes = check_mask(mask, self.num_envs)
+        """Refuses an ``options["reset_mask"]`` that is not what Gymnasium asks for."""
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise InputTypeError(
+                f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
+            )
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise InputError(
+                f"expected options['reset_mask'] of shape ({self.num_envs},), true for one "
+                f"environment or more, got {mask!r}"
+            )
         if not self._running:
             raise StateError(
                 "expected a reset of all environments before that of some, got "
                 "options={'reset_mask': ...}; call reset()"
             )
-        return lanes
+        return mask
 
     def _check_untouched(self, table: Floats, others: Lanes) -> None:
         touched = self._columns.differ(table, self._table, others)
@@ -351,7 +346,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
         panel, at = self._panel, np.flatnonzero(ended)
         found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
-        reported = who_has(infos, "is_success", self.num_envs)[at]
+        reported = key_mask(infos, "is_success", self.num_envs)[at]
         last = last_info(*found, panel.all_decided[at], reported)
         put_last(infos, last, at, ended)
         flags = np.asarray(terminated)[at], np.asarray(truncated)[at]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Any, Unpack
 
@@ -54,6 +53,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
      * v0.5.0 - Initially added
     """
 
+    _monitor: VectorStlMonitor
+
     def __init__(
         self,
         env: Batch,
@@ -72,19 +73,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     ) -> None:
         """Finds the monitor of the environment or makes one, and checks the numbers.
 
-        Args:
-            env: The vector environment to apply the wrapper
-            specs: As for :class:`VectorStlMonitor`; ``None`` if the environment has one
-            signals: As for :class:`VectorStlMonitor`; ``None`` if the environment has one
-            mode: As for :class:`StlReward`
-            weight: As for :class:`StlReward`
-            clip: As for :class:`StlReward`
-            gamma: As for :class:`StlReward`
-            temperature: As for :class:`StlReward`
-            weights: As for :class:`StlReward`
-            priorities: As for :class:`StlReward`
-            observe: As for :class:`StlReward`
-            **monitor: The keyword arguments of :class:`VectorStlMonitor`
+        The arguments are those of :class:`StlReward`, with a vector environment, and with the
+        keyword arguments of :class:`VectorStlMonitor`.
 
         Raises:
             SpecificationError: As :class:`VectorStlMonitor` does
@@ -156,13 +146,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         """Samples fed since each environment's reset, that of the reset included."""
         return self._monitor.samples
 
-    @property
-    def stl_episodes(self) -> deque[dict[str, Any]]:
-        """The records of the last episodes that ended, as in :class:`VectorStlMonitor`."""
-        return self._monitor.stl_episodes
-
     def _paying(self, values: MonitorValues) -> list[Floats]:
-        """The robustness of each specification that the reward uses."""
+        """For each specification the robustness that the reward is computed from."""
         return values.judged if self._judged else values.robustness
 
     def _potential(self, values: MonitorValues) -> Floats:
