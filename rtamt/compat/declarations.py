@@ -160,12 +160,12 @@ class AbstractSpecification:
         self.var_io_dict[output_var] = "output"
 
     def remove_input_var(self, var: str) -> None:
-        """Make an input neither input nor output."""
+        """Undo the declaration of a variable as an input."""
         if self.var_io_dict.get(var) == "input":
             self.var_io_dict[var] = "undefined"
 
     def remove_output_var(self, var: str) -> None:
-        """Make an output neither input nor output."""
+        """Undo the declaration of a variable as an output."""
         if self.var_io_dict.get(var) == "output":
             self.var_io_dict[var] = "undefined"
 

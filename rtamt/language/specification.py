@@ -152,7 +152,7 @@ class Specification:
         return iter(dict.fromkeys(node for formula in formulas for node in formula.nodes()))
 
     def bounds(self, interval: Interval | None) -> tuple[Fraction, Fraction | None]:
-        """The bounds of an interval in `unit`; None as the end is no end."""
+        """The begin and the end of an interval in `unit`; the end is None if it is unbounded."""
         if interval is None:
             return Fraction(0), None
         scale = UNITS[interval.unit or self.unit] / UNITS[self.unit]

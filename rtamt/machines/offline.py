@@ -112,7 +112,7 @@ def result_alone(program: Program) -> Program:
 
 @functools.lru_cache(maxsize=512)
 def _planned(program: Program, n: int) -> _Plan:
-    """The passes for traces of n samples or less; if n is the greatest bound, for every trace."""
+    """The passes for a trace of at most n samples; n >= the greatest bound fits every trace."""
     program = program.clamped(n)
     backwards = []
     while None in program.latencies:

@@ -270,7 +270,7 @@ def _named(prefix: Operator, token: Token) -> bool:
 
 
 def _words(notation: Notation) -> list[str]:
-    """The words of a notation, but for single letters, which are like no other word."""
+    """The words of a notation, without single letters: a typing error is never close to one."""
     return [s for s, row in OPERATORS.words.items() if row.notation == notation and len(s) > 1]
 
 

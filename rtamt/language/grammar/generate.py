@@ -36,7 +36,7 @@ def generate(folder: Path) -> None:
 
 
 def main() -> int:
-    """Generate, or with ``--check`` compare."""
+    """Write the generated parser; with ``--check``, compare it with the files instead."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     if not parser.parse_args().check:

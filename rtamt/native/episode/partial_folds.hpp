@@ -60,7 +60,7 @@ public:
     }
 
     // The extremes of the results of all windows, each followed by an element `tail`, and of some
-    // windows that were popped. Of folds of pairs, `until` and its dual alone have them.
+    // windows that were popped. Not for `since` and its dual.
     Extremes extremes(Element tail) const {
         Extremes found = decided_results_;
         const std::size_t n = size();
