@@ -27,7 +27,7 @@ __all__ = ["Batch", "Columns", "Floats", "Lanes"]
 Batch = VectorEnv[Any, Any, Any]
 Floats = NDArray[np.float64]
 Lanes = NDArray[np.bool_]
-"""Which environments are meant."""
+"""A mask of environments: true for those that are meant."""
 
 _Read = Callable[[Step, Lanes], Any]
 """Reads a column from a step of all environments; only numbers of the mask are used."""

@@ -194,7 +194,7 @@ def parse_signals(
     variables: Iterable[str],
     sources: Mapping[str, Source],
     *,
-    spare: bool = False,
+    extra: bool = False,
 ) -> tuple[Signal, ...]:
     """Parses ``signals=``: the signals of the variables in their order, then all others.
 
@@ -203,7 +203,7 @@ def parse_signals(
             `SignalLike`.
         variables: Names that the specifications read.
         sources: The words that selectors may begin with.
-        spare: Whether signals that no specification reads are allowed; they are recorded.
+        extra: Whether signals that no specification reads are allowed; they are recorded.
 
     Raises:
         InputError: If a variable has no signal or a signal no variable; names the nearest.
@@ -221,12 +221,12 @@ def parse_signals(
             given = f"; the signals are {listing(signals)}" if signals else ""
             way_out = nearest(name, others) or f'; give one: "{name}": "{example}"'
             raise InputError(f"variable {name!r} has no signal{given}{way_out}")
-    for name in () if spare else others:
+    for name in () if extra else others:
         raise InputError(
             f"signal {name!r} is read by no specification; the variables are "
             f"{listing(names)}{nearest(name, names) or '; leave it out'}"
         )
-    if spare:
+    if extra:
         names += others
     return tuple(Signal.parse(name, signals[name], sources) for name in names)
 

@@ -54,7 +54,7 @@ class Fmus(System):
     on an input without delay lags by one communication step. FMI 2.0 and 3.0, single numbers only.
 
     The name of a variable is ``"plant.level"``: the name of its FMU, a dot, its own name. If there
-    is only one FMU, the variable's own name will do.
+    is only one FMU, the variable's own name is enough.
 
     Args:
         fmus: The path of an FMU; or several paths, whose FMUs are named after their files; or a

@@ -41,7 +41,7 @@ class Model(System):
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Binds the selectors and counts the steps in a period."""
-        parsed = parse_signals(signals or {}, variables, MUJOCO, spare=True)
+        parsed = parse_signals(signals or {}, variables, MUJOCO, extra=True)
         self._reads = [bind_signal(signal, self._model, self._data) for signal in parsed]
         self._derives = not all(signal.source in _STATE for signal in parsed)
         timestep, of = exact(self._model.opt.timestep), f"timestep of {self.name},"

@@ -84,9 +84,9 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
         fontsize=9,
         color=drawing.OPEN,
     )
-    who = run.label or ("" if run.seed is None else f"seed {run.seed}")
+    driver = run.label or ("" if run.seed is None else f"seed {run.seed}")
     axes[0].set_title(
-        f"{run.system}, {who}" if who else run.system, fontsize=12, fontweight="bold", pad=10
+        f"{run.system}, {driver}" if driver else run.system, fontsize=12, fontweight="bold", pad=10
     )
 
 

@@ -110,7 +110,7 @@ class Environment(System):
         signals: Signals,
         period: Fraction | None,  # noqa: ARG002 - an environment's step has a length of its own
     ) -> None:
-        parsed = parse_signals(signals or {}, variables, SOURCES, spare=True)
+        parsed = parse_signals(signals or {}, variables, SOURCES, extra=True)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
         self._reads = [signal.bind(self._env) for signal in parsed]
 

@@ -232,6 +232,16 @@ def test_run_gives_the_same_episodes_for_the_same_seed(capsys: Output) -> None:
     assert outputs[0] == outputs[1] != outputs[2]
 
 
+def test_run_closes_the_environment_after_an_error_too(
+    capsys: Output, monkeypatch: pytest.MonkeyPatch, ramp: str
+) -> None:
+    closed = []
+    monkeypatch.setattr(Ramp, "close", lambda _self: closed.append(True), raising=False)
+    assert main(["run", ramp, "--spec", "always(x < 5)", "--signal", "x=obs[9]"]) == 2
+    assert "signal 'x': obs[9] does not fit" in capsys.readouterr().err
+    assert closed == [True]
+
+
 def test_run_reads_the_action_with_its_value_at_reset(capsys: Output) -> None:
     arguments = ["run", "Pendulum-v1", "--spec", "always(abs(u) < 2.5)", "--max-steps", "5"]
     assert main([*arguments, "--signal", "u=action[0],0"]) == 0

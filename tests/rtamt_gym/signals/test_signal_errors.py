@@ -150,10 +150,7 @@ HINT = (
     "  hint: write obs[2], obs['key'][0], action[0], reward, info['key'], qpos[0], "
     "body:torso.xpos[2], sensor:imu[0] or vehicle.speed"
 )
-WORDS = (
-    "expected one of obs, action, reward, info, time, qpos, qvel, qacc, act, ctrl, sensordata, "
-    "body, joint, geom, site, camera, light, tendon, actuator, sensor, contact, vehicle"
-)
+WORDS = f"expected one of {', '.join(SOURCES)}"
 
 
 @pytest.mark.parametrize(

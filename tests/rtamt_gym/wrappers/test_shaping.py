@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from rtamt_gym import shaping
 from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.wrappers.features import features, time_left
 
-MODES: tuple[Mode, ...] = ("add", "replace", "potential", "terminal", "hierarchical")
+MODES: tuple[Mode, ...] = get_args(Mode)
 
 unit = st.floats(-1.0, 1.0)
 several = st.lists(unit, min_size=1, max_size=4)
@@ -195,10 +196,7 @@ def test_features_of_lanes_are_those_of_each() -> None:
     [
         (
             {"mode": "multiply"},
-            (
-                "expected mode='add' or 'replace' or 'potential' or 'terminal' or 'hierarchical', "
-                "got 'multiply'"
-            ),
+            f"expected mode={' or '.join(map(repr, MODES))}, got 'multiply'",
         ),
         ({"weight": -1.0}, "expected weight= as a finite number above 0, got -1.0"),
         ({"clip": math.inf}, "expected clip= as a finite number above 0, got inf"),
