@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import assert_never
 
 import numpy as np
@@ -110,7 +110,11 @@ class PythonDiscreteMachine(PythonSampleMachine):
         terms = [self._terms(row, self.samples + i) for i, row in enumerate(rows)]
         late = [self.program.latencies[r] or 0 for r in self.observed]
         taken: list[list[float]] = [[] for _ in self.observed]
-        for _ in self._play(terms, rows, max(late, default=0) if final else 0):
+        steps = list(zip(terms, rows, strict=True))
+        for i in range(n + max(late, default=0) if final else n):
+            if i == n:
+                self._end = self.samples
+            self.take(*(steps[i] if i < n else (self.registers, self.inputs)))
             t = self.samples - 1
             for values, register, lag in zip(taken, self.observed, late, strict=True):
                 if t >= lag:
@@ -118,16 +122,6 @@ class PythonDiscreteMachine(PythonSampleMachine):
                 elif not final:
                     values.append(math.nan)
         return [np.array(values[:n]) for values in taken]
-
-    def _play(self, terms: list[Registers], rows: list[list[float]], more: int) -> Iterator[None]:
-        for registers, row in zip(terms, rows, strict=True):
-            self.take(registers, row)
-            yield
-        if more:
-            self._end = self.samples
-            for _ in range(more):
-                self.take(self.registers, self.inputs)
-                yield
 
     def reset(self) -> None:
         super().reset()

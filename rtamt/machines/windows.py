@@ -84,19 +84,8 @@ class SlidingWindow(FoldedWindow):
     from its end, one a push.
     """
 
-    __slots__ = (
-        "_back",
-        "_block",
-        "_combine",
-        "_front",
-        "_identity",
-        "_middle",
-        "_odd",
-        "_offset",
-        "_prefix",
-        "_suffix",
-    )
     STATE = ("_offset", "_front", "_back", "_middle", "_prefix", "_suffix")
+    __slots__ = (*STATE, "_block", "_combine", "_identity", "_odd")
 
     def __init__(self, fold: LatticeFold, length: int) -> None:
         self._combine = fold.combine

@@ -92,20 +92,15 @@ class PythonDenseMachine(StateFields):
         return self._take(self.reader.read(given, self._last))
 
     def _take(self, columns: Sequence[Column]) -> list[Breakpoint]:
-        first = [
-            min((old, *times[:1].tolist()))
-            for old, (times, _) in zip(self._first, columns, strict=True)
-        ]
-        last = [
-            max((old, *times[-1:].tolist()))
-            for old, (times, _) in zip(self._last, columns, strict=True)
-        ]
+        times = [t for t, _ in columns]
+        first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
+        last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
         begin, end = max(first), min(last)
         self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
         try:
             rows = self._rows(begin, end)
         except BaseException:
-            self._inputs.retract([len(times) for times, _ in columns])
+            self._inputs.retract([len(t) for t in times])
             raise
         self._first, self._last, self._begin, self._end = first, last, begin, end
         while self._inputs.next <= end:

@@ -65,16 +65,7 @@ def refuse_finish() -> NoReturn:
 class PythonEpisodeMachine(PythonSampleMachine):
     """Runs a program, future without end included, and bounds its value at time 0."""
 
-    STATE = (
-        "samples",
-        "inputs",
-        "finished",
-        "_first",
-        "robustness",
-        "lower",
-        "upper",
-        "_keepers",
-    )
+    STATE = ("samples", "inputs", "finished", "_first", "robustness", "lower", "upper", "_keepers")
     _first: Registers
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
