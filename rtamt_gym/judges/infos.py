@@ -34,7 +34,7 @@ Cost = Literal["indicator", "depth", "first"]
 
 
 class Where(NamedTuple):
-    """A value that is there only where a condition holds: a bool, or an array of them."""
+    """A value that exists only where ``there`` is true, which is a bool or an array of them."""
 
     there: Lanewise
     value: Lanewise
@@ -67,10 +67,7 @@ def step_info(
 
 
 def spec_state(
-    robustness: Lanewise,
-    lower: Lanewise,
-    upper: Lanewise,
-    verdict: Lanewise,
+    robustness: Lanewise, lower: Lanewise, upper: Lanewise, verdict: Lanewise
 ) -> dict[str, Any]:
     """The state of one specification, an entry of ``info["stl"]``."""
     return {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}

@@ -90,7 +90,7 @@ class VectorInstantMonitor:
 
 
 def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa: ANN401 - opaque
-    """What ``__setstate__`` of a monitor of the same specification takes."""
+    """The state of a monitor, for ``__setstate__`` of one of the same specification."""
     return monitor.__reduce__()[2]
 
 

@@ -87,7 +87,7 @@ class Panel:
 
     @property
     def all_decided(self) -> bool:
-        """Whether no verdict is open."""
+        """Whether every verdict is decided."""
         return self.settled == len(self.monitors)
 
     @property

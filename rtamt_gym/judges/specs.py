@@ -113,7 +113,7 @@ def read_period(env: Env) -> float | None:
 
 
 def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
-    """When a vector environment resets an environment whose episode has ended.
+    """Reads when a vector environment resets an environment whose episode has ended.
 
     Raises:
         InputError: If its metadata has something else than a mode.
@@ -168,7 +168,7 @@ def _load(spec: SpecLike) -> rtamt.Specification:
 
 
 def _skips(env: Env) -> bool:
-    """Whether a wrapper of Gymnasium makes several steps in one."""
+    """Whether a `MaxAndSkipObservation` makes several steps in one."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, MaxAndSkipObservation):
             return True

@@ -36,7 +36,7 @@ class Clock:
         return (now - self.time) / self.timestep - (sample - self.sample)
 
     def near(self, ahead: float, place: float) -> bool:
-        """Whether a number of timesteps is ``place``, but for rounding."""
+        """Whether a number of timesteps equals ``place``, up to rounding."""
         return abs(ahead - place) < _TOLERANCE
 
     def check(self, now: float, sample: int) -> None:

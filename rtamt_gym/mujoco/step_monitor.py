@@ -43,7 +43,7 @@ class StepMonitor:
     * ``contact:foot,floor``: 1 while the two geoms touch, else 0; ``contact:foot,floor.force``: the
       sum of the normal forces between them, in newtons, which gives a specification a margin.
       A name that no geom has is that of a body, and means all its geoms; one name alone stands for
-      the contact with anything
+      the contact with anything; only contacts that MuJoCo's solver includes count
     * a callable of model and data
 
     A name with dots, commas, colons, brackets or blanks is written in quotes:
@@ -53,8 +53,8 @@ class StepMonitor:
     the state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived
     quantities (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with
     the RK4 integrator positions are those of a state that it only tried. ``forward=True`` calls
-    ``mj_forward`` after every step, which derives them again, so that all values of a
-    sample belong to one instant; the trajectory stays the same.
+    ``mj_forward`` after every step, which derives them again, so that all values of a sample belong
+    to one instant; the trajectory stays the same.
 
     Args:
         model: A ``mujoco.MjModel``, kept as an attribute.

@@ -116,7 +116,8 @@ def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
         case str():
             return _bind_simulations(signal, env, same_step=same_step)
         case _:
-            return lambda step, _: _called(signal, step)
+            num = env.num_envs
+            return lambda step, _: _numbers(signal, np.asarray(signal.call(step)), num)
 
 
 def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], Any]:
@@ -187,10 +188,6 @@ def _from_infos(signal: Signal, infos: dict[str, Any], lanes: Lanes) -> Any:  # 
             f"signal {signal.name!r}: the infos have no number at {signal}; they have {values!r}"
         ) from None
     return _numbers(signal, found, len(lanes))
-
-
-def _called(signal: Signal, step: Step) -> Any:  # noqa: ANN401
-    return _numbers(signal, np.asarray(signal.call(step)), step.env.num_envs)
 
 
 def _numbers(signal: Signal, found: NDArray[Any], num: int) -> NDArray[Any]:

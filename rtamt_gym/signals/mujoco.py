@@ -1,18 +1,7 @@
 """Selectors of a MuJoCo simulation, resolved once to views of its arrays.
 
-| selector | reads |
-|---|---|
-| ``qpos[2]``, ``qvel``, ``qacc``, ``act``, ``ctrl``, ``sensordata`` | an element of the array |
-| ``time`` | the time of the simulation, in seconds |
-| ``sensor:imu[0]`` | an element of a sensor's reading |
-| ``body:torso.xpos[2]``, ``joint:hip.qvel``, ``actuator:hip.force`` | a field of a named object |
-| ``contact:foot,floor`` | 1 while the two touch, else 0; of one name: while it touches anything |
-| ``contact:foot,floor.force`` | the sum of the normal forces between them, in newtons |
-
-Objects are those with access by name in MuJoCo's Python bindings: ``data.body("torso").xpos`` is
-``body:torso.xpos``. The index may be left out where there is one number. A contact is between
-geoms; a name that no geom has is that of a body, and means all its geoms. Only contacts count that
-MuJoCo's solver includes.
+`rtamt_gym.StepMonitor` lists them. Objects are those with access by name in MuJoCo's Python
+bindings: ``data.body("torso").xpos`` is ``body:torso.xpos``.
 """
 
 from __future__ import annotations

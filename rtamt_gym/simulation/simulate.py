@@ -193,17 +193,14 @@ class _Recorder:
         self._feed(values)
         for source, judge, keep in self._monitors:
             keep((source.robustness, judge.lower, judge.upper))
-        for index in self._unread:
-            self._check(index, values[index])
+        for index in self._unread:  # values that no monitor reads, and so checks
+            value: object = values[index]
+            if not isinstance(value, Real):
+                raise InputTypeError(
+                    f"expected a number for {self._names[index]!r} at sample {len(self._samples)}, "
+                    f"got {type(value).__name__} {value!r}"
+                )
         self._samples.append(tuple(values))
-
-    def _check(self, index: int, value: object) -> None:
-        """Raises the error that a monitor would raise, for a value that none reads."""
-        where = f"{self._names[index]!r} at sample {len(self._samples)}"
-        if not isinstance(value, Real):
-            raise InputTypeError(
-                f"expected a number for {where}, got {type(value).__name__} {value!r}"
-            )
 
     def amend(self) -> None:
         """Replaces the last values of the monitors by those after the end of the trace."""

@@ -260,7 +260,6 @@ class StlMonitor(
         return spec
 
     def _bind_signals(self) -> None:
-        """Makes the functions that read this environment."""
         if self._substeps:
             self._inside = SubSteps(self.env, self._signals, self._panel)
             self._feed: Feed = self._inside.read

@@ -249,7 +249,6 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         return self._episodes.newest()
 
     def _bind_signals(self) -> None:
-        """Makes the functions that read this environment."""
         same_step = self._autoreset is AutoresetMode.SAME_STEP
         self._columns = Columns(self._signals, self.env, same_step=same_step)
 
