@@ -100,7 +100,7 @@ class VectorPanel:
 
     @property
     def all_decided(self) -> Lanes:
-        """Whether every verdict is decided."""
+        """For every environment, whether all its verdicts are decided."""
         return np.asarray(np.all(self._decided_at >= 0, axis=0))
 
     def reset(self, lanes: Lanes | None = None) -> None:
