@@ -108,8 +108,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
 
         The arguments are those of :class:`StlMonitor`, except that ``env`` is a vector environment,
         that a callable signal reads all environments at once, that an ``AsyncVectorEnv`` is not
-        asked for its period, and that ``on_violation`` is ``"report"``, unless the mode is
-        ``AutoresetMode.DISABLED``.
+        asked for its period, and that ``on_violation`` is ``"report"`` by default and may be
+        ``"terminate"`` or ``"truncate"`` only with ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
