@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from operator import itemgetter
 from typing import Any
 
@@ -63,12 +63,16 @@ class Panel:
             of_instants=partial(InstantMonitor, period=period, nan=nan),
         )
         self.variables = {name: spec.variables for name, spec in specs.items()}
-        self._described = {name: str(spec.formula) for name, spec in specs.items()}
+        self._specs = specs
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
         self._decided: dict[str, int] = {}
         self.settled = 0
         self.violated_by: str | None = None
+
+    @cached_property
+    def _described(self) -> dict[str, str]:
+        return {name: str(spec.formula) for name, spec in self._specs.items()}
 
     @property
     def period(self) -> Fraction | None:
