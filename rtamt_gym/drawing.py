@@ -19,7 +19,7 @@ __all__ = [
     "OPEN",
     "ROBUSTNESS",
     "SIGNAL",
-    "VERDICTS",
+    "VERDICT_COLOURS",
     "check_format",
     "robustness_panel",
     "save",
@@ -31,7 +31,7 @@ __all__ = [
 SIGNAL = "#0072B2"
 ROBUSTNESS = "#222222"
 BOUNDS = "#9BD0F0"
-VERDICTS = {Verdict.VIOLATED: "#D55E00", Verdict.SATISFIED: "#009E73"}
+VERDICT_COLOURS = {Verdict.VIOLATED: "#D55E00", Verdict.SATISFIED: "#009E73"}
 OPEN = "#666666"
 
 
@@ -80,7 +80,7 @@ def robustness_panel(
 
 def show_verdict(ax: Axes, verdict: Verdict, text: str) -> None:
     """Writes a verdict in its colour below a panel, with a text behind it."""
-    colour = VERDICTS.get(verdict, OPEN)
+    colour = VERDICT_COLOURS.get(verdict, OPEN)
     ax.set_xlabel(
         f"{verdict.name}, {text}", color=colour, fontsize=9, loc="right", fontweight="bold"
     )

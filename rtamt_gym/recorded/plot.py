@@ -18,7 +18,7 @@ from rtamt_gym.tables import number, shorten
 __all__ = ["draw_trace"]
 
 _SHADE: Mapping[str, Any] = {
-    "color": drawing.VERDICTS[Verdict.VIOLATED],
+    "color": drawing.VERDICT_COLOURS[Verdict.VIOLATED],
     "alpha": 0.3,
     "linewidth": 0,
 }

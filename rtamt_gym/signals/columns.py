@@ -22,7 +22,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.signals import Signal, Step
 from rtamt_gym.signals.spaces import fit
 
-__all__ = ["Batch", "Columns", "Floats", "Lanes"]
+__all__ = ["Batch", "Floats", "Lanes", "SignalColumns"]
 
 Batch = VectorEnv[Any, Any, Any]
 Floats = NDArray[np.float64]
@@ -33,7 +33,7 @@ _Read = Callable[[Step, Lanes], Any]
 """Reads a column from a step of all environments; only numbers of the mask are used."""
 
 
-class Columns:
+class SignalColumns:
     """Reads the signals of all environments at once.
 
     Args:

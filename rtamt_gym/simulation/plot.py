@@ -46,7 +46,7 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
             Patch(color=drawing.BOUNDS, alpha=0.5, label="what it can still become"),
             *(
                 Patch(color=c, alpha=0.4, label=v.name)
-                for v, c in drawing.VERDICTS.items()
+                for v, c in drawing.VERDICT_COLOURS.items()
                 if v in verdicts
             ),
         ],
@@ -95,7 +95,7 @@ def _draw_course(ax: Axes, name: str, course: Course, times: Floats, end: float)
     robustness, lower, upper = drawing.robustness_panel(ax, name, course.formula, 64, curves)
     ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
     if course.decided_at is not None:
-        colour = drawing.VERDICTS[course.verdict]
+        colour = drawing.VERDICT_COLOURS[course.verdict]
         at = float(times[course.decided_at])
         ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
         ax.axvline(at, color=colour, linewidth=1.6)

@@ -23,7 +23,7 @@ from rtamt_gym.judges.vector_infos import (
     put_last,
 )
 from rtamt_gym.judges.vector_panel import MonitorValues, VectorMonitors, VectorPanel
-from rtamt_gym.signals.columns import Batch, Columns, Floats, Lanes
+from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
 
@@ -250,7 +250,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
 
     def _bind_signals(self) -> None:
         same_step = self._autoreset is AutoresetMode.SAME_STEP
-        self._columns = Columns(self._signals, self.env, same_step=same_step)
+        self._columns = SignalColumns(self._signals, self.env, same_step=same_step)
 
     def _begun(self) -> Lanes | None:
         """The environments that the next step resets; None if none."""

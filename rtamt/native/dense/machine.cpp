@@ -75,14 +75,14 @@ void DenseMachine::compile(std::size_t i, const DenseRow& row) {
     if (row.b != row.a) in.add(streams_[row.b]);
     if (row.kind == "MAP") {
         nodes_.push_back(
-            std::make_unique<Pointwise>(std::move(in), function_named(row.name), streams_[i]));
+            std::make_unique<MapNode>(std::move(in), function_named(row.name), streams_[i]));
         return;
     }
-#define RTAMT_NAMED(name_, Type)                                                          \
-    if (row.name == #name_) {                                                             \
-        nodes_.push_back(                                                                 \
-            std::make_unique<Window<Type>>(std::move(in), row.lo, row.hi, streams_[i]));  \
-        return;                                                                           \
+#define RTAMT_NAMED(name_, Type)                                                             \
+    if (row.name == #name_) {                                                                \
+        nodes_.push_back(                                                                    \
+            std::make_unique<WindowNode<Type>>(std::move(in), row.lo, row.hi, streams_[i])); \
+        return;                                                                              \
     }
     RTAMT_FOLDS(RTAMT_NAMED)
 #undef RTAMT_NAMED

@@ -78,7 +78,7 @@ private:
     std::vector<dense::Events> events_;
     std::vector<dense::Stream> streams_;  // of the registers that nodes or observers read
     std::vector<std::size_t> published_;  // those of them that the sampler computes
-    std::vector<std::unique_ptr<dense::Node>> nodes_;
+    std::vector<std::unique_ptr<dense::StreamNode>> nodes_;
     Observer result_;
     std::vector<Observer> observed_;
     bool finished_ = false;

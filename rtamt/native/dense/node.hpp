@@ -15,12 +15,12 @@ using Function = void (*)(const double*, const double*, double*, std::size_t);
 // Null if there is no such function.
 Function function_named(const std::string& name);
 
-class Node {
+class StreamNode {
 public:
-    Node() = default;
-    Node(const Node&) = delete;
-    Node& operator=(const Node&) = delete;
-    virtual ~Node() = default;
+    StreamNode() = default;
+    StreamNode(const StreamNode&) = delete;
+    StreamNode& operator=(const StreamNode&) = delete;
+    virtual ~StreamNode() = default;
 
     // The trace begins.
     virtual void begin(double) {}
@@ -34,9 +34,9 @@ public:
 };
 
 // Applies a function to the values that its operands have at the same time.
-class Pointwise final : public Node {
+class MapNode final : public StreamNode {
 public:
-    Pointwise(Joint in, Function function, Stream& out)
+    MapNode(Joint in, Function function, Stream& out)
         : in_(std::move(in)), function_(function), out_(out) {}
 
     void advance(double) override {

@@ -108,9 +108,9 @@ private:
 // The node of WINDOW: at time s, the fold of the values from s + lo to s + hi, both included. With
 // lo = -inf no step leaves; with hi = inf all steps enter at the end of the trace.
 template <class F>
-class Window final : public Node {
+class WindowNode final : public StreamNode {
 public:
-    Window(Joint in, double lo, double hi, Stream& out)
+    WindowNode(Joint in, double lo, double hi, Stream& out)
         : in_(std::move(in)), lo_(lo), hi_(hi), out_(out), queue_(lo) {}
 
     void begin(double first) override { first_ = first; }

@@ -58,10 +58,10 @@ double* Stream::open(World w, std::size_t count) {
 }
 
 const double* Stream::values(World w, Time begin, Time end, Scratch& scratch) const {
-    const View view = open_[w];
+    const Span span = open_[w];
     const Time open_from = last_ + 1;
-    const Time open_to = last_ + static_cast<Time>(view.size);
-    if (begin >= open_from && end <= open_to) return view.data + (begin - open_from);
+    const Time open_to = last_ + static_cast<Time>(span.size);
+    if (begin >= open_from && end <= open_to) return span.data + (begin - open_from);
     const Time first = open_from - static_cast<Time>(history_.size());
     if (end <= last_ && history_.corners() == 1) return history_.line(0).data() + (begin - first);
 
@@ -71,7 +71,7 @@ const double* Stream::values(World w, Time begin, Time end, Scratch& scratch) co
         *out++ = history_.at(static_cast<std::size_t>(i - first), 0, w, workspace_.unknowns);
     const Time from = std::max(begin, open_from);
     const Time to = std::min(end, open_to);
-    if (from <= to) out = std::copy_n(view.data + (from - open_from), to - from + 1, out);
+    if (from <= to) out = std::copy_n(span.data + (from - open_from), to - from + 1, out);
     std::fill(out, values + (end - begin + 1), tail_[w]);
     return values;
 }

@@ -122,7 +122,7 @@ protected:
     // Makes room for the open values of a world.
     double* open(World w, std::size_t count);
 
-    struct View {
+    struct Span {
         const double* data = nullptr;
         std::size_t size = 0;
     };
@@ -132,7 +132,7 @@ protected:
     Time last_ = -1;  // the time of the last settled value
     std::array<Outlook, kWorlds> outlook_;
     std::array<double, kWorlds> tail_{};
-    std::array<View, kWorlds> open_;
+    std::array<Span, kWorlds> open_;
 
 private:
     std::uint32_t unknown_mask_;

@@ -13,19 +13,19 @@ namespace rtamt {
 namespace nb = nanobind;
 
 // A contiguous 1-D array of n elements, whose memory stays where it is while the view exists.
-class View {
+class ArrayView {
 public:
-    View(nb::object array, std::size_t n, int flags) : array_(std::move(array)) {
+    ArrayView(nb::object array, std::size_t n, int flags) : array_(std::move(array)) {
         if (PyObject_GetBuffer(array_.ptr(), &view_, flags) != 0) nb::raise_python_error();
         if (view_.ndim != 1 || static_cast<std::size_t>(view_.shape[0]) != n) {
             PyBuffer_Release(&view_);
             throw nb::value_error("expected 1-D columns of n values");
         }
     }
-    View(View&& other) noexcept : array_(std::move(other.array_)), view_(other.view_) {
+    ArrayView(ArrayView&& other) noexcept : array_(std::move(other.array_)), view_(other.view_) {
         other.view_.obj = nullptr;  // so that PyBuffer_Release does nothing
     }
-    ~View() { PyBuffer_Release(&view_); }
+    ~ArrayView() { PyBuffer_Release(&view_); }
 
     template <class T>
     T* data() const {
@@ -52,7 +52,7 @@ public:
         if (made == nullptr) nb::raise_python_error();
         nb::object array = nb::steal(made);
         auto* elements = static_cast<T*>(Numpy::instance().begin(made));
-        std::vector<View> view;
+        std::vector<ArrayView> view;
         if (elements == nullptr) {
             view.emplace_back(array, n, PyBUF_ND | PyBUF_WRITABLE);
             elements = view.front().template data<T>();

@@ -139,8 +139,8 @@ public:
 
 private:
     std::size_t size_;
-    View times_;
-    View values_;
+    ArrayView times_;
+    ArrayView values_;
 };
 
 // Leaves the rare forms of events and all errors to the reader.

@@ -36,8 +36,8 @@ nb::list run(DiscreteObject& object, const nb::sequence& columns, std::size_t n,
     if (final && machine.samples() > 0)
         throw nb::value_error("expected a new machine for a whole trace");
     const auto numpy = nb::module_::import_("numpy");
-    std::vector<View> in;
-    std::vector<View> out;
+    std::vector<ArrayView> in;
+    std::vector<ArrayView> out;
     std::vector<const double*> sources;
     std::vector<double*> targets;
     for (nb::handle column : columns) {
@@ -60,7 +60,7 @@ nb::list run(DiscreteObject& object, const nb::sequence& columns, std::size_t n,
         refuse_nan(object, values.data(), sample + static_cast<std::int64_t>(taken));
     }
     nb::list arrays;
-    for (const View& view : out) arrays.append(view.array());
+    for (const ArrayView& view : out) arrays.append(view.array());
     return arrays;
 }
 

@@ -29,7 +29,7 @@ public:
 
 private:
     nb::object array_;
-    std::vector<View> view_;
+    std::vector<ArrayView> view_;
     const T* data_;
 };
 
