@@ -152,7 +152,7 @@ class LatticeFold:
         if broken:
             msg = (
                 f"'{self.name}' is no lattice fold: {broken}; a mean or a sum needs a machine of "
-                "its own, see 'A fold' in CONTRIBUTING.md"
+                "its own, see 'What a fold must be' in CONTRIBUTING.md"
             )
             raise AssertionError(msg)
 

@@ -129,7 +129,7 @@ class ProgramBuilder:
         if fold not in FOLDS:
             msg = (
                 f"'{fold}' is no lattice fold: expected {', '.join(FOLDS)}; for others see "
-                "'A fold' in CONTRIBUTING.md"
+                "'What a fold must be' in CONTRIBUTING.md"
             )
             raise AssertionError(msg)
         if lo == hi == 0:

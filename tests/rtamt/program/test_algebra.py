@@ -15,7 +15,9 @@ from rtamt.program.lowering import ProgramBuilder
 
 INF = math.inf
 NUMBERS = (-INF, -2.5, 0.0, 1.0, 7.0, INF)
-WAY_OUT = "; a mean or a sum needs a machine of its own, see 'A fold' in CONTRIBUTING.md"
+WAY_OUT = (
+    "; a mean or a sum needs a machine of its own, see 'What a fold must be' in CONTRIBUTING.md"
+)
 
 Numbers = tuple[Any, ...]
 Combine = Callable[[Numbers, Numbers], Numbers]
@@ -149,5 +151,5 @@ def test_an_operator_folds_by_a_row_of_the_table() -> None:
         builder.window("mean", 0, 3, 0)
     assert str(refused.value) == (
         "'mean' is no lattice fold: expected min, max, until, release, since, trigger; for others "
-        "see 'A fold' in CONTRIBUTING.md"
+        "see 'What a fold must be' in CONTRIBUTING.md"
     )
