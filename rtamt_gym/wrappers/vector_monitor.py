@@ -240,7 +240,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         return dict(self._panel.monitors)
 
     def values(self) -> MonitorValues:
-        """Reads the values of all monitors."""
+        """Reads robustness and bounds of each specification, an array each."""
         return self._panel.values()
 
     @property
