@@ -3,9 +3,9 @@
 
 #include <nanobind/nanobind.h>
 
-#include <array>
 #include <stdexcept>
 #include <utility>
+#include <vector>
 
 #include "core/snapshot.hpp"
 #include "python/arguments.hpp"
@@ -144,13 +144,13 @@ void reset(T& object) {
 template <class T>
 nb::class_<T> machine_class(nb::module_& m, const char* name, const char* doc,
                             PyMethodDef* methods = nullptr, PyGetSetDef* values = nullptr) {
-    const std::array<PyType_Slot, 5> slots{{
+    std::vector<PyType_Slot> slots{
         {Py_tp_traverse, reinterpret_cast<void*>(traverse<T>)},
         {Py_tp_clear, reinterpret_cast<void*>(clear<T>)},
-        {methods != nullptr ? Py_tp_methods : 0, methods},
-        {values != nullptr ? Py_tp_getset : 0, values},
-        {0, nullptr},
-    }};
+    };
+    if (methods != nullptr) slots.push_back({Py_tp_methods, methods});
+    if (values != nullptr) slots.push_back({Py_tp_getset, values});
+    slots.push_back({0, nullptr});
     nb::class_<T> made(m, name, nb::type_slots(slots.data()), doc);
     made.def("state", state<T>, "Return a snapshot, which begins with a mark of the program.")
         .def("restore", restore<T>, nb::arg("state").none(),

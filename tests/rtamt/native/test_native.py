@@ -8,7 +8,6 @@ import math
 import pickle
 import sys
 import threading
-import weakref
 from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
@@ -171,18 +170,6 @@ def test_updates_allocate_nothing_that_stays() -> None:
     loop()
     first = loop()
     assert loop() - first < 20
-
-
-def test_a_cycle_through_the_reader_is_collected() -> None:
-    class Reader:
-        machine: object
-
-    reader = Reader()
-    reader.machine = native.DiscreteMachine(**arguments(reader=reader))
-    gone = weakref.ref(reader)
-    del reader
-    gc.collect()
-    assert gone() is None
 
 
 def test_a_bound_update_keeps_its_machine() -> None:

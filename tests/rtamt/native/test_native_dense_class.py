@@ -6,7 +6,6 @@ import gc
 import random
 import sys
 import threading
-import weakref
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, cast
 
@@ -175,18 +174,6 @@ def test_updates_allocate_nothing_that_stays() -> None:
     loop()
     first = loop()
     assert loop() - first < 20
-
-
-def test_a_cycle_through_the_reader_is_collected() -> None:
-    class Reader:
-        machine: object
-
-    reader = Reader()
-    reader.machine = native.DenseMachine(**arguments(reader=reader))
-    gone = weakref.ref(reader)
-    del reader
-    gc.collect()
-    assert gone() is None
 
 
 def test_a_bound_update_keeps_its_machine() -> None:

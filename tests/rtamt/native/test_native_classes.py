@@ -1,0 +1,85 @@
+"""What holds of every machine class of the native module: half-made objects, cycles, snapshots."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from rtamt.language.parser import as_specification
+from rtamt.program.dense_lowering import compile_dense
+from rtamt.program.lowering import compile_program
+
+module = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+native = pytest.importorskip("rtamt.machines.native", reason="no compiler was at hand")
+
+Maker = Callable[[str, Any], Any]
+
+
+def program(text: str) -> Any:  # noqa: ANN401 - as the makers take it
+    return compile_program(as_specification(text), online=True)
+
+
+MAKERS: dict[str, Maker] = {
+    "DiscreteMachine": lambda text, reader: native.discrete_machine(program(text), reader, ()),
+    "EpisodeMachine": lambda text, reader: native.episode_machine(program(text), reader),
+    "DenseMachine": lambda text, reader: native.dense_machine(
+        compile_dense(as_specification(text), online=True), reader, ()
+    ),
+    "DiscreteBank": lambda text, reader: native.discrete_bank(program(text), 3, reader),
+    "EpisodeBank": lambda text, reader: native.episode_bank(program(text), 3, reader),
+}
+TEXT = "always[0:3](x > 1)"
+FOREIGN = (
+    "^expected a state that a native machine with this program gave; "
+    "those of other programs, back-ends or processors do not fit$"
+)
+
+machines = pytest.mark.parametrize("name", MAKERS)
+
+
+class Reader:
+    machine: object
+
+
+def test_every_machine_class_is_tested_here() -> None:
+    classes = {name for name in vars(module) if isinstance(getattr(module, name), type)}
+    assert classes == set(MAKERS)
+
+
+@machines
+@pytest.mark.filterwarnings("ignore:nanobind. attempted to access an uninitialized instance")
+def test_an_object_that_was_not_made_is_refused(name: str) -> None:
+    kind = getattr(module, name)
+    unmade = kind.__new__(kind)
+    for method in ("state", "reset"):
+        with pytest.raises(TypeError):
+            getattr(unmade, method)()
+    with pytest.raises(TypeError):
+        unmade.update(1.0)
+    del unmade
+    gc.collect()
+
+
+@machines
+def test_a_cycle_through_the_reader_is_collected(name: str) -> None:
+    reader = Reader()
+    reader.machine = MAKERS[name](TEXT, reader)
+    gone = weakref.ref(reader)
+    del reader
+    gc.collect()
+    assert gone() is None
+
+
+@machines
+def test_a_state_of_another_program_is_refused_and_that_of_its_own_taken(name: str) -> None:
+    machine, like, other = (MAKERS[name](text, Reader()) for text in (TEXT, TEXT, "x > 2"))
+    before = machine.state()
+    for state in (other.state(), b"", None, "text"):
+        with pytest.raises(ValueError, match=FOREIGN):
+            machine.restore(state)
+        assert machine.state() == before
+    machine.restore(like.state())
