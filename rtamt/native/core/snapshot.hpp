@@ -13,6 +13,9 @@
 
 namespace rtamt {
 
+// Machines count fewer samples than this, so that a count and the bounds of windows have a sum.
+inline constexpr std::int64_t kMaxSamples = std::int64_t{1} << 62;
+
 // A snapshot that is being written or read. Whatever has a state lists its fields once, in a
 // function `fields(Snapshot&)` that serves both directions.
 class Snapshot {
@@ -49,6 +52,13 @@ public:
             values.resize(count);
         }
         array(values.data(), count);
+    }
+
+    // Numbers of samples.
+    void counts(std::int64_t* samples, std::size_t size) {
+        array(samples, size);
+        for (std::size_t i = 0; i < size; ++i)
+            require(samples[i] >= 0 && samples[i] < kMaxSamples);
     }
 
     // When reading, refuses values that no machine writes.

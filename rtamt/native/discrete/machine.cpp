@@ -157,8 +157,7 @@ void DiscreteMachine::reset() {
 }
 
 void DiscreteMachine::fields(Snapshot& s) {
-    s(samples_);
-    s.require(samples_ >= 0);
+    s.counts(&samples_, 1);
     s.array(inputs_, variables_);
     s.array(registers_.data(), registers_.size());
     for (const auto& memory : memories_) memory->fields(s);

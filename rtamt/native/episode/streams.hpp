@@ -5,17 +5,17 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <utility>
 #include <vector>
 
 #include "core/arrays.hpp"
+#include "core/snapshot.hpp"
 #include "episode/polynomials.hpp"
 
 namespace rtamt::episode {
 
 using Time = std::int64_t;
-constexpr Time kNever = std::numeric_limits<Time>::max() / 4;  // no bound
+constexpr Time kNever = kMaxSamples;  // no bound
 
 // Where the open values of a stream in a world end, and what comes after: at sample t they end at
 // time max(t + reach, floor), and all later values are the tail.

@@ -139,8 +139,7 @@ void DiscreteBank::reset(const bool* mask) {
 
 void DiscreteBank::fields(Snapshot& s) {
     Bank::fields(s);
-    s.array(samples_.data(), num());
-    for (const std::int64_t samples : samples_) s.require(samples >= 0);
+    s.counts(samples_.data(), num());
     for (const LaneInstruction& formula : formulas_)
         for (const auto& memory : formula.memories) memory->fields(s);
 }
