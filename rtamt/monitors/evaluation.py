@@ -37,8 +37,8 @@ def evaluate(
             messages; other names are ignored. Or an array of shape (n, variables).
         period: As for `Monitor`.
         n: The length, for a formula without variables.
-        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
-            `Monitor`.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`.
 
     Returns:
         n values, one for each sample.

@@ -31,7 +31,7 @@ from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.monitors.provenance import Origin, origin_of
 from rtamt.program.interface import Interface, Reading
-from rtamt.program.timing import Period, samples
+from rtamt.program.timing import Align, Period, alignment, samples
 
 __all__ = ["Cause", "Explanation", "ExplanationStep", "explain"]
 
@@ -62,6 +62,7 @@ class ExplanationStep:
             is None for a window without a beginning, the last for one without an end.
         reading: What a predicate counts under the semantics: its usual ``"value"``, +inf or -inf
             by its ``"sign"``, or ``"zero"``.
+        aligned: What the operator's interval became under ``align=``; None if its bounds fit.
     """
 
     formula: Formula
@@ -73,6 +74,7 @@ class ExplanationStep:
     witness: int | None = None
     outside: tuple[int | None, int | None] | None = None
     reading: Reading = "value"
+    aligned: str | None = None
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,8 @@ class Explanation:
         return "\n".join(lines)
 
     def _notes(self, step: ExplanationStep) -> Iterator[str]:
+        if step.aligned is not None:
+            yield step.aligned
         if step.witness is not None:
             yield f"witness: the right side at {self._at(step.witness)}"
         if step.outside is not None:
@@ -198,8 +202,8 @@ def explain(
         sample: The sample whose robustness is explained, from 0.
         start: Time of the first sample in seconds, for the times of the explanation.
         n: The length, for a formula without variables.
-        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
-            `Monitor`.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`.
 
     Raises:
         SpecificationError: As for `evaluate`.
@@ -240,7 +244,8 @@ def explain(
     machine = BACKENDS[backend].discrete_machine
     values = run_outputs(program, reader, machine, columns, length)
     robustness: dict[Node, Floats] = {f: values[name] for name, f in names.items()}
-    steps = tuple(_steps(specification, interface, robustness, at, seconds, start))
+    align = options.get("align")
+    steps = tuple(_steps(specification, interface, robustness, at, seconds, start, align))
     formula, at = steps[-1].formula, steps[-1].sample
     causes: tuple[Cause, ...] = ()
     if steps[-1].outside is None:
@@ -278,6 +283,7 @@ def _steps(
     sample: int,
     period: Fraction | None,
     start: float,
+    align: Align | None,
 ) -> Iterator[ExplanationStep]:
     names: dict[Node, str] = {}
     for name, named in specification.formulas.items():
@@ -285,12 +291,15 @@ def _steps(
     formula = specification.formula
     while True:
         row, origin = cast("Operator", formula.op), Origin()
+        aligned = None
         reading = "value" if row.holds is None else interface.reading(formula)
         if row.operands == "formula":
             bounds = None
             if row.timed:
                 error = functools.partial(specification.error, formula)
-                bounds = samples(formula.interval, period, specification.unit, error)
+                unit = specification.unit
+                bounds = samples(formula.interval, period, unit, error, align)
+                aligned = alignment(formula.interval, period, unit, bounds)
             operands = [robustness[a] for a in formula.args]
             origin = origin_of(row, bounds, operands, sample)
         yield ExplanationStep(
@@ -303,6 +312,7 @@ def _steps(
             origin.witness,
             origin.outside,
             reading,
+            aligned,
         )
         if origin.operand is None:
             return

@@ -38,8 +38,8 @@ def evaluate_many(
         period: As for `Monitor`.
         lengths: How many samples each trace has, 1 or more; values behind them are never read.
             None: every trace has all samples.
-        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
-            `Monitor`; ``nan="hold"`` keeps a value within its trace.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`; ``nan="hold"`` keeps a value within its trace.
 
     Returns:
         An array of shape (traces, samples); nan behind the end of a shorter trace.

@@ -103,10 +103,16 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         backend: ``"native"`` runs the machine in C++, ``"python"`` the one in Python; ``"auto"``
             takes the one in C++ if it was built.
         nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+        align: How a bound becomes samples that is no whole number of them. None refuses it;
+            ``"outward"`` takes the floor of the begin and the ceiling of the end, ``"inward"`` the
+            reverse, and ``"nearest"`` the nearest sample, of two that which widens the window. The
+            operator does not matter: outward, ``always`` asks for more and ``eventually`` for less.
+            The listing of the program, ``str(monitor.program)``, says what each interval became.
 
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number
-            of periods, or a future without an end.
+            of periods (unless ``align`` rounds them), a window that ``align="inward"`` leaves
+            empty, or a future without an end.
         InputError: On an option that has no such value, or ``backend="native"`` that was not built.
 
     Example:
@@ -199,8 +205,8 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         spec: Text, a formula, or a parsed specification.
         period: As for `Monitor`.
         history: Whether to keep the samples for `explain`: 8 bytes a value, until the reset.
-        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
-            `Monitor`.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`.
 
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number

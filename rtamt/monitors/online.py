@@ -102,7 +102,7 @@ class Online(Generic[_M, _P]):
 class Sampled(Online[_M, Program]):
     """A monitor of samples."""
 
-    __slots__ = ("_nan", "_period")
+    __slots__ = ("_align", "_nan", "_period")
 
     _online: ClassVar = False
 
@@ -115,11 +115,11 @@ class Sampled(Online[_M, Program]):
             self._period,
             self.program,
         ) = compiled(type(self), spec, period, options, online=self._online)
+        self._align = options.get("align")
 
     def _arguments(self) -> dict[str, Any]:
-        arguments = super()._arguments()
-        arguments["period"], arguments["nan"] = self._period, self._nan
-        return arguments
+        sampling = {"period": self._period, "align": self._align, "nan": self._nan}
+        return super()._arguments() | sampling
 
     @property
     def variables(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from rtamt.program.dense_lowering import DenseProgram, compile_dense
 from rtamt.program.interface import Interface, Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
-from rtamt.program.timing import Period, as_period
+from rtamt.program.timing import Align, Period, as_align, as_period
 
 __all__ = [
     "Options",
@@ -45,10 +45,11 @@ class SampleOptions(Options, total=False):
     """The options of monitors and evaluations of samples."""
 
     nan: NanPolicy
+    align: Align | None
 
 
 _DEFAULTS: Options = {"semantics": "standard", "inputs": None, "outputs": None, "backend": "auto"}
-_SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise"}
+_SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise", "align": None}
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
@@ -78,7 +79,10 @@ def compiled(
         raise _unknown(caller, given, _SAMPLE_DEFAULTS)
     specification, interface, backend = _understood(spec, given)
     seconds = as_period(period)
-    program = compile_program(specification, seconds, interface=interface, online=online)
+    align = as_align(given["align"])
+    program = compile_program(
+        specification, seconds, interface=interface, align=align, online=online
+    )
     return specification, interface, backend, given["nan"], seconds, program
 
 

@@ -96,8 +96,8 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
         spec: Text, a formula, or a parsed specification.
         num: How many lanes, 1 or more.
         period: As for `Monitor`.
-        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
-            `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
 
     Raises:
         SpecificationError: As for `Monitor`.
@@ -140,8 +140,8 @@ class VectorEpisodeMonitor(
         spec: Text, a formula, or a parsed specification.
         num: How many lanes, 1 or more.
         period: As for `Monitor`.
-        **options: ``semantics``, ``inputs``, ``outputs``, ``backend`` and ``nan``, as for
-            `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
 
     Raises:
         SpecificationError: As for `EpisodeMonitor`.

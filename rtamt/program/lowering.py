@@ -23,7 +23,7 @@ from rtamt.program.program import (
     latency_of,
     listed,
 )
-from rtamt.program.timing import samples
+from rtamt.program.timing import Align, alignment, samples
 
 __all__ = ["ProgramBuilder", "compile_program"]
 
@@ -32,10 +32,16 @@ class ProgramBuilder:
     """Writes the instructions of a specification; equal ones share a register."""
 
     def __init__(
-        self, specification: Specification, period: Fraction | None, interface: Interface
+        self,
+        specification: Specification,
+        period: Fraction | None,
+        interface: Interface,
+        align: Align | None = None,
     ) -> None:
         self.specification = specification
         self.period = period
+        self.align = align
+        self.aligned: dict[str, None] = {}  # in the order of the nodes, each once
         self.interface = interface
         self.instructions: list[Instruction] = []
         self.latencies: list[int | None] = []
@@ -60,6 +66,7 @@ class ProgramBuilder:
             variables=specification.variables,
             sources=tuple(self.sources),
             specification=specification,
+            aligned=tuple(self.aligned),
         )
         terms_first = sorted(range(len(raw.instructions)), key=lambda r: not self.is_term[r])
         program = raw.reordered(terms_first, raw.terms).pruned()
@@ -84,7 +91,12 @@ class ProgramBuilder:
     def bounds(self, node: Node) -> Bounds:
         """The bounds of an operator's interval, in samples."""
         error = functools.partial(self.specification.error, node)
-        return samples(node.interval, self.period, self.specification.unit, error)
+        unit = self.specification.unit
+        bounds = samples(node.interval, self.period, unit, error, self.align)
+        if self.align is not None:
+            became = alignment(node.interval, self.period, unit, bounds)
+            self.aligned.update({} if became is None else {became: None})
+        return bounds
 
     def _predicate(self, node: Node, value: Meaning, sign: Meaning, args: Sequence[int]) -> int:
         match self.interface.reading(node):
@@ -168,6 +180,7 @@ def compile_program(
     period: Fraction | None = None,
     *,
     interface: Interface = STANDARD,
+    align: Align | None = None,
     online: bool = False,
 ) -> Program:
     """The program of a specification over samples.
@@ -176,6 +189,7 @@ def compile_program(
         specification: What to compile.
         period: Seconds between samples; None: bounds are in samples.
         interface: Whose robustness it computes; see `rtamt.program.interface`.
+        align: How bounds that are no whole number of samples become one; None refuses them.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:
@@ -183,7 +197,7 @@ def compile_program(
             with ``online``, also on a future without end.
     """
     # Equal specifications may differ in their text, at which errors point.
-    return _cached(specification, specification.text, period, interface, online)
+    return _cached(specification, specification.text, period, interface, align, online)
 
 
 @functools.lru_cache(maxsize=512)
@@ -192,8 +206,9 @@ def _cached(
     text: str,
     period: Fraction | None,
     interface: Interface,
+    align: Align | None,
     online: bool,  # noqa: FBT001 - a key of the cache
 ) -> Program:
     if online:
-        return _cached(specification, text, period, interface, online=False).online()
-    return ProgramBuilder(specification, period, interface).program()
+        return _cached(specification, text, period, interface, align, online=False).online()
+    return ProgramBuilder(specification, period, interface, align).program()

@@ -103,6 +103,7 @@ class Program:
         variables: Names of the inputs, in the order in which samples list them.
         sources: The node that each register was compiled from, for errors and listings.
         specification: The specification that was compiled.
+        aligned: What each interval became whose bounds were rounded; see `timing.alignment`.
     """
 
     instructions: tuple[Instruction, ...]
@@ -113,6 +114,7 @@ class Program:
     variables: tuple[str, ...]
     sources: tuple[Node, ...]
     specification: Specification
+    aligned: tuple[str, ...] = ()
 
     @property
     def latency(self) -> int | None:
@@ -286,7 +288,7 @@ class Program:
         ]
         names = {register: name for name, register in self.outputs.items()}
         lines.append(f"result {self.result}" + "".join(f", {n} = {r}" for r, n in names.items()))
-        return "\n".join(lines)
+        return "\n".join((*lines, *self.aligned))
 
 
 def listed(instruction: Instruction) -> str:

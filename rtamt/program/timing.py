@@ -4,22 +4,39 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
+from typing import Literal, cast, get_args
 
 import numpy as np
 
-from rtamt.errors import InputTypeError, RtamtError, SpecificationError
+from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, alternatives
 from rtamt.language.interval import UNITS, Interval, decimal_text
 from rtamt.language.table import Bounds
 
-__all__ = ["MAX_WINDOW", "Period", "as_period", "samples", "seconds_text"]
+__all__ = [
+    "MAX_WINDOW",
+    "Align",
+    "Period",
+    "alignment",
+    "as_align",
+    "as_period",
+    "samples",
+    "seconds_text",
+]
 
 MAX_WINDOW = 2**31
 """The greatest bound in samples."""
 
 Period = str | float | Fraction | np.floating
 """Seconds as a number, or text with a unit: ``0.1``, ``"100ms"``."""
+
+Align = Literal["outward", "inward", "nearest"]
+"""How a bound that is no whole number of samples becomes one, whatever the operator and polarity.
+
+``"outward"`` is the floor of the begin and the ceiling of the end, ``"inward"`` the reverse,
+``"nearest"`` the nearest sample, of two equally near ones that which widens the window.
+"""
 
 _TOLERANCE = Fraction(1, 10**12)
 _DOUBLE = np.dtype(np.float64).itemsize
@@ -77,6 +94,19 @@ def _simplest(low: Fraction, high: Fraction) -> Fraction:
     return rest + 1 / _simplest(1 / (high - rest), 1 / (low - rest))
 
 
+def as_align(align: object) -> Align | None:
+    """The way to round bounds, checked; None refuses bounds that do not fit.
+
+    Raises:
+        InputError: If it is unknown.
+    """
+    known = get_args(Align)
+    if align is not None and not (isinstance(align, str) and align in known):
+        msg = f"expected align=None, {alternatives(known)}, got {align!r}"
+        raise InputError(msg)
+    return cast("Align | None", align)
+
+
 def seconds_text(value: Fraction) -> str:
     """Decimal text if there is one, else a quotient."""
     try:
@@ -90,6 +120,7 @@ def samples(
     period: Fraction | None,
     unit: str,
     error: Callable[[str, str], RtamtError],
+    align: Align | None = None,
 ) -> Bounds:
     """The bounds of an interval in whole samples.
 
@@ -98,10 +129,12 @@ def samples(
         period: Seconds between samples, or None: bounds without unit are samples.
         unit: The unit of bounds that name none.
         error: Makes an error from a reason and a hint; it adds the place in the text.
+        align: How bounds that are no whole number of samples become one; None refuses them.
 
     Raises:
         SpecificationError: From ``error``, on a unit without a period, a bound that is no multiple
-            of the period, or one beyond `MAX_WINDOW` samples.
+            of the period, a window that ``"inward"`` leaves empty, or a bound beyond `MAX_WINDOW`
+            samples.
     """
     if interval is None:
         return 0, None
@@ -111,10 +144,12 @@ def samples(
             "give period= in seconds or as text such as '100ms', or write bounds in samples",
         )
     unit = interval.unit or unit
-    step = Fraction(1) if period is None else period / UNITS[unit]
+    step = _step(period, unit)
 
-    def count(bound: Fraction) -> int:
+    def count(bound: Fraction, rounded: Callable[[Fraction], int] | None) -> int:
         steps = bound / step
+        if rounded is not None and steps <= MAX_WINDOW:
+            return rounded(steps)
         if steps.denominator == 1 and steps <= MAX_WINDOW:
             return int(steps)
         text = decimal_text(bound) if period is None else f"{decimal_text(bound)} {unit}"
@@ -123,23 +158,100 @@ def samples(
                 f"bound {text} is {math.ceil(steps)} samples; the limit is {MAX_WINDOW}",
                 "write a smaller bound or a longer period",
             )
-        low, high = (n * step for n in (math.floor(steps), math.ceil(steps)))
-        if period is None:
-            raise error(
-                f"bound {text} is not a whole number of samples",
-                f"use {low} or {high}, or give period= for bounds in time",
-            )
-        finer = Fraction(
-            math.gcd(bound.numerator * step.denominator, step.numerator * bound.denominator),
-            bound.denominator * step.denominator,
-        )
-        raise error(
-            f"bound {text} is not a multiple of the period "
-            f"{seconds_text(period)} s ({float(steps):g} steps)",
-            f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
-            # Not another period=: one that is not that of the data gives wrong bounds silently.
-            f"or take samples {seconds_text(finer * UNITS[unit])} s apart",
-        )
+        raise _misfit(bound, text, step, None if period is None else unit, error)
 
-    begin = count(interval.begin)
-    return begin, None if interval.end is None else count(interval.end)
+    rounds_begin, rounds_end = _ROUNDINGS[align] if align is not None else (None, None)
+    begin = count(interval.begin, rounds_begin)
+    end = None if interval.end is None else count(interval.end, rounds_end)
+    if end is not None and end < begin:
+        raise error(
+            f"align='inward' leaves no sample of {interval}: none lies in it",
+            "write a wider interval, take samples closer together, or use align='outward' or "
+            "'nearest'",
+        )
+    return begin, end
+
+
+def alignment(
+    interval: Interval | None, period: Fraction | None, unit: str, bounds: Bounds
+) -> str | None:
+    """What an interval became: ``[0:0.25] is samples 0 to 3, [0:0.3s]``; None if it fits exactly.
+
+    Args:
+        interval: The interval.
+        period: As `samples` takes it.
+        unit: As `samples` takes it.
+        bounds: What `samples` gave.
+    """
+    if interval is None:
+        return None
+    unit = interval.unit or unit
+    step = _step(period, unit)
+    begin, end = bounds[0] * step, None if bounds[1] is None else bounds[1] * step
+    if (begin, end) == (interval.begin, interval.end):
+        return None
+    first, last = bounds[0], "inf" if bounds[1] is None else bounds[1]
+    became = f"{interval} is samples {first} to {last}"
+    if period is None:
+        return became
+    times = (seconds_text(begin), "inf" if end is None else seconds_text(end))
+    return f"{became}, {times[0]} to {times[1]} {unit}"
+
+
+def _step(period: Fraction | None, unit: str) -> Fraction:
+    """The time between samples, in the unit of the bounds."""
+    return Fraction(1) if period is None else period / UNITS[unit]
+
+
+def _misfit(
+    bound: Fraction,
+    text: str,
+    step: Fraction,
+    unit: str | None,
+    error: Callable[[str, str], RtamtError],
+) -> RtamtError:
+    """The error that refuses a bound which is no whole number of samples.
+
+    Args:
+        bound: The bound.
+        text: The bound with its unit.
+        step: The time between samples, in the unit of the bound.
+        unit: That unit; None if bounds are numbers of samples.
+        error: Makes an error from a reason and a hint.
+    """
+    steps = bound / step
+    low, high = (n * step for n in (math.floor(steps), math.ceil(steps)))
+    if unit is None:
+        return error(
+            f"bound {text} is not a whole number of samples",
+            f"use {low} or {high}, give period= for bounds in time, or let align= round it",
+        )
+    finer = Fraction(
+        math.gcd(bound.numerator * step.denominator, step.numerator * bound.denominator),
+        bound.denominator * step.denominator,
+    )
+    return error(
+        f"bound {text} is not a multiple of the period "
+        f"{seconds_text(step * UNITS[unit])} s ({float(steps):g} steps)",
+        f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
+        # Not another period=: one that is not that of the data gives wrong bounds silently.
+        f"take samples {seconds_text(finer * UNITS[unit])} s apart, or let align= round it",
+    )
+
+
+def _nearest_below(steps: Fraction) -> int:
+    """The nearest whole number; of two, the lesser."""
+    return math.ceil(steps - Fraction(1, 2))
+
+
+def _nearest_above(steps: Fraction) -> int:
+    """The nearest whole number; of two, the greater."""
+    return math.floor(steps + Fraction(1, 2))
+
+
+# How the begin and the end of an interval are rounded.
+_ROUNDINGS: Mapping[Align, tuple[Callable[[Fraction], int], Callable[[Fraction], int]]] = {
+    "outward": (math.floor, math.ceil),
+    "inward": (math.ceil, math.floor),
+    "nearest": (_nearest_below, _nearest_above),
+}

@@ -27,6 +27,7 @@ DEFAULTS = {
     "outputs": None,
     "backend": "auto",
     "nan": "raise",
+    "align": None,
 }
 DENSE = (rtamt.DenseMonitor, rtamt.evaluate_dense)
 calls = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
@@ -35,7 +36,7 @@ calls = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 @calls
 def test_signature_and_help_show_every_option(call: Callable[..., object]) -> None:
     parameters = inspect.signature(call).parameters
-    expected = {k: v for k, v in DEFAULTS.items() if call not in DENSE or k != "nan"}
+    expected = {k: v for k, v in DEFAULTS.items() if call not in DENSE or k not in ("nan", "align")}
     shown = {k: p.default for k, p in parameters.items() if k in DEFAULTS}
     assert shown == expected
     assert all(parameters[name].kind is inspect.Parameter.KEYWORD_ONLY for name in shown)

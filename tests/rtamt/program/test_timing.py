@@ -68,7 +68,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:7: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
             "  always[0:0.25](x > 0)\n"
             "        ^\n"
-            "  hint: use 0.2 s or 0.3 s, or take samples 0.05 s apart"
+            "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let align= round it"
         ),
     ),
     (
@@ -78,7 +78,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:15: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
             "  x > 0 and once[250ms:1s](x > 0)\n"
             "                ^\n"
-            "  hint: use 0.2 s or 0.3 s, or take samples 0.05 s apart"
+            "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let align= round it"
         ),
     ),
     (
@@ -88,7 +88,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:11: bound 150 ms is not a multiple of the period 0.1 s (1.5 steps)\n"
             "  eventually[150:400ms](x > 0)\n"
             "            ^\n"
-            "  hint: use 100 ms or 200 ms, or take samples 0.05 s apart"
+            "  hint: use 100 ms or 200 ms, take samples 0.05 s apart, or let align= round it"
         ),
     ),
     (
@@ -108,7 +108,7 @@ REFUSED: list[tuple[str, Period | None, str]] = [
             "STL:1:11: bound 2.5 is not a whole number of samples\n"
             "  eventually[0:2.5](x > 0)\n"
             "            ^\n"
-            "  hint: use 2 or 3, or give period= for bounds in time"
+            "  hint: use 2 or 3, give period= for bounds in time, or let align= round it"
         ),
     ),
     (
@@ -170,5 +170,5 @@ def test_a_formula_made_in_python_names_itself_where_there_is_no_text() -> None:
     assert str(caught.value) == (
         "bound 2.5 is not a whole number of samples\n"
         "  in always[0:2.5](x > 0)\n"
-        "  hint: use 2 or 3, or give period= for bounds in time"
+        "  hint: use 2 or 3, give period= for bounds in time, or let align= round it"
     )

@@ -35,7 +35,7 @@ X = {"x": "qpos[0]"}
                 "STL:1:7: bound 0.015 s is not a multiple of the period 0.01 s (1.5 steps)\n"
                 "  always[0:0.015](x < 1)\n"
                 "        ^\n"
-                "  hint: use 0.01 s or 0.02 s, or take samples 0.005 s apart"
+                "  hint: use 0.01 s or 0.02 s, take samples 0.005 s apart, or let align= round it"
             ),
         ),
         (
