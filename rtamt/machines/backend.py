@@ -71,10 +71,10 @@ except ModuleNotFoundError as absent:  # a module that is there but does not loa
 else:
     BACKENDS["native"] = Factories(
         native.discrete_machine,
-        native.episode_machine,
+        native.episode_machine,  # type: ignore[arg-type] # until it reads the end of a trace
         native.dense_machine,
         native.discrete_bank,
-        native.episode_bank,
+        native.episode_bank,  # type: ignore[arg-type] # until it reads the end of a trace
     )
 
 BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeMachine
+from rtamt.machines.protocols import End
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import PythonSampleMachine
 from rtamt.program.program import Program
@@ -104,13 +105,13 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeMachine]):
     def finished(self) -> NDArray[np.bool_]:
         return np.array([machine.finished for machine in self._machines])
 
-    def finish(self, mask: ArrayLike | None = None) -> Floats:
+    def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
         lanes = self._chosen(self._reader.mask(mask))
         for lane in lanes:
             if self._machines[lane].samples == 0:
                 self._reader.refuse_finish(lane)
         for lane in lanes:
-            self._machines[lane].finish()
+            self._machines[lane].finish(end)
         return self.robustness
 
     def _require_open(self, lanes: Sequence[int]) -> None:

@@ -16,7 +16,7 @@ definition: where the two differ, the C++ machine is wrong.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ __all__ = [
     "DenseMachine",
     "DiscreteBank",
     "DiscreteMachine",
+    "End",
     "EpisodeBank",
     "EpisodeMachine",
     "SampleMachine",
@@ -36,6 +37,8 @@ __all__ = [
 ]
 
 Floats = NDArray[np.float64]
+End = Literal["complete", "cut", "open"]
+"""How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning."""
 Snapshot = Any
 """State of a machine; only a machine of the same program and back-end knows what is in it."""
 
@@ -109,8 +112,8 @@ class EpisodeMachine(SampleMachine, Protocol):
     def bounds(self) -> tuple[float, float]:
         """Both bounds in one call."""
 
-    def finish(self) -> float:
-        """End the trace and return its robustness."""
+    def finish(self, end: End = "complete") -> float:
+        """End the trace, make the bounds those of this reading, and return the robustness."""
 
 
 class DenseMachine(Stateful, Protocol):
@@ -175,5 +178,5 @@ class EpisodeBank(Bank, Protocol):
     def verdict(self) -> NDArray[np.int8]: ...
     @property
     def finished(self) -> NDArray[np.bool_]: ...
-    def finish(self, mask: ArrayLike | None = None) -> Floats:
+    def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
         """End the traces of the lanes that the mask chooses; return every lane's robustness."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rtamt.errors import StateError
 from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.protocols import DiscreteMachine, EpisodeMachine, SampleMachine
+from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.online import (
     DirectUpdate,
@@ -25,7 +25,7 @@ from rtamt.monitors.online import (
     Sampled,
     machine_value,
 )
-from rtamt.monitors.options import SampleOptions, Spec, listed_in_signature
+from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
 from rtamt.program.timing import Period
 
 __all__ = ["EpisodeMonitor", "Monitor", "Verdict"]
@@ -259,17 +259,43 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             return _VIOLATED
         return _SATISFIED if self._machine.lower > 0.0 else _UNDECIDED
 
-    def finish(self) -> float:
-        """End the trace with the last sample, and give its robustness.
+    def finish(self, end: End = "complete") -> float:
+        """End the trace with the last sample: make bounds and verdict final, give the robustness.
 
-        Both bounds become the robustness, unless the verdict was decided: a verdict and the
-        bounds that decided it never change. A robustness of 0 stays UNDECIDED. Calling it again
-        changes nothing.
+        A decided verdict, and the bounds that decided it, never change. If it is open, ``end`` says
+        how the trace is to be read:
+
+        * ``"complete"``: the trace is all there is. Windows are cut to it, and both bounds become
+          the robustness.
+        * ``"cut"``: the trace is a recording of something longer. What a bounded window needs of
+          the time after the last sample is unknown; a future operator without an end speaks of the
+          recorded time, and is unknown if no sample of its window was recorded.
+        * ``"open"``: the trace is a beginning. The bounds stay as they are.
+
+        Calling it again changes nothing, whatever the reading.
+
+        Args:
+            end: The reading of the end.
+
+        Returns:
+            ``robustness``, which is that of the complete trace under every reading.
 
         Raises:
+            InputError: On another reading; then the episode goes on.
             StateError: Before the first sample.
+
+        Example:
+            >>> text = "always(x > 5 implies eventually[0:3](x < 2))"
+            >>> for end in ("complete", "cut", "open"):
+            ...     e = EpisodeMonitor(text, backend="python")
+            ...     robustness = e.update(x=6)
+            ...     print(e.finish(end), e.lower, e.upper, e.verdict.name)
+            -1.0 -1.0 -1.0 VIOLATED
+            -1.0 -1.0 inf UNDECIDED
+            -1.0 -inf inf UNDECIDED
         """
-        return self._machine.finish()
+        end = checked_end(end)
+        return self._machine.finish() if end == "complete" else self._machine.finish(end)
 
     def explain(self) -> Explanation:
         """The sub-formulas and samples that decided ``robustness``; see `rtamt.explain`.

@@ -5,14 +5,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, TypedDict, TypeVar, cast
+from typing import Any, TypedDict, TypeVar, cast, get_args
 
-from rtamt.errors import nearest
+from rtamt.errors import InputError, alternatives, nearest
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import Backend, BackendName, choose
+from rtamt.machines.protocols import End
 from rtamt.program.dense_lowering import DenseProgram, compile_dense
 from rtamt.program.interface import Interface, Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program
@@ -23,6 +24,7 @@ __all__ = [
     "Options",
     "SampleOptions",
     "Spec",
+    "checked_end",
     "compiled",
     "compiled_dense",
     "listed_in_signature",
@@ -102,6 +104,19 @@ def compiled_dense(
     specification, interface, backend = _understood(spec, given)
     program = compile_dense(specification, interface=interface, online=online)
     return specification, interface, backend, program
+
+
+def checked_end(end: object) -> End:
+    """The reading of the end of a trace.
+
+    Raises:
+        InputError: If there is no such reading.
+    """
+    known = get_args(End)
+    if not isinstance(end, str) or end not in known:
+        msg = f"expected end={alternatives(known)}, got {end!r}"
+        raise InputError(msg + nearest(str(end), known))
+    return cast("End", end)
 
 
 def listed_in_signature(options: type) -> Callable[[_F], _F]:

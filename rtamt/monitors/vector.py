@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.lanes import LaneReader
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.protocols import Bank, DiscreteBank, EpisodeBank
+from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
 from rtamt.monitors.online import (
     EpisodeValues,
     Late,
@@ -19,7 +19,7 @@ from rtamt.monitors.online import (
     Sampled,
     machine_value,
 )
-from rtamt.monitors.options import SampleOptions, Spec, listed_in_signature
+from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
 from rtamt.program.timing import Period
 
 __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
@@ -167,21 +167,28 @@ class VectorEpisodeMonitor(
         "verdict", "The verdict on each lane: -1 violated, 0 undecided, 1 satisfied."
     )
 
-    def finish(self, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+    def finish(
+        self, mask: ArrayLike | None = None, *, end: End = "complete"
+    ) -> NDArray[np.float64]:
         """End the traces of the lanes where the mask is true; without a mask, of all.
 
         Each of these lanes ends as an `EpisodeMonitor` does in `EpisodeMonitor.finish`. Lanes that
         are finished already stay as they are.
+
+        Args:
+            mask: num booleans: the lanes that end. None: all.
+            end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
 
         Returns:
             ``robustness`` of all lanes, finished or not, as a fresh array.
 
         Raises:
             StateError: If one of these lanes has no sample; then no lane is finished.
-            InputError: On a mask of another shape than (num,).
+            InputError: On a mask of another shape than (num,), or another reading of the end.
             InputTypeError: On a mask that is not of booleans.
         """
-        return self._machine.finish(mask)
+        end = checked_end(end)
+        return self._machine.finish(mask) if end == "complete" else self._machine.finish(mask, end)
 
     def __repr__(self) -> str:
         return f"<VectorEpisodeMonitor of {self.num} lanes of {self.specification.formula}>"

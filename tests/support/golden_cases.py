@@ -8,7 +8,8 @@ from paths import GOLDEN
 
 def cases(name: str) -> list[dict[str, Any]]:
     """The cases of a file."""
-    found: list[dict[str, Any]] = json.loads((GOLDEN / name).read_text())["cases"]
+    content = json.loads((GOLDEN / name).read_text())
+    found: list[dict[str, Any]] = content["cases"] if isinstance(content, dict) else content
     return found
 
 

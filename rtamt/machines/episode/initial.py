@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rtamt.machines.episode.streams import NOW, Array, Operands, Polynomials, Stream, in_world
+from rtamt.machines.episode.streams import CUT, NOW, Array, Operands, Polynomials, Stream, in_world
 from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import LatticeFold
 
@@ -42,11 +42,14 @@ class InitialFold(Polynomials):
         operands = self._operands
         total = tuple(in_world(a, unknowns[world]) for a in self.kept)
         begin = max(self._begin, t - operands.late + 1)
-        last = t if world == NOW else t + operands.past
+        # A future without end speaks of recorded times alone if the trace was cut. It begins now:
+        # `rtamt.program.polarity` writes a later begin as a shift.
+        recorded = world == NOW or (world in CUT and self._end is None)
+        last = t if recorded else t + operands.past
         end = last if self._end is None else min(last, self._end)
         if begin <= end:
             elements = operands.seen(world, begin, end, t, unknowns)
             total = self.fold.combine_arrays(total, fold_all(self.fold, elements))
-        if self._end is None or self._end > last:
+        if not recorded and (self._end is None or self._end > last):
             total = self.fold.combine_arrays(total, operands.tail(world))
         return total[-1].item()

@@ -5,6 +5,10 @@ In ``LOWER`` and ``UPPER`` it goes on for ever, and every predicate is -inf or +
 sample. The program has no negations (`rtamt.program.polarity`), so every register is monotone in
 the predicates, and the last two values are the bounds over all continuations.
 
+A trace that was cut (``finish(end="cut")``) has two worlds more. They differ from ``LOWER`` and
+``UPPER`` in the windows without end: at a recorded time these fold what was recorded, and at an
+unseen one they are as unknown as a predicate.
+
 Take a register whose value depends on H samples of the future and E samples of the past. After
 sample t it has
 
@@ -24,6 +28,7 @@ Operators that are read at time 0 alone keep one fold each (`rtamt.machines.epis
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NoReturn, assert_never
 
 import numpy as np
@@ -32,6 +37,7 @@ from rtamt.errors import StateError
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.episode.initial import InitialFold
 from rtamt.machines.episode.streams import (
+    CUT,
     WORLDS,
     Constant,
     Pointwise,
@@ -42,6 +48,7 @@ from rtamt.machines.episode.streams import (
     UnboundedFuture,
     UnboundedPast,
 )
+from rtamt.machines.protocols import End
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import place
@@ -66,6 +73,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
     """Runs a program, future without end included, and bounds its value at time 0."""
 
     STATE = ("samples", "inputs", "finished", "_first", "robustness", "lower", "upper", "_keepers")
+    finished: bool
     _first: Registers
 
     def __init__(self, program: Program, reader: SampleReader) -> None:
@@ -86,7 +94,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
                 )
         self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
-        self._values_of_unknowns = np.zeros((3, len(self._axes)))
+        self._values_of_unknowns = np.zeros((5, len(self._axes)))
         self.reset()
 
     def _made(self, register: int) -> Stream:
@@ -144,37 +152,53 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self._conclude(t)
 
     def _conclude(self, t: int) -> None:
-        found: dict[int, list[float]] = {}
-        for register in self._initial:
-            found[register] = self._at_zero(register, found, t)
-        self.robustness, self.lower, self.upper = found[self.program.result]
+        self.robustness, self.lower, self.upper = self._results(t, WORLDS)
         if t < 0:
             self.robustness = math.nan
 
-    def _at_zero(self, register: int, found: dict[int, list[float]], t: int) -> list[float]:
+    def _results(self, t: int, worlds: Sequence[int]) -> list[float]:
+        """The value at time 0 in some worlds after sample t."""
+        found: dict[int, list[float]] = {}
+        for register in self._initial:
+            found[register] = self._at_zero(register, found, t, worlds)
+        return found[self.program.result]
+
+    def _at_zero(
+        self, register: int, found: dict[int, list[float]], t: int, worlds: Sequence[int]
+    ) -> list[float]:
         instruction = self.program.instructions[register]
         if isinstance(instruction, Const):
-            return [instruction.value] * 3
+            return [instruction.value] * len(worlds)
         if register < self.program.terms:
-            return [self._first[register]] * 3 if t >= 0 else [math.nan, -math.inf, math.inf]
+            if t >= 0:
+                return [self._first[register]] * len(worlds)
+            return [math.nan, -math.inf, math.inf]
         fold = self._folds.get(register)
         if fold is not None:
-            return [fold.value(world, t, self._values_of_unknowns) for world in WORLDS]
+            return [fold.value(world, t, self._values_of_unknowns) for world in worlds]
         if not isinstance(instruction, Map):
             msg = f"register {register} is not read at time 0"
             raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
         choose = min if instruction.function == "min" else max
-        return [choose(found[a][world] for a in instruction.args) for world in WORLDS]
+        return [
+            choose(values) for values in zip(*(found[a] for a in instruction.args), strict=True)
+        ]
 
     def bounds(self) -> tuple[float, float]:
         return self.lower, self.upper
 
-    def finish(self) -> float:
+    def finish(self, end: End = "complete") -> float:
         if self.samples == 0:
             refuse_finish()
+        if not self.finished and self.lower <= 0.0 <= self.upper:
+            if end == "complete":
+                self.lower = self.upper = self.robustness
+            elif end == "cut":
+                t = self.samples - 1
+                for stream in self._streams.values():
+                    stream.look(t, self._values_of_unknowns, CUT)
+                self.lower, self.upper = self._results(t, CUT)
         self.finished = True
-        if self.lower <= 0.0 <= self.upper:
-            self.lower = self.upper = self.robustness
         return self.robustness
 
     def reset(self) -> None:

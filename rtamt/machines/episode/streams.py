@@ -20,6 +20,7 @@ from rtamt.machines.windows import fold_all, padded, slide
 from rtamt.program.algebra import Arrays, LatticeFold
 
 __all__ = [
+    "CUT",
     "LOWER",
     "NOW",
     "UPPER",
@@ -41,6 +42,8 @@ Array = NDArray[np.float64]
 
 INF = math.inf
 NOW, LOWER, UPPER = WORLDS = range(3)
+CUT = CUT_LOWER, CUT_UPPER = range(3, 5)
+"""The worlds of a trace that was cut, which are found when it ends."""
 _NOTHING: Array = np.zeros(0)
 
 
@@ -91,8 +94,8 @@ class Stream(Polynomials):
         self.keep = 1
         self.last = -1
         # For every world; `look` finds them anew after every sample.
-        self.open = [_NOTHING] * 3
-        self.tail = [math.nan, -INF, INF]
+        self.open = [_NOTHING] * 5
+        self.tail = [math.nan, -INF, INF, -INF, INF]
 
     def reset(self) -> None:
         super().reset()
@@ -106,8 +109,8 @@ class Stream(Polynomials):
         """The value of a time, which settles with sample ``time + late``."""
         raise NotImplementedError
 
-    def look(self, t: int, unknowns: Array) -> None:
-        """Find the open values and the tail of every world after sample t."""
+    def look(self, t: int, unknowns: Array, worlds: Sequence[int] = WORLDS) -> None:
+        """Find the open values and the tail of some worlds after sample t."""
 
     def append(self, value: Array, t: int) -> None:
         """Keep the value that settled with sample t."""
@@ -159,7 +162,7 @@ class Constant(Stream):
     def __init__(self, corners: tuple[int, ...], value: float) -> None:
         super().__init__(corners, 0, 0)
         self._value = value
-        self.tail = [value] * 3
+        self.tail = [value] * 5
 
     def _settled(self, time: int) -> Array:  # noqa: ARG002 - the same at every time
         return np.full(self.corners, self._value)
@@ -216,9 +219,9 @@ class _Windowed(Stream):
         self.operands = operands
         self.fold = operands.fold
 
-    def look(self, t: int, unknowns: Array) -> None:
+    def look(self, t: int, unknowns: Array, worlds: Sequence[int] = WORLDS) -> None:
         begin = self.last + 1
-        for world in WORLDS:
+        for world in worlds:
             count = (t if world == NOW else t + self.past) - begin + 1
             self.open[world] = self._open(world, begin, max(0, count), t, unknowns)
 
@@ -341,9 +344,14 @@ class UnboundedFuture(_Windowed):
 
     def _open(self, world: int, begin: int, count: int, t: int, unknowns: Array) -> Array:
         tail = self.operands.tail(world)
-        self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
+        unseen = 0
+        if world in CUT:  # it speaks of recorded times alone, and nothing is known of it later
+            tail, unseen = self.operands.identities(1), begin + count - 1 - t
+        else:
+            self.tail[world] = self.fold.combine_arrays(tail, tail)[-1].item()
+        count -= unseen
         elements = self.operands.seen(world, begin, begin + count - 1, t, unknowns)
         elements = tuple(np.concatenate(pair) for pair in zip(elements, tail, strict=True))
         suffixes = slide(self.fold, padded(self.fold, elements, 0, count), count + 1)[-1]
         unknowns[world, self.axis] = suffixes[0]
-        return suffixes[:count]
+        return np.append(suffixes[:count], [self.tail[world]] * unseen)

@@ -1,0 +1,220 @@
+"""How a trace ends: `finish(end=)` of the episode monitors under the three readings."""
+
+import math
+import struct
+from typing import Literal, cast
+
+import pytest
+from end_oracle import cut, ended
+from episode_monitors import feed, offered
+from golden_cases import cases
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from strategies import Trace, formulas, length, sample, traces
+
+from rtamt import (
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    StateError,
+    VectorEpisodeMonitor,
+    Verdict,
+    parse,
+)
+
+Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+INF = math.inf
+CUT = [case for case in cases("verdict.json") if "cut" in case]
+
+
+@pytest.fixture(scope="session", params=["python"])
+def ending(request: pytest.FixtureRequest) -> Backend:
+    """Every back-end that ends a trace under each reading."""
+    return cast("Backend", request.param)
+
+
+def bits(*values: float) -> bytes:
+    """The values, the signs of zeros among them."""
+    return struct.pack(f"{len(values)}d", *values)
+
+
+def fed(formula: Formula | str, trace: Trace, backend: Backend) -> EpisodeMonitor:
+    """A monitor that has taken in the trace."""
+    monitor = EpisodeMonitor(formula, backend=backend)
+    for i in range(length(trace)):
+        feed(monitor, trace, i)
+    return monitor
+
+
+def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend) -> None:
+    for end in ENDS:
+        expected = ended(formula, trace, length(trace), end)
+        assume(0 not in expected)
+        monitor = fed(formula, trace, backend)
+        assert bits(monitor.finish(end)) == bits(expected[0])
+        assert bits(*offered(monitor)) == bits(*expected), end
+
+
+@settings(max_examples=300)
+@given(formula=formulas(depth=2, endless=True), trace=traces(most=10))
+def test_every_reading_agrees_with_its_definition(
+    formula: Formula, trace: Trace, ending: Backend
+) -> None:
+    agrees_with_its_definition(formula, trace, ending)
+
+
+@settings(max_examples=200)
+@given(formula=formulas(depth=1, endless=True), data=st.data(), trace=traces(most=8))
+def test_endless_operators_inside_others_agree_with_the_definition(
+    formula: Formula, data: st.DataObject, trace: Trace, ending: Backend
+) -> None:
+    inner = data.draw(st.sampled_from([formula.always(), formula.eventually(2), formula.once()]))
+    outer = [inner.eventually(), inner.always(1, 3), inner.always(2), inner.historically(1, 2)]
+    outer += [(inner.next() & formula).always(0, 2), inner.once(0, 4).eventually(0, 3)]
+    agrees_with_its_definition(data.draw(st.sampled_from(outer)), trace, ending)
+
+
+def test_the_golden_file_of_ends_is_whole() -> None:
+    assert len(CUT) == 234
+
+
+def test_a_cut_trace_agrees_with_golden(ending: Backend) -> None:
+    for case in CUT:
+        expected = float(case["cut"]["lower"]), float(case["cut"]["upper"])
+        formula, trace = parse(case["formula"]), case["trace"]
+        monitor = EpisodeMonitor(formula, backend=ending)
+        n = len(next(iter(trace.values())))
+        for i in range(n):
+            monitor.update(sample(trace, i, monitor.variables))
+        monitor.finish("cut")
+        assert (monitor.lower, monitor.upper) == expected, case
+        assert ended(formula.formula, trace, n, "cut")[1:] == expected, case
+
+
+V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
+
+MEANINGS = [
+    # The formula, x, then the verdict on the complete, the cut and the open trace.
+    ("always[20:30](x > 5)", [1] * 10, (S, U, U)),
+    ("always[2:4](x > 5)", [9] * 4, (S, U, U)),
+    ("always[2:4](x > 5)", [9] * 5, (S, S, S)),
+    ("always(x > 0)", [1] * 10, (S, S, U)),
+    ("eventually(x > 5)", [1] * 10, (V, V, U)),
+    ("always[5:inf](x > 0)", [1, 1], (S, U, U)),
+    ("always[5:inf](x > 0)", [1] * 6, (S, S, U)),
+    ("always(x > 5 implies eventually[0:2](x < 2))", [9, 1, 3, 3], (S, S, U)),
+    ("always(x > 5 implies eventually[0:2](x < 2))", [9, 1, 3, 9], (V, U, U)),
+    ("always(x > 5 implies eventually[0:2](x < 2))", [9, 1, 9, 1], (S, S, U)),
+    ("always(x > 5 implies eventually(x < 2))", [9, 1, 9, 3], (V, V, U)),
+    ("always(eventually(x < 2))", [9, 1, 9], (V, V, U)),
+    ("always(always[0:2](x > 0))", [1] * 10, (S, U, U)),
+    ("always(historically[3:3](x > 0))", [1, -1], (V, V, V)),
+    ("next(x > 0)", [1], (S, U, U)),
+    ("s_next(x > 0)", [1], (V, U, U)),
+    ("always[0:3](true)", [1], (S, S, S)),
+    ("x > 0 until[4:inf] x > 5", [1, 1], (V, U, U)),
+    ("x > 0 until x > 5", [1, 1], (V, V, U)),
+    ("eventually[2:3](always(x > 0))", [1, 1], (V, U, U)),
+    ("eventually[1:2](always(x > 0))", [1, 1, 1], (S, S, U)),
+]
+
+
+@pytest.mark.parametrize(("text", "xs", "verdicts"), MEANINGS)
+def test_each_reading_decides_what_it_may(
+    text: str, xs: list[float], verdicts: tuple[Verdict, ...], ending: Backend
+) -> None:
+    found = []
+    for end in ENDS:
+        monitor = EpisodeMonitor(text, backend=ending)
+        for x in xs:
+            monitor.update(dict.fromkeys(monitor.variables, x))
+        monitor.finish(end)
+        found.append(monitor.verdict)
+    assert tuple(found) == verdicts
+
+
+@given(formula=formulas(depth=2, endless=True), trace=traces(most=8))
+def test_what_the_open_reading_decided_stands(
+    formula: Formula, trace: Trace, ending: Backend
+) -> None:
+    before = fed(formula, trace, ending)
+    for end in ENDS:
+        monitor = fed(formula, trace, ending)
+        monitor.finish(end)
+        if end == "open" or before.verdict is not U:
+            assert bits(*offered(monitor)) == bits(*offered(before))
+        else:
+            assert monitor.robustness == before.robustness
+
+
+@settings(max_examples=200)
+@given(
+    formula=formulas(depth=2, endless=True),
+    trace=traces(most=6),
+    later=traces(least=6, most=6),
+)
+def test_a_cut_trace_is_decided_only_if_each_way_to_go_on_agrees(
+    formula: Formula, trace: Trace, later: Trace, ending: Backend
+) -> None:
+    n = length(trace)
+    monitor = fed(formula, trace, ending)
+    if monitor.verdict is not U:
+        return
+    monitor.finish("cut")
+    longer = {name: values + later[name] for name, values in trace.items()}
+    low, high = cut(formula, longer, n, 0, seen=n + 6)
+    assert monitor.lower <= low <= high <= monitor.upper
+
+
+def test_a_finished_episode_stays_as_it_is_whatever_the_next_reading(ending: Backend) -> None:
+    for first in ENDS:
+        monitor = fed("always[0:5](a > 0)", {"a": [2.0, 1.0]}, ending)
+        monitor.finish(first)
+        values, state = offered(monitor), monitor.verdict
+        for end in ENDS:
+            assert monitor.finish(end) == 1.0
+            assert (offered(monitor), monitor.verdict, monitor.finished) == (values, state, True)
+        with pytest.raises(StateError):
+            monitor.update(a=1.0)
+
+
+def test_another_reading_is_refused_before_anything_changes(ending: Backend) -> None:
+    text = "expected end='complete', 'cut' or 'open', got 'cute'; did you mean 'cut'?"
+    monitor = EpisodeMonitor("always(x > 0)", backend=ending)
+    with pytest.raises(InputError) as caught:
+        monitor.finish("cute")  # type: ignore[arg-type]
+    assert str(caught.value) == text
+    with pytest.raises(StateError):
+        monitor.finish("cut")
+    vector = VectorEpisodeMonitor("always(x > 0)", 2, backend=ending)
+    with pytest.raises(InputError) as caught:
+        vector.finish(end="cute")  # type: ignore[arg-type]
+    assert str(caught.value) == text
+    vector.update([[1.0], [1.0]])
+    with pytest.raises(InputError):
+        vector.finish(end=["cut"])  # type: ignore[arg-type]
+    assert not vector.finished.any()
+
+
+@given(formula=formulas(depth=2, endless=True), trace=traces(least=3, most=6), data=st.data())
+def test_lanes_end_as_monitors_of_their_own(
+    formula: Formula, trace: Trace, data: st.DataObject, ending: Backend
+) -> None:
+    vector = VectorEpisodeMonitor(formula, 3, backend=ending)
+    singles = [EpisodeMonitor(formula, backend=ending) for _ in range(3)]
+    for i in range(length(trace)):
+        row = sample(trace, i, vector.variables)
+        vector.update([[x + lane for x in row.values()] for lane in range(3)])
+        for lane, single in enumerate(singles):
+            single.update({name: x + lane for name, x in row.items()})
+    for end in ENDS:
+        mask = data.draw(st.lists(st.booleans(), min_size=3, max_size=3))
+        vector.finish(mask, end=end)
+        for single, chosen in zip(singles, mask, strict=True):
+            if chosen:
+                single.finish(end)
+        for name in ("robustness", "lower", "upper", "verdict", "finished"):
+            found = [getattr(single, name) for single in singles]
+            assert bits(*getattr(vector, name)) == bits(*found), name
