@@ -33,6 +33,8 @@ _OPTIONS = (
     # The library's errors give advice in Python; on the command line the same advice is an option.
     (r"view='step'", "--view step"),
     (r"\bperiod= ?", "--period "),
+    (r"semantics='([\w-]+)'", r"--semantics \1"),
+    (r" or name them: (in|out)puts=\('.*',\)$", ""),
     (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
     (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),
 )

@@ -7,10 +7,11 @@ import re
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import rtamt
 from rtamt import InputError
+from rtamt_gym.judges.interface import Semantics
 from rtamt_gym.recorded.readers import READERS, open_recording
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "add_output",
-    "add_period_and_view",
+    "add_reading",
     "add_specs_and_trace",
     "check_outputs",
     "positive",
@@ -29,8 +30,8 @@ __all__ = [
 ]
 
 
-def add_period_and_view(parser: argparse.ArgumentParser, default: str) -> None:
-    """Adds ``--period``, whose default is described by a text, and ``--view``."""
+def add_reading(parser: argparse.ArgumentParser, default: str) -> None:
+    """Adds ``--period``, whose default is described by a text, ``--view`` and ``--semantics``."""
     parser.add_argument(
         "--period",
         metavar="TIME",
@@ -42,6 +43,14 @@ def add_period_and_view(parser: argparse.ArgumentParser, default: str) -> None:
         default="episode",
         help="episode: a formula is evaluated at the first sample; step: at every sample, and all "
         "have to satisfy it (default: episode)",
+    )
+    parser.add_argument(
+        "--semantics",
+        metavar="NAME",
+        choices=get_args(Semantics),
+        default="standard",
+        help=f"how predicates count: {', '.join(get_args(Semantics))}; those about inputs or "
+        "outputs read the declarations of the text (default: standard)",
     )
 
 
@@ -64,9 +73,7 @@ def add_specs_and_trace(parser: argparse.ArgumentParser) -> None:
         metavar="TRACE",
         help=f"the path of a {', '.join(others)} or {last} file, or - for CSV on stdin",
     )
-    add_period_and_view(
-        parser, "the distance of two times; without a column 'time', bounds count samples"
-    )
+    add_reading(parser, "the distance of two times; without a column 'time', bounds count samples")
 
 
 def whole(text: str) -> int:

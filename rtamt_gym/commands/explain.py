@@ -28,7 +28,12 @@ def run(options: argparse.Namespace) -> int:
     trace, period = read_samples(options, specs)
     explanations = {
         name: rtamt.explain(
-            viewed(spec, options.view), trace.columns, period, n=trace.samples, start=trace.start
+            viewed(spec, options.view),
+            trace.columns,
+            period,
+            n=trace.samples,
+            start=trace.start,
+            semantics=options.semantics,
         )
         for name, spec in specs.items()
     }

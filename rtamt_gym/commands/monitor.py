@@ -49,11 +49,17 @@ def run(options: argparse.Namespace) -> int:
             raise InputError("expected --period or --dense, which reads events at any time")
         with open_recording(options.trace) as recording:
             trace = read_events(recording, variables_of(specs))
-        judgements = {n: judge_events(spec, trace, options.view) for n, spec in specs.items()}
+        judgements = {
+            name: judge_events(spec, trace, options.view, options.semantics)
+            for name, spec in specs.items()
+        }
     else:
         if_events = "give --dense to take rows as events at any time"
         trace, period = read_samples(options, specs, if_events)
-        judgements = {n: judge(spec, trace, period, options.view) for n, spec in specs.items()}
+        judgements = {
+            name: judge(spec, trace, period, options.view, options.semantics)
+            for name, spec in specs.items()
+        }
     first = next(iter(judgements.values()))
     print(*report(judgements, described(trace, first.period)), sep="\n")
     if options.out:

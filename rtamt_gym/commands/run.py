@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     add_output,
-    add_period_and_view,
+    add_reading,
     check_outputs,
     positive,
     read_specs,
@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="time limit of an episode in steps (default: the environment's own)",
     )
-    add_period_and_view(parser, "the environment's own")
+    add_reading(parser, "the environment's own")
     add_output(parser, "--plot", "draw the first violated episode")
     infinities = 'with "inf" and "-inf" for infinities'
     add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
@@ -103,6 +103,7 @@ def run(options: argparse.Namespace) -> int:
                 period=options.period,
                 stop="end" if options.on_violation == "report" else "violation",
                 view=options.view,
+                semantics=options.semantics,
             )
             for seed in range(options.seed, options.seed + options.episodes)
         ]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 import rtamt
-from rtamt import SpecificationError
+from rtamt import RtamtError, SpecificationError
+from rtamt_gym.judges.interface import Interface, InterfaceOptions
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 
@@ -32,10 +33,16 @@ class InstantMonitor:
         judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
     """
 
-    def __init__(self, spec: rtamt.Specification, period: Period, nan: Nan) -> None:
-        self._instant = rtamt.Monitor(spec, period=period, nan=nan)
-        self._sofar = rtamt.EpisodeMonitor(spec, period=period, nan=nan)
-        self.judge = rtamt.EpisodeMonitor(spec.always(), period=period, nan=nan)
+    def __init__(
+        self,
+        spec: rtamt.Specification,
+        period: Period,
+        nan: Nan,
+        **interface: Unpack[InterfaceOptions],
+    ) -> None:
+        self._instant = rtamt.Monitor(spec, period, nan=nan, **interface)
+        self._sofar = rtamt.EpisodeMonitor(spec, period, nan=nan, **interface)
+        self.judge = rtamt.EpisodeMonitor(spec.always(), period, nan=nan, **interface)
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:
@@ -66,10 +73,17 @@ class InstantMonitor:
 class VectorInstantMonitor:
     """The vector twin of `InstantMonitor`: its numbers are arrays, one element an environment."""
 
-    def __init__(self, spec: rtamt.Specification, num: int, period: Period, nan: Nan) -> None:
-        self._instant = rtamt.VectorMonitor(spec, num, period, nan=nan)
-        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, period, nan=nan)
-        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, period, nan=nan)
+    def __init__(
+        self,
+        spec: rtamt.Specification,
+        num: int,
+        period: Period,
+        nan: Nan,
+        **interface: Unpack[InterfaceOptions],
+    ) -> None:
+        self._instant = rtamt.VectorMonitor(spec, num, period, nan=nan, **interface)
+        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, period, nan=nan, **interface)
+        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, period, nan=nan, **interface)
         self.robustness = np.full(num, np.nan)
 
     def update(self, values: Floats, mask: Lanes | None = None) -> Floats:
@@ -97,8 +111,9 @@ def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa
 def make_monitors(
     specs: Mapping[str, rtamt.Specification],
     view: View,
-    of_episode: Callable[[rtamt.Specification], Any],
-    of_instants: Callable[[rtamt.Specification], Any],
+    interface: Interface,
+    of_episode: Callable[..., Any],
+    of_instants: Callable[..., Any],
 ) -> dict[str, tuple[Any, Any]]:
     """Makes the monitors of each specification: ``(robustness source, judge)``.
 
@@ -108,25 +123,32 @@ def make_monitors(
     Args:
         specs: Specifications by name.
         view: Whether a formula is evaluated at sample 0 of the episode, or at every instant.
-        of_episode: Makes the monitor of a specification for ``"episode"``.
-        of_instants: Makes the monitor of a specification for ``"step"``.
+        interface: How predicates count.
+        of_episode: Makes the monitor of a specification for ``"episode"``; takes the options of
+            the interface too.
+        of_instants: Makes the monitor of a specification for ``"step"``; takes the same.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, if the formula speaks of
             the first sample only and ``view`` is ``"episode"``, or if its future has no bound and
             ``view`` is ``"step"``.
+        InputError: If the interface does not fit; a note names the specification if there are
+            several.
     """
     monitors: dict[str, tuple[Any, Any]] = {}
-    for name, spec in specs.items():
-        if view == "step":
-            source = of_instants(spec)
-            monitors[name] = source, source.judge
-            continue
-        if not spec.looks_ahead:  # no episode can be judged by its first sample
+    for name, options in interface.options(specs).items():
+        spec = specs[name]
+        if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
             raise SpecificationError(
                 f"specification {name!r} speaks of the first sample only: {spec.formula}; "
                 f"write always({spec.formula}) or view='step'"
             )
-        judge = of_episode(spec)
-        monitors[name] = judge, judge
+        make = of_instants if view == "step" else of_episode
+        try:
+            source = make(spec, **options)
+        except RtamtError as error:
+            if len(specs) > 1:
+                error.add_note(f"in specification {name!r}")
+            raise
+        monitors[name] = source, source.judge if view == "step" else source
     return monitors

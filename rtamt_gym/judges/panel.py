@@ -12,6 +12,7 @@ from typing import Any
 import rtamt
 from rtamt import EpisodeMonitor, InputError
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
+from rtamt_gym.judges.interface import STANDARD, Interface
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.signals import Read
@@ -44,9 +45,11 @@ class Panel:
         period: Time between samples.
         view: Whether formulas are evaluated at sample 0 or at every instant.
         nan: Whether a signal that is nan is refused, or keeps its last value.
+        interface: How predicates count.
 
     Raises:
         SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` does.
+        InputError: As `rtamt_gym.judges.monitors.make_monitors` does.
     """
 
     def __init__(
@@ -55,10 +58,12 @@ class Panel:
         period: float | str | None,
         view: View,
         nan: Nan = "raise",
+        interface: Interface = STANDARD,
     ) -> None:
         self.monitors: Monitors = make_monitors(
             specs,
             view,
+            interface,
             of_episode=partial(EpisodeMonitor, period=period, nan=nan),
             of_instants=partial(InstantMonitor, period=period, nan=nan),
         )
@@ -72,7 +77,10 @@ class Panel:
 
     @cached_property
     def _described(self) -> dict[str, str]:
-        return {name: str(spec.formula) for name, spec in self._specs.items()}
+        return {
+            name: _described(spec, judge)
+            for (name, spec), judge in zip(self._specs.items(), self._judges, strict=True)
+        }
 
     @property
     def period(self) -> Fraction | None:
@@ -242,6 +250,17 @@ class Panel:
         self._decided = dict(decided)
         self.settled = len(self._decided)
         self.violated_by = violated_by
+
+
+def _described(spec: rtamt.Specification, judge: EpisodeMonitor) -> str:
+    """The formula, with its semantics unless that is the standard one."""
+    interface = judge.interface
+    if interface.semantics == "standard":
+        return str(spec.formula)
+    words = [str(interface.semantics)]
+    words += [f"input {name}" for name in interface.inputs]
+    words += [f"output {name}" for name in interface.outputs]
+    return f"{spec.formula} under {', '.join(words)}"
 
 
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time

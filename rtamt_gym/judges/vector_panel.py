@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import VectorEpisodeMonitor
 from rtamt_gym.judges.infos import VERDICTS, outcome, spec_state
+from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
@@ -60,6 +61,7 @@ class VectorPanel:
 
     Raises:
         SpecificationError: As `Panel` does.
+        InputError: As `Panel` does.
     """
 
     def __init__(
@@ -70,10 +72,12 @@ class VectorPanel:
         view: View,
         nan: Nan,
         columns: Sequence[str],
+        interface: Interface,
     ) -> None:
         self.monitors: VectorMonitors = make_monitors(
             specs,
             view,
+            interface,
             of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan),
             of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan),
         )

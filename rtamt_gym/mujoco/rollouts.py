@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Unpack
 
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import rtamt
 from rtamt import InputError
+from rtamt_gym.judges.interface import Interface, InterfaceOptions
 from rtamt_gym.judges.specs import SpecsLike, load_specs
 from rtamt_gym.signals.mujoco import bind_signal
 from rtamt_gym.signals.selectors import Selector
@@ -29,6 +31,7 @@ def evaluate_rollouts(
     sensordata: ArrayLike | None = None,
     *,
     period: float | str | None = None,
+    **interface: Unpack[InterfaceOptions],
 ) -> dict[str, Floats]:
     """Robustness of many rollouts at every sample, offline.
 
@@ -46,6 +49,7 @@ def evaluate_rollouts(
         states: Of shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
         sensordata: Of shape (rollouts, steps, sensor data); needed if a signal reads it.
         period: Time between samples; None is ``model.opt.timestep``.
+        **interface: ``semantics``, ``inputs`` and ``outputs``, as for `StepMonitor`.
 
     Returns:
         By name of the specification, its robustness at every sample, of shape (rollouts, steps).
@@ -53,7 +57,8 @@ def evaluate_rollouts(
     Raises:
         SpecificationError: As `rtamt.evaluate` does.
         InputError: If a variable has no signal, a signal no variable; if a selector does not fit
-            the model or reads what is not in a rollout; on shapes that do not fit, and on nan.
+            the model or reads what is not in a rollout; on shapes that do not fit, and on nan; on
+            an unknown semantics, and on names in ``inputs`` or ``outputs`` that are no variables.
 
     Example:
         >>> import mujoco, mujoco.rollout, numpy as np
@@ -68,6 +73,7 @@ def evaluate_rollouts(
         ((3, 200), [-0.39, 0.0, 0.01])
     """
     loaded = load_specs(specs)
+    options = Interface(**interface).options(loaded)
     variables = [name for spec in loaded.values() for name in spec.variables]
     parsed = parse_signals(signals, variables, MUJOCO)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -87,7 +93,9 @@ def evaluate_rollouts(
     }
     timestep = float(model.opt.timestep) if period is None else period
     return {
-        name: rtamt.evaluate_many(spec, data if spec.variables else columns[:, :, :0], timestep)
+        name: rtamt.evaluate_many(
+            spec, data if spec.variables else columns[:, :, :0], timestep, **options[name]
+        )
         for name, spec in loaded.items()
     }
 

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any, Literal, get_args
 
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.panel import Monitors, Panel
+from rtamt_gym.judges.interface import Interface, Names, Semantics
+from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import Clock
+from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
@@ -29,7 +30,7 @@ OnStepViolation = Literal["stop", "report"]
 """What a certain violation does to a run."""
 
 
-class StepMonitor:
+class StepMonitor(PanelValues):
     """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
 
     Sample 0 is the state that the first step starts from; every later sample is the state after a
@@ -66,13 +67,18 @@ class StepMonitor:
             ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
         view: ``"episode"`` evaluates a formula at sample 0, ``"step"`` at every instant.
         nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value.
+        semantics: How predicates count, as for `rtamt.Monitor`.
+        inputs: Variables that the system reads, for interface-aware semantics; None: those that the
+            texts declare ``input``.
+        outputs: Variables that the system sets; None: those that the texts declare ``output``.
         forward: Whether to call ``mj_forward`` after every step, see above.
 
     Raises:
         SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
             bound that is not a multiple of the period.
         InputError: If a variable has no signal, a signal no variable, or a selector does not fit
-            the model.
+            the model; if the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
+            variable.
 
     Example:
         >>> import mujoco
@@ -99,6 +105,9 @@ class StepMonitor:
         period: float | str | None = None,
         view: View = "episode",
         nan: Nan = "raise",
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
         forward: bool = False,
     ) -> None:
         check_choice("view", view, get_args(View))
@@ -116,7 +125,11 @@ class StepMonitor:
                     f"{signal.default!r}; leave it out"
                 )
         self._panel = Panel(
-            loaded, float(model.opt.timestep) if period is None else period, view, nan
+            loaded,
+            float(model.opt.timestep) if period is None else period,
+            view,
+            nan,
+            Interface(semantics, inputs, outputs),
         )
         self.forward = forward
         self._bind_signals()
@@ -239,74 +252,11 @@ class StepMonitor:
         return self.robustness
 
     @property
-    def robustness(self) -> float:
-        """The least robustness over the specifications, if the run ended now; nan before sample 0.
-
-        With ``view="step"`` that of the newest instant whose horizon has passed.
-        """
-        return self._panel.robustness
-
-    @property
-    def lower(self) -> float:
-        """The least that the robustness can still become."""
-        return self._panel.lower
-
-    @property
-    def upper(self) -> float:
-        """The greatest that it can become; below 0 no continuation satisfies all specifications."""
-        return self._panel.upper
-
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict on all specifications together."""
-        if self.upper < 0.0:
-            return Verdict.VIOLATED
-        return Verdict.SATISFIED if self.lower > 0.0 else Verdict.UNDECIDED
-
-    @property
-    def violated_by(self) -> str | None:
-        """The specification that was violated first; None while none is."""
-        return self._panel.violated_by
-
-    @property
-    def violated_at(self) -> int | None:
-        """The sample that showed the first violation; None while there is none."""
-        return self._panel.violated_at
-
-    @property
-    def samples(self) -> int:
-        """Samples fed since the reset, sample 0 included."""
-        return self._panel.samples
-
-    @property
-    def period(self) -> Fraction | None:
-        """Time between samples, in seconds."""
-        return self._panel.period
-
-    @property
     def values(self) -> dict[str, float]:
         """The value of every signal now."""
         return {
             signal.name: read() for signal, read in zip(self._signals, self._reads, strict=True)
         }
-
-    @property
-    def details(self) -> dict[str, dict[str, Any]]:
-        """``{spec: {"robustness", "lower", "upper", "verdict"}}`` of the samples so far."""
-        return self._panel.describe()
-
-    @property
-    def outcomes(self) -> dict[str, dict[str, Any]]:
-        """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}`` of the samples so far.
-
-        ``decided_at`` is the sample that decided the verdict, absent while it is open.
-        """
-        return self._panel.outcomes()
-
-    @property
-    def monitors(self) -> Monitors:
-        """The monitors of each specification: ``(robustness source, judge)``."""
-        return dict(self._panel.monitors)
 
     def state(self) -> tuple[Any, ...]:
         """The state of the monitors, for `restore`; that of the simulation is not in it."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
 import rtamt
 from rtamt import SpecificationError, Verdict
+from rtamt_gym.judges.interface import Semantics
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -165,7 +166,11 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
 
 
 def judge(
-    spec: rtamt.Specification, trace: Trace, period: Fraction | str | None, view: str
+    spec: rtamt.Specification,
+    trace: Trace,
+    period: Fraction | str | None,
+    view: str,
+    semantics: Semantics = "standard",
 ) -> Judgement:
     """Judges samples; the trace ends with the last.
 
@@ -174,11 +179,12 @@ def judge(
         trace: The samples.
         period: Seconds between samples, text with a unit, or None.
         view: The argument of `viewed`.
+        semantics: How predicates count, as for `rtamt.Monitor`.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
     """
-    monitor = rtamt.EpisodeMonitor(viewed(spec, view), period)
+    monitor = rtamt.EpisodeMonitor(viewed(spec, view), period, semantics=semantics)
     certain_at = _feed(monitor, trace)
     robustness = monitor.finish()
     period = monitor.period
@@ -186,11 +192,11 @@ def judge(
     series = {
         name: Series(
             times,
-            rtamt.evaluate(formula, trace.columns, period, n=trace.samples),
+            rtamt.evaluate(part, trace.columns, period, n=trace.samples, semantics=semantics),
             step,
-            str(formula),
+            str(part.formula),
         )
-        for name, formula in _formulas(spec).items()
+        for name, part in _parts(spec).items()
     }
     certain = "at the end of the trace"
     if certain_at is not None:
@@ -216,7 +222,9 @@ def _clock(trace: Trace, period: Fraction | None) -> tuple[Floats, float | None]
     return trace.start + times * period.numerator / period.denominator, float(period)
 
 
-def judge_events(spec: rtamt.Specification, trace: EventTrace, view: str) -> Judgement:
+def judge_events(
+    spec: rtamt.Specification, trace: EventTrace, view: str, semantics: Semantics = "standard"
+) -> Judgement:
     """Judges events in dense time; the trace ends with the last.
 
     Raises:
@@ -226,11 +234,11 @@ def judge_events(spec: rtamt.Specification, trace: EventTrace, view: str) -> Jud
     whole = viewed(spec, view)
     signals = {name: np.column_stack(events) for name, events in trace.signals.items()}
 
-    def robustness(formula: rtamt.Formula | rtamt.Specification) -> Series:
-        events = rtamt.evaluate_dense(formula, signals)
-        return Series(events.times, events.values, trace.step, str(formula), held=True)
+    def robustness(part: rtamt.Specification) -> Series:
+        events = rtamt.evaluate_dense(part, signals, semantics=semantics)
+        return Series(events.times, events.values, trace.step, str(part.formula), held=True)
 
-    series = {name: robustness(formula) for name, formula in _formulas(spec).items()}
+    series = {name: robustness(part) for name, part in _parts(spec).items()}
     result = robustness(whole) if whole is not spec else series[_result(spec)]
     least = float(result.values[0])
     verdict = Verdict.UNDECIDED
@@ -239,9 +247,10 @@ def judge_events(spec: rtamt.Specification, trace: EventTrace, view: str) -> Jud
     return Judgement(verdict, least, "at the end of the trace", series)
 
 
-def _formulas(spec: rtamt.Specification) -> dict[str, rtamt.Formula]:
-    """The named formulas and, last, the result."""
-    return {**spec.formulas, _result(spec): spec.formula}
+def _parts(spec: rtamt.Specification) -> dict[str, rtamt.Specification]:
+    """The specifications of the named formulas and, last, that of the result."""
+    formulas = {**spec.formulas, _result(spec): spec.formula}
+    return {name: replace(spec, formula=formula) for name, formula in formulas.items()}
 
 
 def _result(spec: rtamt.Specification) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import Verdict
+from rtamt_gym.judges.interface import InterfaceOptions, Semantics
 from rtamt_gym.judges.specs import View
 from rtamt_gym.tables import sample_text
 
@@ -65,6 +66,9 @@ class Course(_ComparesArrays):
         verdict: The verdict at the end.
         decided_at: The sample that made the verdict certain, or None.
         unit: The unit of the bounds in the formula that have none.
+        semantics: How predicates count, as for `rtamt.Monitor`.
+        inputs: Variables that the system reads.
+        outputs: Variables that the system sets.
     """
 
     formula: str
@@ -75,11 +79,19 @@ class Course(_ComparesArrays):
     verdict: Verdict
     decided_at: int | None
     unit: str = "s"
+    semantics: Semantics = "standard"
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     @property
     def verdicts(self) -> NDArray[np.int8]:
         """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
         return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
+
+    @property
+    def interface(self) -> InterfaceOptions:
+        """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
+        return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
 
     def __repr__(self) -> str:
         at = "" if self.decided_at is None else f" at sample {self.decided_at}"

@@ -8,6 +8,7 @@ from pathlib import Path
 import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
+from rtamt_gym.judges.interface import InterfaceOptions
 from rtamt_gym.judges.specs import SpecsLike, load_specs
 from rtamt_gym.simulation.record import Floats, RunRecord
 
@@ -65,7 +66,8 @@ class Run(RunRecord):
         `rtamt.Monitor`.
 
         Args:
-            specs: Specifications that read the signals of the run. None: the run's own.
+            specs: Specifications that read the signals of the run, under the standard semantics.
+                None: the run's own, under theirs.
 
         Returns:
             The robustness at every sample, by name of the specification.
@@ -74,7 +76,9 @@ class Run(RunRecord):
             SpecificationError: As `rtamt.evaluate` does.
             InputError: If a specification reads a signal that the run does not have.
         """
+        interfaces: dict[str, InterfaceOptions] = {}
         if specs is None:
+            interfaces = {name: course.interface for name, course in self.courses.items()}
             specs = {
                 name: rtamt.parse(course.formula, unit=course.unit)
                 for name, course in self.courses.items()
@@ -88,7 +92,9 @@ class Run(RunRecord):
                         f"signals of the run are {listing(self.signals)}"
                     )
         return {
-            name: rtamt.evaluate(spec, self.signals, self.period, n=self.steps + 1)
+            name: rtamt.evaluate(
+                spec, self.signals, self.period, n=self.steps + 1, **interfaces.get(name, {})
+            )
             for name, spec in loaded.items()
         }
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from fractions import Fraction
 from numbers import Real
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import gymnasium as gym
 import numpy as np
@@ -18,6 +18,7 @@ from gymnasium.vector import VectorEnv
 import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.signals.signals import SignalLike
@@ -40,6 +41,9 @@ def simulate(
     stop: Stop = "violation",
     view: View = "episode",
     nan: Nan = "raise",
+    semantics: Semantics = "standard",
+    inputs: Names | None = None,
+    outputs: Names | None = None,
     label: str = "",
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
@@ -81,6 +85,10 @@ def simulate(
             instant.
         nan: ``"raise"`` refuses a signal that is nan; ``"hold"`` keeps its last value, in the
             record too.
+        semantics: How predicates count, as for `rtamt.Monitor`.
+        inputs: Variables that the system reads, for interface-aware semantics; None: those that the
+            texts declare ``input``.
+        outputs: Variables that the system sets; None: those that the texts declare ``output``.
         label: A name for tables and pictures that tells who acted.
 
     Returns:
@@ -89,8 +97,9 @@ def simulate(
     Raises:
         SpecificationError: If a specification is wrong, reads the first sample only, has a bound
             that is not a multiple of the period, or needs a period and has none.
-        InputError: If a variable cannot be read, a policy, a period or a duration is missing, or a
-            signal is nan.
+        InputError: If a variable cannot be read, a policy, a period or a duration is missing, a
+            signal is nan, the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
+            variable.
         InputTypeError: If the system is not one of those above.
 
     Example:
@@ -118,7 +127,8 @@ def simulate(
     if period is None and ran.needs_period:
         raise InputError(f"{ran.name} does not say how long a step lasts; give period= in seconds")
     check_period(loaded, period, ran.name)
-    panel = Panel(loaded, period, view)
+    interface = Interface(semantics, inputs, outputs)
+    panel = Panel(loaded, period, view, interface=interface)
     most = _most(duration, panel.period, ran)
     limits = [steps for steps in (most, ran.limit) if steps is not None]
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
@@ -228,8 +238,19 @@ class _Recorder:
                 judge.verdict,
                 outcomes[name].get("decided_at"),
                 specs[name].unit,
+                judge.interface.semantics,
+                _of_role("input", judge),
+                _of_role("output", judge),
             )
         return courses
+
+
+def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:
+    """The variables of a formula that have a role; none under semantics that ask for no roles."""
+    if judge.interface.semantics in ("standard", "boolean"):
+        return ()
+    variables = judge.specification.formula.variables
+    return tuple(name for name in variables if judge.interface.role(name) == role)
 
 
 def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System:  # noqa: ANN401

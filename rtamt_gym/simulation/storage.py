@@ -75,6 +75,7 @@ def load(path: Path) -> dict[str, Any]:
                 **course
                 | {curve: column(f"{curve}({name})") for curve in _CURVES}
                 | {"final": float(course["final"]), "verdict": Verdict[course["verdict"]]}
+                | {key: tuple(course.get(key, ())) for key in ("inputs", "outputs")}
             )
             for name, course in kept["courses"].items()
         },

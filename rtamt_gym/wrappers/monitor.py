@@ -15,6 +15,7 @@ from gymnasium.utils import RecordConstructorArgs
 from rtamt import InputError, Specification, SpecificationError, StateError
 from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.infos import Cost, last_info, present, step_cost, step_info
+from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
@@ -115,6 +116,9 @@ class StlMonitor(
         on_violation: OnViolation = "terminate",
         view: View = "episode",
         nan: Nan = "raise",
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
@@ -137,6 +141,13 @@ class StlMonitor(
             view: ``"episode"`` evaluates a formula at sample 0 of the episode, ``"step"`` at
                 every instant
             nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value
+            semantics: How predicates count, as for ``rtamt.Monitor``: ``"standard"``;
+                ``"boolean"``, where each is +inf or -inf; or interface-aware, such as
+                ``"output-robustness"``
+            inputs: Variables that the system reads, for interface-aware semantics; ``None``: those
+                that the texts declare ``input``
+            outputs: Variables that the system sets; ``None``: those that the texts declare
+                ``output``
             details: Whether to add ``info["stl"]``, the state of every specification
             cost: What ``info["cost"]`` is, if it is to be added: ``"indicator"`` is 1 while the
                 episode is violated, ``"depth"`` is how far ``stl_upper`` is below 0, ``"first"`` is
@@ -148,13 +159,18 @@ class StlMonitor(
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
                 a bound that is not a multiple of the period, or needs a period and has none
             InputError: If a variable has no signal, a signal no variable, or a selector does not
-                fit the environment; if ``substeps`` does not
+                fit the environment; if ``substeps`` does not; if the semantics is unknown, or a
+                name in ``inputs`` or ``outputs`` is no variable
         """
+        interface = Interface(semantics, inputs, outputs)
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
             view=view,
             nan=nan,
+            semantics=semantics,
+            inputs=interface.inputs,
+            outputs=interface.outputs,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
@@ -167,7 +183,7 @@ class StlMonitor(
         loaded = self._set_up(env, specs, signals, options, find_period)
         self.stl_episodes: deque[dict[str, Any]] = deque(maxlen=buffer_length)
         try:
-            self._panel = Panel(loaded, self._period, view, nan)
+            self._panel = Panel(loaded, self._period, view, nan, interface)
         except SpecificationError as error:
             inner = None if substeps else read_substep_period(env)
             if inner is not None and period is None and _fits(loaded, inner, view):

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal, TypedDict, get_args
 from rtamt import InputError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.infos import Cost
+from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.judges.vector_panel import VectorPanel
@@ -35,6 +36,9 @@ class MonitorOptions(TypedDict, total=False):
     on_violation: OnViolation
     view: View
     nan: Nan
+    semantics: Semantics
+    inputs: Names | None
+    outputs: Names | None
     details: bool
     cost: Cost | None
     buffer_length: int

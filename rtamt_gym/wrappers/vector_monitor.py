@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.judges.episodes import EpisodeRecords, record
 from rtamt_gym.judges.infos import Cost, last_info, step_cost, step_info
+from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, autoreset_mode, read_period, recordable
 from rtamt_gym.judges.vector_infos import (
     final_infos,
@@ -100,6 +101,9 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         on_violation: OnViolation = "report",
         view: View = "episode",
         nan: Nan = "raise",
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
@@ -116,11 +120,15 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             InputError: As :class:`StlMonitor` does; and if the environment cannot do what
                 ``on_violation`` asks
         """
+        interface = Interface(semantics, inputs, outputs)
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
             view=view,
             nan=nan,
+            semantics=semantics,
+            inputs=interface.inputs,
+            outputs=interface.outputs,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
@@ -137,7 +145,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
                 "take on_violation='report'"
             )
         names = [signal.name for signal in self._signals]
-        self._panel = VectorPanel(loaded, env.num_envs, self._period, view, nan, names)
+        self._panel = VectorPanel(loaded, env.num_envs, self._period, view, nan, names, interface)
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
         self._charged = np.zeros(env.num_envs, np.bool_)

@@ -1,0 +1,80 @@
+"""What a `StepMonitor` tells about its monitors: robustness, bounds, verdicts."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+from rtamt import Verdict
+from rtamt_gym.judges.panel import Monitors, Panel
+
+__all__ = ["PanelValues"]
+
+
+class PanelValues:
+    """The values of a panel as read-only attributes."""
+
+    _panel: Panel
+
+    @property
+    def robustness(self) -> float:
+        """The least robustness over the specifications, if the run ended now; nan before sample 0.
+
+        With ``view="step"`` that of the newest instant whose horizon has passed.
+        """
+        return self._panel.robustness
+
+    @property
+    def lower(self) -> float:
+        """The least that the robustness can still become."""
+        return self._panel.lower
+
+    @property
+    def upper(self) -> float:
+        """The greatest that it can become; below 0 no continuation satisfies all specifications."""
+        return self._panel.upper
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on all specifications together."""
+        if self.upper < 0.0:
+            return Verdict.VIOLATED
+        return Verdict.SATISFIED if self.lower > 0.0 else Verdict.UNDECIDED
+
+    @property
+    def violated_by(self) -> str | None:
+        """The specification that was violated first; None while none is."""
+        return self._panel.violated_by
+
+    @property
+    def violated_at(self) -> int | None:
+        """The sample that showed the first violation; None while there is none."""
+        return self._panel.violated_at
+
+    @property
+    def samples(self) -> int:
+        """Samples fed since the reset, sample 0 included."""
+        return self._panel.samples
+
+    @property
+    def period(self) -> Fraction | None:
+        """Time between samples, in seconds."""
+        return self._panel.period
+
+    @property
+    def details(self) -> dict[str, dict[str, Any]]:
+        """``{spec: {"robustness", "lower", "upper", "verdict"}}`` of the samples so far."""
+        return self._panel.describe()
+
+    @property
+    def outcomes(self) -> dict[str, dict[str, Any]]:
+        """``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}`` of the samples so far.
+
+        ``decided_at`` is the sample that decided the verdict, absent while it is open.
+        """
+        return self._panel.outcomes()
+
+    @property
+    def monitors(self) -> Monitors:
+        """The monitors of each specification: ``(robustness source, judge)``."""
+        return dict(self._panel.monitors)
