@@ -10,6 +10,7 @@ recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`De
 import importlib
 from typing import TYPE_CHECKING
 
+from rtamt import limits
 from rtamt.errors import (
     InputError,
     InputTypeError,
@@ -63,6 +64,7 @@ __all__ = [
     "evaluate_dense",
     "evaluate_many",
     "explain",
+    "limits",
     "load",
     "number",
     "parse",

@@ -26,6 +26,7 @@ from rtamt.monitors.online import (
     machine_value,
 )
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
+from rtamt.program.memory import limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
 __all__ = ["EpisodeMonitor", "Monitor", "Verdict"]
@@ -112,7 +113,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number
             of periods (unless ``align`` rounds them), a window that ``align="inward"`` leaves
-            empty, or a future without an end.
+            empty, a future without an end, or windows of more than `rtamt.limits.window_bytes`.
         InputError: On an option that has no such value, or ``backend="native"`` that was not built.
 
     Example:
@@ -128,6 +129,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     __slots__ = {"update": _UPDATE.format(when="at time t - latency")}
 
     def _made(self, reader: SampleReader) -> DiscreteMachine:
+        limit_discrete(self.program)
         return BACKENDS[self.backend].discrete_machine(self.program, reader, (self.program.result,))
 
     @property
@@ -210,7 +212,8 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number
-            of periods, or too many operators without an end inside others.
+            of periods, too many operators without an end inside others, or streams of values of
+            more than `rtamt.limits.window_bytes`.
         InputError: As for `Monitor`.
 
     Example:
@@ -250,6 +253,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             self.update = _recording(self._machine, self._history)
 
     def _made(self, reader: SampleReader) -> EpisodeMachine:
+        limit_episode(self.program)
         return BACKENDS[self.backend].episode_machine(self.program, reader)
 
     @property

@@ -20,6 +20,7 @@ from rtamt.monitors.online import (
     machine_value,
 )
 from rtamt.monitors.options import SampleOptions, Spec, checked_end, listed_in_signature
+from rtamt.program.memory import limit_discrete, limit_episode
 from rtamt.program.timing import Period
 
 __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
@@ -120,6 +121,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
     __slots__ = ()
 
     def _made(self, reader: LaneReader) -> DiscreteBank:
+        limit_discrete(self.program, self.num)
         return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
 
     def __repr__(self) -> str:
@@ -161,6 +163,7 @@ class VectorEpisodeMonitor(
     __slots__ = ()
 
     def _made(self, reader: LaneReader) -> EpisodeBank:
+        limit_episode(self.program, self.num)
         return BACKENDS[self.backend].episode_bank(self.program, self.num, reader)
 
     verdict: MachineValue[NDArray[np.int8]] = machine_value(

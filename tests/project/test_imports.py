@@ -16,7 +16,7 @@ import rtamt
 # stands by itself.
 FLOORS = {
     "rtamt": (
-        ("errors",),
+        ("errors", "limits"),
         ("language",),
         ("program",),
         ("inputs",),

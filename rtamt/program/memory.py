@@ -1,0 +1,125 @@
+"""The memory that the windows of a monitor may come to take, and its limit."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from typing import assert_never
+
+from rtamt import limits
+from rtamt.errors import InputError
+from rtamt.program.algebra import FOLDS
+from rtamt.program.placement import Placement, place
+from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.schedule import Delay, schedule
+
+__all__ = ["discrete_numbers", "episode_numbers", "limit_discrete", "limit_episode"]
+
+_DOUBLE = 8
+_WORLDS = 3
+
+
+def limit_discrete(program: Program, lanes: int = 1) -> None:
+    """Refuse a program whose windows and delays, in so many lanes, pass `limits.window_bytes`.
+
+    Raises:
+        SpecificationError: With the formula that needs most, the bytes and the limit.
+        InputError: If the limit is no number.
+    """
+    _limit(program, _discrete_needs(program), lanes)
+
+
+def limit_episode(program: Program, lanes: int = 1) -> None:
+    """Refuse a program whose streams, in so many lanes, pass `limits.window_bytes`.
+
+    It raises the errors of `limit_discrete`.
+    """
+    _limit(place(program).program, _episode_needs(program), lanes)
+
+
+def discrete_numbers(program: Program) -> Counter[int]:
+    """How many doubles each register keeps while the program runs sample by sample."""
+    numbers = Counter[int]()
+    for slot, scheduled in schedule(program):
+        match scheduled:
+            case Delay(length, operand):
+                numbers[operand] += length
+            case Window(fold):
+                length = scheduled.length or 0
+                numbers[slot] += length * FOLDS[fold].width if length > 1 else 0
+            case Map():
+                pass
+            case _ as never:
+                assert_never(never)
+    return numbers
+
+
+def episode_numbers(placement: Placement) -> Counter[int]:
+    """How many doubles each register keeps, at most, while an episode is bounded.
+
+    A stream keeps the settled values that windows read, at every corner of the unknowns that it
+    depends on, and its open values in each world; see `rtamt.machines.episode.machine`.
+    """
+    program, numbers = placement.program, Counter[int]()
+    late, past, open_ended = Counter[int](), Counter[int](), set[int]()
+    for register in sorted({*placement.streams, *placement.initial}):
+        instruction = program.instructions[register]
+        if isinstance(instruction, Load | Const) or register < program.terms:
+            continue
+        args = instruction.args
+        reach, before = max(late[a] for a in args), max(past[a] for a in args)
+        if open_ended.intersection(args) or register in placement.unknowns:
+            open_ended.add(register)
+        oldest = 0
+        if isinstance(instruction, Window):
+            lo, hi = instruction.lo, instruction.hi
+            if register not in placement.streams:  # one fold of all that has settled
+                hi = lo = 0
+            if hi is not None:
+                oldest = hi if lo is None else lo
+                reach, before = max(0, reach + hi), max(0, before - oldest)
+        elif register not in placement.streams:
+            continue
+        late[register], past[register] = reach, before
+        for a in args:
+            numbers[a] = max(numbers[a], reach - late[a] - oldest)
+    corners = 2 ** len(placement.unknowns)
+    return Counter(
+        {
+            r: numbers[r] * (corners if r in open_ended else 1) + _WORLDS * (late[r] + past[r])
+            for r in placement.streams
+        }
+    )
+
+
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def _discrete_needs(program: Program) -> int:
+    return discrete_numbers(program).total()
+
+
+@functools.lru_cache(maxsize=512)
+def _episode_needs(program: Program) -> int:
+    return episode_numbers(place(program)).total()
+
+
+def _limit(program: Program, numbers: int, lanes: int) -> None:
+    limit: object = limits.window_bytes  # which anybody may set
+    if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit >= 0:
+        msg = f"expected a number of bytes as rtamt.limits.window_bytes, got {limit!r}"
+        raise InputError(msg)
+    needed = numbers * lanes * _DOUBLE
+    if needed <= limit:
+        return
+    windows = [
+        (max(abs(bound) for bound in (i.lo, i.hi) if bound is not None), register)
+        for register, i in enumerate(program.instructions)
+        if isinstance(i, Window)
+    ]
+    _, longest = max(windows)
+    where = f" in {lanes} lanes" if lanes > 1 else ""
+    raise program.specification.error(
+        program.sources[longest],
+        f"the windows need {needed} bytes{where}, and this one is the longest; "
+        f"the limit is {limit}",
+        "write shorter windows, take samples further apart, or raise rtamt.limits.window_bytes",
+    )

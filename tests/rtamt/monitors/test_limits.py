@@ -1,0 +1,191 @@
+"""The memory that windows may come to take is known when a monitor is made, and limited."""
+
+import math
+import pickle
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from strategies import Trace, formulas, length, sample, traces
+
+import rtamt
+from rtamt import Formula, InputError, SpecificationError, limits
+from rtamt.inputs.samples import SampleReader
+from rtamt.machines.discrete import PythonDiscreteMachine
+from rtamt.machines.episode.machine import PythonEpisodeMachine
+from rtamt.program.lowering import compile_program
+from rtamt.program.memory import discrete_numbers, episode_numbers
+from rtamt.program.placement import place
+
+Make = Callable[[str], object]
+
+DISCRETE = [
+    ("x > 0", 0),
+    ("historically(x > 0)", 0),
+    ("always(x > 0)", 0),
+    ("always[0:9](x > 0)", 10),
+    ("once[5:9](x > 0)", 5 + 5),
+    ("x > 0 since[0:9] y > 0", 20),
+    ("eventually[0:9](x > 0) and y > 0", 10 + 9),
+    ("always[0:9](x > 0) and always[0:9](x > 0)", 10),
+    ("next(x > 0)", 0),
+]
+EPISODE = [
+    ("x > 0", 0),
+    ("always[0:9](x > 0)", 0),
+    ("always(x > 0)", 0),
+    # nine settled samples are read at a time, and as many values are open in three worlds
+    ("always(eventually[0:9](x > 0))", 9 + 3 * 9),
+    ("always(once[0:9](x > 0))", 9 + 3 * 9),
+]
+
+
+def needed(call: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> int:
+    """The bytes that the error names under a limit of no bytes."""
+    monkeypatch.setattr(limits, "window_bytes", 0)
+    try:
+        call()
+    except SpecificationError as error:
+        return int(str(error).partition("the windows need ")[2].split()[0])
+    return 0
+
+
+@pytest.mark.parametrize(("text", "numbers"), DISCRETE)
+def test_a_monitor_needs_a_double_for_each_sample_of_a_window(
+    text: str, numbers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert needed(lambda: rtamt.Monitor(text), monkeypatch) == 8 * numbers
+    assert needed(lambda: rtamt.VectorMonitor(text, 7), monkeypatch) == 7 * 8 * numbers
+
+
+@pytest.mark.parametrize(("text", "numbers"), EPISODE)
+def test_an_episode_needs_settled_and_open_values(
+    text: str, numbers: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert needed(lambda: rtamt.EpisodeMonitor(text), monkeypatch) == 8 * numbers
+    assert needed(lambda: rtamt.VectorEpisodeMonitor(text, 7), monkeypatch) == 7 * 8 * numbers
+
+
+@given(formulas(), traces())
+def test_no_monitor_keeps_more_numbers(formula: Formula, trace: Trace) -> None:
+    program = compile_program(rtamt.Specification.of(formula), online=True)
+    machine = PythonDiscreteMachine(program, SampleReader(program), ())
+    for i in range(length(trace)):
+        machine.update(*sample(trace, i, program.variables).values())
+    kept = sum(map(numbers_in, machine._parts))
+    assert kept <= sum(discrete_numbers(program).values())
+
+
+def numbers_in(part: Any) -> int:  # noqa: ANN401 - a window or a delay line
+    """The doubles in the blocks of a window or in the ring of a delay line."""
+    blocks = [getattr(part, name, []) for name in ("_front", "_back", "_ring")]
+    return sum(np.size(number) for block in blocks for number in block)
+
+
+@given(formulas(), traces())
+def test_no_episode_keeps_more_numbers(formula: Formula, trace: Trace) -> None:
+    program = compile_program(rtamt.Specification.of(formula))
+    machine = PythonEpisodeMachine(program, SampleReader(program))
+    placement = place(program)
+    numbers = episode_numbers(placement)
+    for i in range(length(trace)):
+        machine.update(*sample(trace, i, program.variables).values())
+        for register, stream in machine._streams.items():
+            kept = stream.kept[0].size + sum(map(len, stream.open))
+            assert kept <= numbers[register] + 1  # its newest value
+
+
+MAKERS: list[tuple[Callable[[str], object], str]] = [
+    (rtamt.Monitor, "always[0:2000000000](x > 0)"),
+    (lambda text: rtamt.VectorMonitor(text, 1000), "always[0:2000000](x > 0)"),
+    (rtamt.EpisodeMonitor, "always(once[0:2000000000](x > 0))"),
+    (lambda text: rtamt.VectorEpisodeMonitor(text, 1000), "always(once[0:2000000](x > 0))"),
+]
+
+
+@pytest.mark.parametrize(("make", "text"), MAKERS)
+def test_a_window_of_gigabytes_is_refused_before_it_is_allocated(make: Make, text: str) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(SpecificationError, match="the windows need"):
+            make(text)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 2**24
+
+
+def test_the_error_names_bytes_formula_and_limit() -> None:
+    text = "historically[0:9](y > 0) and always[0:2000000000](x > 0)"
+    with pytest.raises(SpecificationError) as caught:
+        rtamt.Monitor(text)
+    assert str(caught.value) == (
+        "STL:1:36: the windows need 32000000088 bytes, and this one is the longest; "
+        "the limit is 1073741824\n"
+        f"  {text}\n"
+        f"  {' ' * 35}^\n"
+        "  hint: write shorter windows, take samples further apart, or raise "
+        "rtamt.limits.window_bytes"
+    )
+    with pytest.raises(
+        SpecificationError, match="the windows need 160000800 bytes in 10 lanes, and this"
+    ):
+        limited(1000, lambda: rtamt.VectorMonitor("once[0:2000009](x > 0)", 10))
+
+
+def limited(limit: float, call: Callable[[], object]) -> None:
+    """The call under a limit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(limits, "window_bytes", limit)
+        call()
+
+
+def test_the_limit_itself_is_allowed_and_may_be_raised() -> None:
+    limited(80, lambda: rtamt.Monitor("once[0:9](x > 0)"))
+    with pytest.raises(SpecificationError, match="the windows need 80 bytes"):
+        limited(79, lambda: rtamt.Monitor("once[0:9](x > 0)"))
+    limited(math.inf, lambda: rtamt.Monitor("once[0:9](x > 0)"))
+
+
+@pytest.mark.parametrize("limit", ["1GiB", None, -1, math.nan, True])
+def test_the_limit_is_a_number_of_bytes(limit: float) -> None:
+    with pytest.raises(InputError) as caught:
+        limited(limit, lambda: rtamt.Monitor("once[0:9](x > 0)"))
+    assert str(caught.value) == (
+        f"expected a number of bytes as rtamt.limits.window_bytes, got {limit!r}"
+    )
+
+
+def test_a_monitor_that_is_made_goes_on_under_a_lower_limit() -> None:
+    monitor = rtamt.Monitor("once[0:9](x > 0)")
+    limited(0, lambda: monitor.update(1.0))
+    data = pickle.dumps(monitor)
+    with pytest.raises(SpecificationError, match="the windows need 80 bytes"):
+        limited(0, lambda: pickle.loads(data))
+
+
+def test_a_whole_trace_cuts_the_windows_and_is_not_limited() -> None:
+    text = "always[0:2000000000](x > 1) and once[5:2000000000](y > 0)"
+    trace = {"x": [3.0, 2.0], "y": [1.0, 1.0]}
+    limited(0, lambda: rtamt.evaluate(text, trace))
+    assert rtamt.evaluate(text, trace).tolist() == [-math.inf, -math.inf]
+    assert rtamt.evaluate_many(text, {"x": [[3.0]], "y": [[1.0]]}).tolist() == [[-math.inf]]
+    assert rtamt.explain(text, trace).robustness == -math.inf
+
+
+def test_an_episode_of_a_long_window_at_its_root_needs_nothing() -> None:
+    episode = rtamt.EpisodeMonitor("always[0:2000000000](x > 1)")
+    assert episode.update(3.0) == 2.0
+
+
+def test_a_formula_made_in_python_is_named() -> None:
+    formula = (rtamt.variable("z") > 0).once(0, 9)
+    with pytest.raises(SpecificationError) as caught:
+        limited(0, lambda: rtamt.Monitor(formula))
+    assert str(caught.value).splitlines()[:2] == [
+        "the windows need 80 bytes, and this one is the longest; the limit is 0",
+        "  in once[0:9](z > 0)",
+    ]
