@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import MemberDescriptorType
 from typing import Final, Literal, get_args
 
 from rtamt.errors import InputError, alternatives
 from rtamt.inputs.events import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines import readout
 from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.discrete import PythonDiscreteMachine
@@ -24,7 +26,7 @@ from rtamt.machines.protocols import (
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.program import Program
 
-__all__ = ["BACKEND", "BACKENDS", "Backend", "BackendName", "Factories", "choose"]
+__all__ = ["BACKEND", "BACKENDS", "Backend", "BackendName", "Factories", "choose", "read_only"]
 
 BackendName = Literal["native", "python"]
 Backend = Literal["auto", BackendName]
@@ -63,6 +65,9 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
 }
 """The back-ends that are built, by name."""
 
+read_only: Callable[[MemberDescriptorType], object] = readout.read_only
+"""Makes a descriptor that reads a slot of a class, and does not write it; the fastest there is."""
+
 try:
     from rtamt.machines import native
 except ModuleNotFoundError as absent:  # a module that is there but does not load is a broken build
@@ -76,6 +81,7 @@ else:
         native.discrete_bank,
         native.episode_bank,  # type: ignore[arg-type] # until it reads the end of a trace
     )
+    read_only = native.read_only
 
 BACKEND: Final[BackendName] = "native" if "native" in BACKENDS else "python"
 """``"native"`` where the C++ machines are built, ``"python"`` where no compiler was at hand."""

@@ -12,7 +12,17 @@ from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.encoding import encoded_dense, encoded_discrete, encoded_episode
 from rtamt.program.program import Program
 
-__all__ = ["dense_machine", "discrete_bank", "discrete_machine", "episode_bank", "episode_machine"]
+__all__ = [
+    "dense_machine",
+    "discrete_bank",
+    "discrete_machine",
+    "episode_bank",
+    "episode_machine",
+    "read_only",
+]
+
+
+read_only = _native.read_only
 
 
 def discrete_machine(

@@ -16,6 +16,7 @@ definition: where the two differ, the C++ machine is wrong.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from types import MemberDescriptorType
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -109,11 +110,13 @@ class EpisodeMachine(SampleMachine, Protocol):
     def upper(self) -> float: ...
     @property
     def finished(self) -> bool: ...
-    def bounds(self) -> tuple[float, float]:
-        """Both bounds in one call."""
-
     def finish(self, end: End = "complete") -> float:
         """End the trace, make the bounds those of this reading, and return the robustness."""
+
+    def show_in(
+        self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
+    ) -> None:
+        """Keep slots of a monitor up to date while it lives, as `rtamt.machines.readout` says."""
 
 
 class DenseMachine(Stateful, Protocol):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rtamt.errors import StateError
 from rtamt.inputs.samples import Columns, SampleReader
-from rtamt.machines.backend import BACKENDS
+from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.online import (
@@ -182,10 +182,6 @@ class Verdict(enum.IntEnum):
     """No continuation can violate the specification: the lower bound is above 0."""
 
 
-# Reading an attribute of an enumeration costs more than the rest of `EpisodeMonitor.verdict`.
-_VIOLATED, _UNDECIDED, _SATISFIED = Verdict
-
-
 class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     """The robustness of a whole episode, and its bounds over all continuations, at every sample.
 
@@ -228,13 +224,17 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     """
 
     __slots__ = {
+        "__weakref__": None,
         "_history": None,
-        "bounds": "Give `lower` and `upper`, in less than half of the time of reading both.",
+        "lower": "The least robustness over all continuations.",
+        "robustness": "Robustness if the episode ended now; nan before the first sample.",
         "update": _UPDATE.format(when="that the episode has if it ends now")
         + "    StateError: After `finish`.\n",
+        "upper": "The greatest robustness over all continuations.",
+        "verdict": "The verdict on the episode, decided as soon as the bounds exclude 0.",
     }
 
-    bounds: Callable[[], tuple[float, float]]
+    verdict: MachineValue[Verdict]
 
     @listed_in_signature(SampleOptions)
     def __init__(
@@ -246,7 +246,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         **options: Unpack[SampleOptions],
     ) -> None:
         super().__init__(spec, period, **options)
-        self.bounds = self._machine.bounds
+        self._machine.show_in(self, _SHOWN, _VERDICTS)
         self._history: array[float] | None = None
         if history:
             self._history = array("d")
@@ -256,12 +256,9 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         limit_episode(self.program)
         return BACKENDS[self.backend].episode_machine(self.program, reader)
 
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict on the episode, decided as soon as the bounds exclude 0."""
-        if self._machine.upper < 0.0:
-            return _VIOLATED
-        return _SATISFIED if self._machine.lower > 0.0 else _UNDECIDED
+    def bounds(self) -> tuple[float, float]:
+        """Give `lower` and `upper`."""
+        return self.lower, self.upper
 
     def finish(self, end: End = "complete") -> float:
         """End the trace with the last sample: make bounds and verdict final, give the robustness.
@@ -344,6 +341,13 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
     def __repr__(self) -> str:
         return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"
+
+
+# The slots that the machine writes and users read, in the order in which it takes them.
+_SHOWN = tuple(vars(EpisodeMonitor)[name] for name in ("robustness", "lower", "upper", "verdict"))
+_VERDICTS = tuple(Verdict)
+for _slot in _SHOWN:
+    setattr(EpisodeMonitor, _slot.__name__, read_only(_slot))
 
 
 def _recording(machine: EpisodeMachine, history: array[float]) -> Callable[..., float]:

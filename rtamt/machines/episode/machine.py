@@ -29,7 +29,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn, assert_never
+from types import MemberDescriptorType
+from typing import Any, NoReturn, assert_never
 
 import numpy as np
 
@@ -49,6 +50,7 @@ from rtamt.machines.episode.streams import (
     UnboundedPast,
 )
 from rtamt.machines.protocols import End
+from rtamt.machines.readout import Readout
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import place
@@ -95,6 +97,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self._keepers: list[Polynomials] = [*self._streams.values(), *self._folds.values()]
         # The value of every unknown, a row for each world.
         self._values_of_unknowns = np.zeros((5, len(self._axes)))
+        self._readout: Readout | None = None
         self.reset()
 
     def _made(self, register: int) -> Stream:
@@ -128,6 +131,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
         self.inputs = values
         self.samples += 1
         self._advance(terms)
+        self._show()
 
     @property
     def result(self) -> float:
@@ -184,8 +188,15 @@ class PythonEpisodeMachine(PythonSampleMachine):
             choose(values) for values in zip(*(found[a] for a in instruction.args), strict=True)
         ]
 
-    def bounds(self) -> tuple[float, float]:
-        return self.lower, self.upper
+    def show_in(
+        self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
+    ) -> None:
+        self._readout = Readout(monitor, slots, verdicts)
+        self._show()
+
+    def _show(self) -> None:
+        if self._readout is not None:
+            self._readout.show(self.robustness, self.lower, self.upper)
 
     def finish(self, end: End = "complete") -> float:
         if self.samples == 0:
@@ -199,6 +210,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
                     stream.look(t, self._values_of_unknowns, CUT)
                 self.lower, self.upper = self._results(t, CUT)
         self.finished = True
+        self._show()
         return self.robustness
 
     def reset(self) -> None:
@@ -210,3 +222,8 @@ class PythonEpisodeMachine(PythonSampleMachine):
         for stream in self._streams.values():
             stream.look(-1, self._values_of_unknowns)
         self._conclude(-1)
+        self._show()
+
+    def restore(self, state: list[Any]) -> None:
+        super().restore(state)
+        self._show()

@@ -59,6 +59,8 @@ public:
 
     double lower() const { return values_[episode::kLower]; }
     double upper() const { return values_[episode::kUpper]; }
+    // 1 if the bounds say that the specification is satisfied, -1 if violated, else 0.
+    int verdict() const { return upper() < 0.0 ? -1 : lower() > 0.0; }
     bool finished() const { return finished_; }
     // Ends the trace, of at least one sample.
     void finish();

@@ -64,12 +64,12 @@ nb::list run(DiscreteObject& object, const nb::sequence& columns, std::size_t n,
     return arrays;
 }
 
-PyMethodDef methods[] = {sample_update<DiscreteMachine>(), {nullptr, nullptr, 0, nullptr}};
+PyMethodDef methods[] = {sample_update<DiscreteObject>(), {nullptr, nullptr, 0, nullptr}};
 
 }  // namespace
 
 void bind_discrete(nb::module_& m) {
-    sample_class<DiscreteMachine>(
+    sample_class<DiscreteObject>(
         m, "DiscreteMachine",
         "Runs a program on samples, as rtamt.machines.protocols.DiscreteMachine says.\n\n"
         "Args:\n"

@@ -4,64 +4,51 @@
 #include <utility>
 
 #include "python/encoding.hpp"
+#include "python/readout.hpp"
 #include "python/samples.hpp"
 
 namespace rtamt {
 namespace {
 
-using EpisodeObject = NamedObject<EpisodeMachine>;
+struct EpisodeObject : NamedObject<EpisodeMachine> {
+    Readout readout;
+};
 
 void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
                const nb::sequence& initial, const nb::sequence& streams,
                const nb::tuple& variables, nb::object reader) {
     new (self) EpisodeObject{
-        {EpisodeMachine(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
-                        registers_of(initial), registers_of(streams)),
-         std::move(reader)},
-        Arguments(variables)};
+        {{EpisodeMachine(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
+                         registers_of(initial), registers_of(streams)),
+          std::move(reader)},
+         Arguments(variables)},
+        {}};
 }
 
 double finish(EpisodeObject& object) {
     if (object.machine.samples() == 0) refuse_state("refuse_finish");
     object.machine.finish();
+    refresh(object);
     return object.machine.result();
 }
 
-// Callers read these after every update, so they are written against Python's own interface.
-template <double (EpisodeMachine::*value)() const>
-PyObject* get(PyObject* self, void*) {
-    return call<EpisodeObject>(self, [](const EpisodeObject& object) {
-        return PyFloat_FromDouble((object.machine.*value)());
-    });
+void show_in(EpisodeObject& object, nb::handle monitor, const nb::sequence& slots,
+             const nb::sequence& verdicts) {
+    object.readout.attach(object.machine, monitor, slots, verdicts);
 }
 
-PyObject* bounds(PyObject* self, PyObject*) {
-    return call<EpisodeObject>(self, [](const EpisodeObject& object) {
-        return pair_of(object.machine.lower(), object.machine.upper());
-    });
+// The number that a function of the machine gives.
+template <double (EpisodeMachine::*number)() const>
+double get(const EpisodeObject& object) {
+    return (object.machine.*number)();
 }
 
-PyMethodDef methods[] = {
-    sample_update<EpisodeMachine>(),
-    {"bounds", bounds, METH_NOARGS,
-     "bounds($self, /)\n--\n\nReturn the lower and the upper bound."},
-    {nullptr, nullptr, 0, nullptr},
-};
-
-PyGetSetDef values[] = {
-    {"robustness", get<&EpisodeMachine::result>, nullptr,
-     "The robustness if the episode ended now.", nullptr},
-    {"lower", get<&EpisodeMachine::lower>, nullptr,
-     "The least robustness over all continuations.", nullptr},
-    {"upper", get<&EpisodeMachine::upper>, nullptr,
-     "The greatest robustness over all continuations.", nullptr},
-    {nullptr, nullptr, nullptr, nullptr, nullptr},
-};
+PyMethodDef methods[] = {sample_update<EpisodeObject>(), {nullptr, nullptr, 0, nullptr}};
 
 }  // namespace
 
 void bind_episode(nb::module_& m) {
-    sample_class<EpisodeMachine>(
+    sample_class<EpisodeObject>(
         m, "EpisodeMachine",
         "Bounds the robustness of an episode, as rtamt.machines.protocols.EpisodeMachine says.\n\n"
         "Args:\n"
@@ -71,12 +58,22 @@ void bind_episode(nb::module_& m) {
         "    streams: Registers that are read at all times.\n"
         "    variables: Names of the inputs.\n"
         "    reader: Reads the rare forms of arguments, and raises all errors.",
-        methods, values)
+        methods)
         .def("__init__", construct, nb::arg("terms"), nb::arg("formulas"), nb::arg("initial"),
              nb::arg("streams"), nb::arg("variables"), nb::arg("reader"))
+        .def_prop_ro("robustness", get<&EpisodeMachine::result>,
+                     "The robustness if the episode ended now.")
+        .def_prop_ro("lower", get<&EpisodeMachine::lower>,
+                     "The least robustness over all continuations.")
+        .def_prop_ro("upper", get<&EpisodeMachine::upper>,
+                     "The greatest robustness over all continuations.")
         .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); },
                      "Whether the episode has ended.")
-        .def("finish", finish, "End the episode; return its robustness.");
+        .def("finish", finish, "End the episode; return its robustness.")
+        .def("show_in", show_in, nb::arg("monitor"), nb::arg("slots"), nb::arg("verdicts"),
+             "Keep slots of a monitor at robustness, lower, upper and verdict while it lives.");
+    m.def("read_only", read_only, nb::arg("slot"),
+          "Return a descriptor that reads a slot of a class, and does not write it.");
 }
 
 }  // namespace rtamt

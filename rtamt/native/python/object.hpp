@@ -126,18 +126,42 @@ nb::bytes state(T& object) {
     return nb::bytes(bytes.data(), bytes.size());
 }
 
+// A new reference to the result of an update; null with an error.
+template <class T>
+PyObject* result_of(T& object) {
+    if constexpr (requires { object.readout; }) {
+        return object.readout.show(object.machine);
+    } else {
+        return PyFloat_FromDouble(object.machine.result());
+    }
+}
+
+// Shows what a call other than an update has changed.
+template <class T>
+void refresh(T& object) {
+    if constexpr (requires { object.readout; })
+        if (!nb::steal(result_of(object)).is_valid()) nb::raise_python_error();
+}
+
 template <class T>
 void restore(T& object, nb::handle state) {
     require_idle(object);
     if (!PyBytes_Check(state.ptr())) throw nb::value_error(kForeign);
     const auto size = static_cast<std::size_t>(PyBytes_GET_SIZE(state.ptr()));
-    restore_from(object.machine, {PyBytes_AS_STRING(state.ptr()), size});
+    try {
+        restore_from(object.machine, {PyBytes_AS_STRING(state.ptr()), size});
+    } catch (const std::invalid_argument&) {
+        refresh(object);
+        throw;
+    }
+    refresh(object);
 }
 
 template <class T>
 void reset(T& object) {
     require_idle(object);
     object.machine.reset();
+    refresh(object);
 }
 
 // Adds a class with what all machines have to a module.

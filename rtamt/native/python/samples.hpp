@@ -53,10 +53,10 @@ inline bool read_at_once(Arguments& arguments, PyObject* const* args, Py_ssize_t
     return static_cast<std::size_t>(n) == arguments.size() && arguments.positional(args, pending);
 }
 
-template <class M>
+template <class T>
 PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
-    return call<NamedObject<M>>(self, [=](NamedObject<M>& object) {
-        M& machine = object.machine;
+    return call<T>(self, [=](T& object) {
+        auto& machine = object.machine;
         if (object.running) [[unlikely]] require_idle(object);
         if constexpr (requires { machine.finished(); }) {
             if (machine.finished()) [[unlikely]] refuse_state("refuse_update");
@@ -69,27 +69,27 @@ PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* 
                 refuse_nan(object, values, machine.samples());
             take_slowly(object, args, n, kwnames);
         }
-        return PyFloat_FromDouble(machine.result());
+        return result_of(object);
     });
 }
 
-template <class M>
+template <class T>
 PyMethodDef sample_update() {
     return update_method(
-        update<M>,
+        update<T>,
         "update($self, /, *args, **named)\n--\n\n"
         "Take in one sample, by position, by name, as a mapping or an array; return the result.");
 }
 
 // Adds a class with what machines on samples have to a module.
-template <class M>
-nb::class_<NamedObject<M>> sample_class(nb::module_& m, const char* name, const char* doc,
-                                        PyMethodDef* methods, PyGetSetDef* values = nullptr) {
-    using T = NamedObject<M>;
+template <class T>
+nb::class_<T> sample_class(nb::module_& m, const char* name, const char* doc, PyMethodDef* methods,
+                           PyGetSetDef* values = nullptr) {
     auto made = machine_class<T>(m, name, doc, methods, values);
     made.def_prop_ro("samples", [](const T& object) { return object.machine.samples(); },
                      "The number of samples since the reset.")
-        .def_prop_ro("inputs", inputs<M>, "The last sample; empty before the first.")
+        .def_prop_ro("inputs", [](const T& object) { return inputs(object); },
+                     "The last sample; empty before the first.")
         .def("reset", reset<T>, "Return to the state before the first sample.");
     return made;
 }

@@ -13,7 +13,7 @@ from typing import cast
 
 import pytest
 
-from rtamt import EpisodeMonitor
+from rtamt import EpisodeMonitor, Verdict
 from rtamt.machines.protocols import Snapshot
 
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
@@ -171,3 +171,22 @@ def test_rows_that_would_break_memory_are_refused(
     reader = EpisodeMonitor("x > 0")._reader
     with pytest.raises(ValueError, match=f"^{message}$"):
         native.EpisodeMachine([TERM], formulas, initial, streams, ("x",), reader)
+
+
+def test_slots_that_a_monitor_does_not_have_are_refused() -> None:
+    class Other:
+        __slots__ = ("value",)
+
+    monitor = EpisodeMonitor("always(x > 0)", backend="native")
+    slot = vars(Other)["value"]
+    for strange, message in (
+        (vars(EpisodeMonitor)["lower"], "expected a slot that can be written"),
+        (EpisodeMonitor.reset, "expected a slot of a class"),
+        (slot, "expected slots of the monitor's class"),
+    ):
+        with pytest.raises(TypeError, match=f"^{message}$"):
+            machine(monitor).show_in(monitor, [strange] * 4, tuple(Verdict))
+    with pytest.raises(ValueError, match=r"^expected 4 slots and 3 verdicts$"):
+        machine(monitor).show_in(monitor, [slot], tuple(Verdict))
+    monitor.update(1.0)
+    assert (monitor.robustness, monitor.upper) == (1.0, 1.0)

@@ -1,0 +1,49 @@
+"""Attributes of a monitor that its machine writes, so that reading one costs no call.
+
+They are slots of the monitor's class. Users see descriptors that only read; the machine has those
+that write, and a weak reference to the monitor: ``update`` is a method of the machine, which may
+outlive the monitor.
+"""
+
+from __future__ import annotations
+
+import inspect
+import weakref
+from collections.abc import Sequence
+from types import MemberDescriptorType
+
+__all__ = ["Readout", "read_only"]
+
+
+class Readout:
+    """Keeps slots of a monitor at robustness, lower, upper and verdict while the monitor lives.
+
+    Args:
+        monitor: The monitor, whose class has a slot for weak references.
+        slots: The descriptors of the four slots.
+        verdicts: What the last slot shows: violated, undecided and satisfied.
+    """
+
+    def __init__(
+        self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
+    ) -> None:
+        self._monitor = weakref.ref(monitor)
+        self._slots = tuple(slots)
+        self._verdicts = tuple(verdicts)
+
+    def show(self, robustness: float, lower: float, upper: float) -> None:
+        monitor = self._monitor()
+        if monitor is not None:
+            verdict = self._verdicts[1 + verdict_of(lower, upper)]
+            for slot, value in zip(self._slots, (robustness, lower, upper, verdict), strict=True):
+                slot.__set__(monitor, value)
+
+
+def verdict_of(lower: float, upper: float) -> int:
+    """-1 if the bounds say that the specification is violated, 1 if satisfied, else 0."""
+    return -1 if upper < 0.0 else int(lower > 0.0)
+
+
+def read_only(slot: MemberDescriptorType) -> object:
+    """A descriptor that reads a slot of a class, and does not write it."""
+    return property(slot.__get__, doc=inspect.getdoc(slot))
