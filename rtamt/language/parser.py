@@ -12,7 +12,7 @@ from os import PathLike
 from types import SimpleNamespace
 from typing import cast
 
-from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.errors import InputTypeError, SpecificationError, nearest
 from rtamt.language.formula import Formula, Term, variable
 from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
@@ -37,14 +37,15 @@ def parse(
     Args:
         text: One formula or more, declarations, constants.
         unit: Unit of the bounds that have none: s, ms, us, ns or ps.
-        constants: Values of constants that the text may use beside its own.
+        constants: Values of constants that the text uses. They override those that it defines: a
+            threshold ``const float limit = 0.2`` is swept with ``constants={"limit": 0.3}``.
         modules: The modules from which the text imports types: by name, or names of modules to
             import. A text itself imports nothing: without modules its types are names only, and
             messages of any class are taken.
 
     Raises:
         ParseError: If the text is not a specification, with line, column and the way out.
-        SpecificationError: If an argument is wrong.
+        SpecificationError: If an argument is wrong, or the text has none of the constants.
         ImportError: If a module that is named cannot be imported.
 
     Example:
@@ -59,7 +60,14 @@ def parse(
         raise InputTypeError(msg)
     if modules is not None and not isinstance(modules, Mapping):
         modules = {name: importlib.import_module(name) for name in modules}
-    return parse_as(text, unit, constants or {}, modules, chains=False)
+    spec = parse_as(text, unit, constants or {}, modules, chains=False)
+    for name in constants or {}:
+        if name not in spec.given:
+            known = f"; its constants are {', '.join(spec.constants)}" if spec.constants else ""
+            near = nearest(name, (*spec.constants, *spec.variables))
+            msg = f"the text has no constant '{name}'{near or known}"
+            raise SpecificationError(msg)
+    return spec
 
 
 def parse_as(
@@ -75,7 +83,7 @@ def parse_as(
     Args:
         text: As `parse` takes it.
         unit: As `parse` takes it.
-        constants: As `parse` takes them.
+        constants: As `parse` takes them; those that the text does not have are ignored.
         modules: The modules that the text may import from; None: types are names only.
         chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
             ``since`` and ``unless`` alike; in the language itself that is an error.

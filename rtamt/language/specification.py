@@ -59,12 +59,13 @@ class Specification:
         name: The name that the text gives to the whole, or None.
         formulas: The named formulas, in order; the result is among them only if it has a name.
         declarations: Variable to its declaration, used or not.
-        constants: Values of the constants, those given to `parse` among them.
+        constants: Values of the constants: those of the text, and in their place or beside them
+            those given to `parse`.
         topics: Variable to the path of its topic.
         imports: Imported type to its module.
         types: Imported type to its class, if the module was given and the type is a class.
         unit: Unit of the bounds that have none.
-        given: Exact values of the constants that were given to `parse`.
+        given: Exact values of the text's constants that were given to `parse`.
         chains: Whether the text was read with operators that group to the left where they chain.
         positions: Line and column in the text of a node's interval, operator or name.
     """

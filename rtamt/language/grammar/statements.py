@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Literal, cast
 
@@ -56,11 +56,13 @@ class _Reader:
     ) -> None:
         self.text = text
         self.tokens = tokens
-        self.given = given
+        names = {token.text for token in tokens}
+        self.given = {name: value for name, value in given.items() if name in names}
         self.modules = modules
         self.imports: dict[str, str] = {}
         self.types: dict[str, type] = {}
-        self.constants = dict(given)
+        self.constants = dict(self.given)
+        self.defined: set[str] = set()  # constants of the text itself
         self.declarations: dict[str, Declaration] = {}
         self.declared: set[str] = set()
         self.all_declared = False  # whether a variable must be declared
@@ -132,24 +134,27 @@ class _Reader:
             self.types[name.text] = kind
 
     def _constant(self, statement: Statement) -> None:
-        name = self._new(statement, PRIMITIVES)
-        self.constants[name] = self._value(cast("Part", statement.default))
+        name = self._new(statement, PRIMITIVES, self.defined)
+        value = self._value(cast("Part", statement.default))
+        self.constants[name] = self.given.get(name, value)
+        self.defined.add(name)
 
     def _declare(self, statement: Statement) -> None:
-        name = self._new(statement, (*PRIMITIVES, *self.imports))
+        name = self._new(statement, (*PRIMITIVES, *self.imports), self.constants)
         io = None if statement.io is None else cast("Literal['input', 'output']", statement.io.text)
         default = None if statement.default is None else float(self._value(statement.default))
         self.declarations[name] = Declaration(statement.kind.text, io, default)
 
-    def _new(self, statement: Statement, types: Iterable[str]) -> str:
+    def _new(self, statement: Statement, types: Iterable[str], constants: Collection[str]) -> str:
         token = cast("Token", statement.name)
         if statement.kind.text not in types:
             kind = statement.kind.text
             otherwise = f"take bool, int, float, float64, ... or: from MODULE import {kind}"
             hint = similar(kind, types, otherwise)
             raise self._fail(statement.kind, f"unknown type '{kind}'", hint)
-        if token.text in self.declarations or token.text in self.constants:
-            by = "given as a constant" if token.text in self.given else "declared"
+        if token.text in self.declarations or token.text in constants:
+            given = token.text in self.given and token.text not in self.defined
+            by = "given as a constant" if given else "declared"
             raise self._fail(token, f"'{token.text}' is already {by}", "choose another name")
         return token.text
 

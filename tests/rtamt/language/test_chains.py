@@ -34,8 +34,8 @@ def test_comparisons_never_chain() -> None:
 
 
 def test_a_specification_of_the_dialect_is_read_again_as_what_it_is() -> None:
-    text = "const float K = 2; p = x > K -> y > K -> z > 0"
-    spec = parse_as(text, "ms", {"L": 3}, {}, chains=True)
+    text = "const float K = 2; p = x > K -> y > K -> z > L"
+    spec = parse_as(text, "ms", {"L": 3, "unused": 4}, {}, chains=True)
     again = pickle.loads(pickle.dumps(spec))
     assert (again, again.text, again.unit, again.chains) == (spec, text, "ms", True)
     assert again.constants == {"K": 2.0, "L": 3.0}

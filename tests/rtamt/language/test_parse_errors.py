@@ -169,4 +169,4 @@ def test_arguments_are_checked() -> None:
     with pytest.raises(InputTypeError, match="expected a number for the constant 'K', got list"):
         rtamt.parse("x", constants={"K": []})  # type: ignore[dict-item]
     with pytest.raises(ParseError, match="'K' is already given as a constant"):
-        rtamt.parse("const float K = 3\nx > K", constants={"K": 4})
+        rtamt.parse("float K\nx > K", constants={"K": 4})

@@ -220,6 +220,7 @@ def test_parsing_is_cached_by_text_and_arguments() -> None:
     text = "always(cached > 0)"
     assert rtamt.parse(text) is rtamt.parse(text)
     assert rtamt.parse(text) is not rtamt.parse(text, unit="ms")
+    text = "always(cached > K)"
     assert rtamt.parse(text, constants={"K": 1}) is rtamt.parse(text, constants={"K": 1.0})
     assert rtamt.parse(text, constants={"K": 1}) is not rtamt.parse(text, constants={"K": 2})
 

@@ -1,0 +1,60 @@
+"""Constants that a caller gives stand in place of those of the text, and are known by name."""
+
+import copy
+import pickle
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt import ParseError, SpecificationError
+
+TEXT = "const float limit = 0.2\nconst float T = 3\nalways[0:T](x < limit) and y > limit"
+decimals = st.decimals(0, 100, places=3)
+
+
+@given(limit=decimals, end=decimals)
+def test_a_given_constant_stands_in_place_of_that_of_the_text(limit: str, end: str) -> None:
+    spec = rtamt.parse(TEXT, constants={"limit": limit, "T": end})
+    written = TEXT.replace("0.2", str(limit)).replace("T = 3", f"T = {end}")
+    assert spec == rtamt.parse(written)
+    assert spec.formula is rtamt.parse(written).formula
+    assert spec.constants == {"limit": float(limit), "T": float(end)}
+
+
+def test_what_is_not_given_stays() -> None:
+    assert rtamt.parse(TEXT, constants={"T": 1}).constants == {"limit": 0.2, "T": 1.0}
+    assert rtamt.parse(TEXT).constants == {"limit": 0.2, "T": 3.0}
+
+
+def test_copies_pickles_and_files_keep_it(tmp_path: Path) -> None:
+    path = tmp_path / "swept.stl"
+    path.write_text(TEXT)
+    spec = rtamt.load(path, constants={"limit": "1e-3"})
+    assert spec.given == {"limit": Fraction(1, 1000)}
+    for twin in (copy.deepcopy(spec), pickle.loads(pickle.dumps(spec)), rtamt.parse(str(spec))):
+        assert twin == spec
+        assert twin.constants == {"limit": 0.001, "T": 3.0}
+
+
+def test_a_name_that_the_text_does_not_have_is_refused() -> None:
+    expected = {
+        (TEXT, "limt"): "the text has no constant 'limt'; did you mean 'limit'?",
+        (TEXT, "speed"): "the text has no constant 'speed'; its constants are limit, T",
+        ("x < limit", "limt"): "the text has no constant 'limt'; did you mean 'limit'?",
+        ("x < 3", "speed"): "the text has no constant 'speed'",
+    }
+    for (text, name), message in expected.items():
+        with pytest.raises(SpecificationError) as caught:
+            rtamt.parse(text, constants={name: 1})
+        assert str(caught.value) == message
+
+
+def test_a_value_is_checked_as_if_the_text_had_it() -> None:
+    with pytest.raises(ParseError, match="expected a bound of at least 0, got -1"):
+        rtamt.parse(TEXT, constants={"T": -1})
+    with pytest.raises(ParseError, match="'T' is already declared"):
+        rtamt.parse("const float T = 3\nconst float T = 4\nx > T", constants={"T": 1})
