@@ -208,17 +208,21 @@ class Program:
         """
         program = self
         root = self.instructions[self.result]
-        if isinstance(root, Window) and root.hi is None and root.lo == 0 and len(root.args) == 1:
+        if isinstance(root, Window) and root.hi is None and self._is_running():
             running = Window(root.fold, None, 0, root.args)
             instructions = (*self.instructions, running)
-            new = {self.result: len(self.instructions)}
+            named = self.specification.formulas
+            at = len(self.instructions)
             program = replace(
                 self,
                 instructions=instructions,
                 latencies=latencies_of(instructions),
                 sources=(*self.sources, self.sources[self.result]),
-                result=new[self.result],
-                outputs={name: new.get(r, r) for name, r in self.outputs.items()},
+                result=at,
+                outputs={
+                    name: at if named[name] is self.specification.formula else register
+                    for name, register in self.outputs.items()
+                },
             ).pruned()
         for register, instruction in enumerate(program.instructions):
             if isinstance(instruction, Window) and instruction.hi is None:
@@ -231,6 +235,15 @@ class Program:
                     f"write an end, as in {symbol}[0:10], or use {instead}",
                 )
         return program
+
+    def _is_running(self) -> bool:
+        """Whether the specification itself is ``always p`` or ``eventually p`` without bounds.
+
+        The instruction does not tell: that of ``eventually[0:0](eventually p)`` is the same.
+        """
+        formula = self.specification.formula
+        op, bounds = formula.op, self.specification.bounds(formula.interval)
+        return op is not None and op.future and len(formula.args) == 1 and bounds == (0, None)
 
     def pruned(self) -> Program:
         """The program without registers that neither the result nor an output needs."""
