@@ -1,7 +1,8 @@
 """The command line, `rtamt COMMAND`.
 
-A command returns its exit code. On bad input the code is 2, with one message on stderr. Commands
-import Gymnasium, MuJoCo and matplotlib when they need them.
+A command returns its exit code. On bad input the code is 2, with one message on stderr; on an error
+that nobody expected too, below its traceback: 1 means a violation and nothing else. Commands import
+Gymnasium, MuJoCo and matplotlib when they need them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import argparse
 import os
 import re
 import sys
+import traceback
 from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -17,6 +19,7 @@ from typing import NoReturn
 import rtamt
 from rtamt import InputError, RtamtError
 from rtamt_gym.commands import COMMANDS
+from rtamt_gym.tables import shorten
 
 __all__ = ["main"]
 
@@ -46,8 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         options = _options(sys.argv[1:] if argv is None else argv)
         code: int = options.run(options)
         sys.stdout.flush()
-    except SystemExit as end:  # --help and --version
-        return int(end.code or 0)
+    except SystemExit as end:
+        if not end.code:  # --help and --version
+            return 0
+        return _refuse(f"the program was ended by what it ran: SystemExit({end.code!r})")
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
@@ -60,13 +65,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         missing = (error.name or "").partition(".")[0]
         if missing not in _EXTRAS:
-            raise
+            return _unexpected(error)
         return _refuse(
             f"{missing} is not installed; from the checkout: pip install '.[{_EXTRAS[missing]}]'"
         )
     except OSError as error:
         name = "" if error.filename is None else f" {error.filename}"
         return _refuse(f"cannot open{name}: {error.strerror or error}")
+    except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
+        return _unexpected(error)
     return code
 
 
@@ -91,6 +98,11 @@ def _refuse(message: str) -> int:
         message = re.sub(python, option, message)
     print(f"rtamt: error: {message}", file=sys.stderr)
     return 2
+
+
+def _unexpected(error: Exception) -> int:
+    traceback.print_exception(error)
+    return _refuse(f"unexpected {type(error).__name__}: {shorten(str(error), 200)}")
 
 
 class _Parser(argparse.ArgumentParser):

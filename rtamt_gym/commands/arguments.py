@@ -78,23 +78,34 @@ def add_specs_and_trace(parser: argparse.ArgumentParser) -> None:
 
 def whole(text: str) -> int:
     """Reads an argument that is a whole number."""
-    if not text.isdecimal():
+    if not _is_whole(text):
         raise argparse.ArgumentTypeError(f"expected a whole number, got {text!r}")
     return int(text)
 
 
 def positive(text: str) -> int:
     """Reads an argument that is a whole number greater than 0."""
-    if not text.isdecimal() or int(text) == 0:
+    if not _is_whole(text) or int(text) == 0:
         raise argparse.ArgumentTypeError(f"expected a whole number greater than 0, got {text!r}")
     return int(text)
 
 
+def _is_whole(text: str) -> bool:
+    return text.isascii() and text.isdecimal()
+
+
 def _read_spec(argument: str) -> rtamt.Specification:
     """Reads a formula or the path of a file; a path has no blank, bracket or comparison."""
-    if re.search(r"[\s(<>=!]", argument) and not Path(argument).is_file():
+    if re.search(r"[\s(<>=!]", argument) and not _is_file(argument):
         return rtamt.parse(argument)
     return rtamt.load(argument)
+
+
+def _is_file(argument: str) -> bool:
+    try:
+        return Path(argument).is_file()
+    except OSError:  # a formula may be longer than a file's name can be
+        return False
 
 
 def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:

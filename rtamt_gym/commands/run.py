@@ -8,6 +8,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 from rtamt import InputError
+from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands.arguments import (
     add_output,
     add_reading,
@@ -136,11 +137,11 @@ def _read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
         signals[name] = selector
         value, comma, reset = selector.rpartition(",")
         if comma and "]" not in reset:  # a comma before a bracket belongs to a key
-            try:
-                signals[name] = (value, float(reset))
-            except ValueError:
+            at_reset = read_floats([reset])
+            if at_reset is None:
                 raise InputError(
                     "--signal: expected a number behind the comma, the value at reset, "
                     f"got {argument!r}"
-                ) from None
+                )
+            signals[name] = (value, *at_reset)
     return signals

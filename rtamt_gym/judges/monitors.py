@@ -13,6 +13,7 @@ from rtamt import RtamtError, SpecificationError
 from rtamt_gym.judges.interface import Interface, InterfaceOptions
 from rtamt_gym.judges.specs import Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
+from rtamt_gym.tables import shorten
 
 __all__ = [
     "InstantMonitor",
@@ -140,8 +141,8 @@ def make_monitors(
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
             raise SpecificationError(
-                f"specification {name!r} speaks of the first sample only: {spec.formula}; "
-                f"write always({spec.formula}) or view='step'"
+                f"specification {name!r} speaks of the first sample only; "
+                f"write always({shorten(str(spec.formula), 60)}) or view='step'"
             )
         make = of_instants if view == "step" else of_episode
         try:

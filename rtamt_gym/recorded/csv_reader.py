@@ -18,6 +18,7 @@ from typing import NoReturn, TextIO
 import numpy as np
 
 from rtamt import InputError
+from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted
 
@@ -133,9 +134,8 @@ class CsvRecording:
 
 def _floats(cells: Sequence[str], *, gaps: bool) -> Floats | None:
     """The numbers in cells, nan for an empty cell if gaps are allowed; None if a cell is wrong."""
-    try:
-        numbers = np.array(list(map(float, cells)))
-    except ValueError:
+    read = read_floats(cells)
+    if read is None:
         if not gaps or all(map(str.strip, cells)):
             return None
         present = np.array([bool(cell.strip()) for cell in cells])
@@ -145,4 +145,5 @@ def _floats(cells: Sequence[str], *, gaps: bool) -> Floats | None:
         numbers = np.full(len(cells), math.nan)
         numbers[present] = some
         return numbers
+    numbers = np.array(read)
     return None if np.isnan(numbers).any() else numbers

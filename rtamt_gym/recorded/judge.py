@@ -159,8 +159,8 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
         return spec.always()
     if not spec.looks_ahead:
         raise SpecificationError(
-            f"the specification speaks of the first sample only: {spec.formula}; "
-            f"write always({spec.formula}) or --view step"
+            "the specification speaks of the first sample only; "
+            f"write always({shorten(str(spec.formula), 60)}) or --view step"
         )
     return spec
 

@@ -139,7 +139,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "monitor speed<30 trace.csv",
             (
-                "the specification speaks of the first sample only: speed < 30; "
+                "the specification speaks of the first sample only; "
                 "write always(speed < 30) or --view step"
             ),
         ),
@@ -191,7 +191,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         (
             "run CartPole-v1 --spec x<1 --signal x=obs[0]",
             (
-                "specification 'spec' speaks of the first sample only: x < 1; "
+                "specification 'spec' speaks of the first sample only; "
                 "write always(x < 1) or --view step"
             ),
         ),

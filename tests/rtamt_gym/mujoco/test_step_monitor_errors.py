@@ -24,7 +24,7 @@ X = {"x": "qpos[0]"}
             {"specs": "x < 1"},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only: x < 1; "
+                "specification 'spec' speaks of the first sample only; "
                 "write always(x < 1) or view='step'"
             ),
         ),

@@ -171,7 +171,7 @@ Z = {"level": "qpos[2]"}
             {},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only: level < 3; "
+                "specification 'spec' speaks of the first sample only; "
                 "write always(level < 3) or view='step'"
             ),
         ),

@@ -40,7 +40,7 @@ class Timeless(gym.Env[Any, Any]):
             {"specs": "x > 1"},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only: x > 1; "
+                "specification 'spec' speaks of the first sample only; "
                 "write always(x > 1) or view='step'"
             ),
         ),
@@ -48,7 +48,7 @@ class Timeless(gym.Env[Any, Any]):
             {"specs": {"p": "historically[0:2](x > 1)"}, "period": 1},
             SpecificationError,
             (
-                "specification 'p' speaks of the first sample only: historically[0:2](x > 1); "
+                "specification 'p' speaks of the first sample only; "
                 "write always(historically[0:2](x > 1)) or view='step'"
             ),
         ),

@@ -57,7 +57,7 @@ WAY_OUT = (
             {"specs": "theta < 1"},
             SpecificationError,
             (
-                "specification 'spec' speaks of the first sample only: theta < 1; "
+                "specification 'spec' speaks of the first sample only; "
                 "write always(theta < 1) or view='step'"
             ),
         ),
