@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 
 namespace rtamt {
@@ -17,27 +16,12 @@ std::uint64_t fingerprint_of(std::uint64_t program, std::size_t num) {
 
 }  // namespace
 
-Lanes::Lanes(std::size_t num) : all_(num), chosen_(all_.data()) {
-    std::iota(all_.begin(), all_.end(), 0u);
-    some_.reserve(num);
-}
-
-void Lanes::choose(const bool* mask) {
-    chosen_ = all_.data();
-    if (mask == nullptr) return;
-    some_.clear();
-    for (const std::uint32_t lane : all_)
-        if (mask[lane]) some_.push_back(lane);
-    chosen_ = some_.data();
-}
-
 Bank::Bank(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
            const Observed& result, std::size_t num)
     : program_(rows, terms, variables, {result}),
       columns_(program_, num),
       lanes_(num),
       inputs_(num * variables),
-      results_(num, std::nan("")),
       fingerprint_(fingerprint_of(program_.fingerprint(), num)) {}
 
 std::size_t Bank::take_terms(const double* table, const bool* mask) {
@@ -50,8 +34,9 @@ std::size_t Bank::take_terms(const double* table, const bool* mask) {
         for (std::size_t i = 0; i < count; ++i) column[i] = from[lanes_[i] * width];
     }
     if (const std::size_t bad = columns_.terms(count); bad < count) return lanes_[bad];
-    for (std::size_t i = 0; i < count; ++i)
-        std::copy_n(table + lanes_[i] * width, width, inputs_.data() + lanes_[i] * width);
+    each_stretch(lanes_, true, [&](std::size_t lane, std::size_t, std::size_t n) {
+        std::copy_n(table + lane * width, n * width, inputs_.data() + lane * width);
+    });
     return num();
 }
 
@@ -63,12 +48,11 @@ void Bank::choose_and_clear(const bool* mask) {
 
 void Bank::fields(Snapshot& s) {
     s.array(inputs_.data(), inputs_.size());
-    s.array(results_.data(), num());
 }
 
 DiscreteBank::DiscreteBank(const std::vector<DiscreteRow>& rows, std::size_t terms,
                            std::size_t variables, const Observed& result, std::size_t num)
-    : Bank(rows, terms, variables, result, num), samples_(num) {
+    : Bank(rows, terms, variables, result, num), samples_(num), results_(num, std::nan("")) {
     for (const Instruction& i : program_.formulas_) formulas_.push_back({i, {}});
     for (std::size_t lane = 0; lane < num; ++lane) {
         DiscreteMachine machine(rows, terms, variables, {result});
@@ -140,6 +124,7 @@ void DiscreteBank::reset(const bool* mask) {
 void DiscreteBank::fields(Snapshot& s) {
     Bank::fields(s);
     s.counts(samples_.data(), num());
+    s.array(results_.data(), num());
     for (const LaneInstruction& formula : formulas_)
         for (const auto& memory : formula.memories) memory->fields(s);
 }
@@ -148,54 +133,32 @@ EpisodeBank::EpisodeBank(const std::vector<DiscreteRow>& terms, std::size_t vari
                          const std::vector<episode::FormulaRow>& formulas,
                          const std::vector<std::size_t>& initial,
                          const std::vector<std::size_t>& streams, std::size_t num)
-    : Bank(terms, terms.size(), variables, {0, 0}, num), lower_(num), upper_(num) {
-    for (std::size_t lane = 0; lane < num; ++lane) {
-        machines_.push_back(
-            std::make_unique<EpisodeMachine>(terms, variables, formulas, initial, streams));
-        publish(lane);
-    }
-    if (machines_.empty()) throw std::invalid_argument("expected a lane, got none");
-    fingerprint_ = fingerprint_of(machines_.front()->fingerprint(), num);
+    : Bank(terms, terms.size(), variables, {0, 0}, num), values_(num) {
+    if (num == 0) throw std::invalid_argument("expected a lane, got none");
+    const EpisodeMachine checked(terms, variables, formulas, initial, streams);
+    fingerprint_ = fingerprint_of(checked.fingerprint(), num);
+    episodes_ = lockstep::episodes_of(terms, variables, formulas, initial, streams, values_);
 }
 
 std::size_t EpisodeBank::take(const double* table, const bool* mask) {
     if (const std::size_t bad = take_terms(table, mask); bad < num()) return bad;
-    for (std::size_t i = 0; i < lanes_.count(); ++i) {
-        const std::uint32_t lane = lanes_[i];
-        machines_[lane]->take(table + lane * variables(), columns_.out(0) + i, num());
-        publish(lane);
-    }
+    episodes_->take(lanes_, table, columns_);
     return num();
-}
-
-void EpisodeBank::publish(std::size_t lane) {
-    results_[lane] = machines_[lane]->result();
-    lower_[lane] = machines_[lane]->lower();
-    upper_[lane] = machines_[lane]->upper();
 }
 
 void EpisodeBank::reset(const bool* mask) {
     choose_and_clear(mask);
-    for (std::size_t i = 0; i < lanes_.count(); ++i) {
-        machines_[lanes_[i]]->reset();
-        publish(lanes_[i]);
-    }
+    episodes_->reset(lanes_);
 }
 
 void EpisodeBank::finish(const bool* mask) {
     lanes_.choose(mask);
-    for (std::size_t i = 0; i < lanes_.count(); ++i) {
-        machines_[lanes_[i]]->finish();
-        publish(lanes_[i]);
-    }
+    episodes_->finish(lanes_);
 }
 
 void EpisodeBank::fields(Snapshot& s) {
     Bank::fields(s);
-    for (std::size_t lane = 0; lane < num(); ++lane) {
-        machines_[lane]->fields(s);
-        publish(lane);
-    }
+    episodes_->fields(s);
 }
 
 }  // namespace rtamt

@@ -9,27 +9,12 @@
 
 #include "discrete/columns.hpp"
 #include "episode/machine.hpp"
+#include "lockstep/episodes.hpp"
+#include "lockstep/lanes.hpp"
 
 namespace rtamt {
 
-// The lanes that a call is about, in rising order.
-class Lanes {
-public:
-    explicit Lanes(std::size_t num);
-    // Chooses the lanes where the mask is true; all lanes without a mask.
-    void choose(const bool* mask);
-
-    std::size_t num() const { return all_.size(); }
-    std::size_t count() const { return chosen_ == all_.data() ? all_.size() : some_.size(); }
-    std::uint32_t operator[](std::size_t i) const { return chosen_[i]; }
-
-private:
-    std::vector<std::uint32_t> all_;
-    std::vector<std::uint32_t> some_;
-    const std::uint32_t* chosen_;
-};
-
-// What both banks have: the terms of all lanes, the last samples and the results.
+// What both banks have: the terms of all lanes and the last samples.
 class Bank {
 public:
     Bank(const Bank&) = delete;
@@ -38,7 +23,6 @@ public:
     std::size_t num() const { return lanes_.num(); }
     std::size_t variables() const { return program_.variables(); }
     const double* inputs() const { return inputs_.data(); }  // a row for each lane
-    const double* results() const { return results_.data(); }
     std::uint64_t fingerprint() const { return fingerprint_; }
 
 protected:
@@ -55,7 +39,6 @@ protected:
     RegisterColumns columns_;  // of the chosen lanes
     Lanes lanes_;
     std::vector<double> inputs_;
-    std::vector<double> results_;
     std::uint64_t fingerprint_;
 };
 
@@ -65,7 +48,8 @@ public:
     DiscreteBank(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t variables,
                  const Observed& result, std::size_t num);
 
-    std::int64_t samples(std::size_t lane) const { return samples_[lane]; }
+    const std::int64_t* samples() const { return samples_.data(); }
+    const double* results() const { return results_.data(); }
 
     // Takes in one sample of every chosen lane, from its row of the table. Returns the first lane
     // with a nan, without changing any lane, or num().
@@ -84,6 +68,7 @@ private:
 
     std::vector<LaneInstruction> formulas_;
     std::vector<std::int64_t> samples_;
+    std::vector<double> results_;
     std::int64_t least_ = 0;  // samples of the chosen lanes
 };
 
@@ -95,10 +80,11 @@ public:
                 const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams,
                 std::size_t num);
 
-    std::int64_t samples(std::size_t lane) const { return machines_[lane]->samples(); }
-    bool finished(std::size_t lane) const { return machines_[lane]->finished(); }
-    const double* lower() const { return lower_.data(); }
-    const double* upper() const { return upper_.data(); }
+    const std::int64_t* samples() const { return values_.samples.data(); }
+    const std::uint8_t* finished() const { return values_.finished.data(); }
+    const double* results() const { return values_.now.data(); }
+    const double* lower() const { return values_.lower.data(); }
+    const double* upper() const { return values_.upper.data(); }
 
     // Does what DiscreteBank::take does; no chosen lane is finished.
     std::size_t take(const double* table, const bool* mask);
@@ -108,11 +94,8 @@ public:
     void fields(Snapshot& s);
 
 private:
-    void publish(std::size_t lane);
-
-    std::vector<std::unique_ptr<EpisodeMachine>> machines_;
-    std::vector<double> lower_;
-    std::vector<double> upper_;
+    lockstep::EpisodeValues values_;
+    std::unique_ptr<lockstep::Episodes> episodes_;
 };
 
 }  // namespace rtamt

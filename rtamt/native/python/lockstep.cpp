@@ -55,7 +55,7 @@ Held<double> table_of(const Object<B>& object, nb::handle values) {
 nb::object finished(const EpisodeObject& object) {
     static const NewArray array("bool");
     return array.make<bool>(object.machine.num(),
-                                  [&](std::size_t lane) { return object.machine.finished(lane); });
+                                  [&](std::size_t lane) { return object.machine.finished()[lane] != 0; });
 }
 
 nb::object verdicts(const EpisodeObject& object) {
@@ -71,7 +71,7 @@ template <class B>
 nb::object samples(const Object<B>& object) {
     static const NewArray array("int64");
     return array.template make<std::int64_t>(
-        object.machine.num(), [&](std::size_t lane) { return object.machine.samples(lane); });
+        object.machine.num(), [&](std::size_t lane) { return object.machine.samples()[lane]; });
 }
 
 template <class B>
@@ -95,9 +95,9 @@ nb::object update(Object<B>& object, nb::handle values, nb::handle mask) {
     const nb::object plain = table_of(object, values).array();
     const Held<bool> chosen = mask_of(object, mask);
     const Held<double> table = table_of(object, plain);  // no code of the caller runs after this
-    if constexpr (requires { bank.finished(0); })
+    if constexpr (requires { bank.finished(); })
         require(
-            object, chosen.data(), [&](std::size_t lane) { return !bank.finished(lane); },
+            object, chosen.data(), [&](std::size_t lane) { return !bank.finished()[lane]; },
             "refuse_update");
     if (bank.take(table.data(), chosen.data()) < bank.num()) {
         const nb::object policy = object.reader.attr("without_nan");
@@ -106,7 +106,7 @@ nb::object update(Object<B>& object, nb::handle values, nb::handle mask) {
         const std::size_t lane = bank.take(held.data(), chosen.data());
         if (lane < bank.num())
             refuse(object.reader, "refuse", list_of(held.data() + lane * width, width),
-                   bank.samples(lane), lane);
+                   bank.samples()[lane], lane);
     }
     return doubles(bank.results(), bank.num());
 }
@@ -120,7 +120,7 @@ nb::object finish(EpisodeObject& object, nb::handle mask) {
     EpisodeBank& bank = object.machine;
     const Held<bool> chosen = mask_of(object, mask);
     require(
-        object, chosen.data(), [&](std::size_t lane) { return bank.samples(lane) > 0; },
+        object, chosen.data(), [&](std::size_t lane) { return bank.samples()[lane] > 0; },
         "refuse_finish");
     bank.finish(chosen.data());
     return doubles(bank.results(), bank.num());

@@ -1,0 +1,155 @@
+// Clamped windows inside a fold over times, in columns.
+#pragma once
+
+#include "lockstep/formula_columns.hpp"
+#include "lockstep/ring.hpp"
+
+namespace rtamt::lockstep {
+
+// Registers of the columns of one clamped window; at its fold's times, all its values.
+struct ClampedWindow {
+    std::size_t operand;
+    std::size_t least;     // the clamped value if the window is -inf
+    std::size_t greatest;  // .. if it is +inf
+    Time hi;
+    bool is_min;
+};
+
+// What a fold over the times begin to end has seen of its operand, in columns.
+struct Seen {
+    double* settled;  // the values that no sample will change
+    double* now;      // .. and those of open windows: if the trace ended now,
+    double* best;     // if all unseen samples were the best,
+    double* worst;    // .. and the worst
+};
+
+template <class Order>
+class WindowColumns {
+public:
+    virtual ~WindowColumns() = default;
+    virtual void take(const Taken& taken, Time begin, Time end, const Seen& seen) = 0;
+    virtual void reset(const Lanes& lanes) = 0;
+    virtual void fields(Snapshot& s) = 0;
+};
+
+// A clamped window over the offsets 0 to hi.
+template <class Order, bool kSame>
+class ClampedColumns final : public WindowColumns<Order> {
+    using F = Clamps<Order, kSame>;
+
+public:
+    ClampedColumns(std::size_t num, const ClampedWindow& window)
+        : window_(window),
+          length_(static_cast<std::size_t>(window.hi)),
+          since_begin_(1, num),
+          elements_(1, num),
+          folded_(1, num),
+          delayed_(length_, num),
+          ring_(length_, num) {}
+
+    void take(const Taken& t, Time begin, Time end, const Seen& seen) override {
+        find_elements(t, begin, end);
+        const auto in = elements_.at(0, 0);
+        const auto folded = folded_.at(0, 0);
+        const auto shifted = [](Slots::View v, std::size_t i) {
+            return Slots::View{v.seen + i, v.best + i, v.worst + i};
+        };
+        each_stretch(t.lanes, t.places.together(),
+                     [&](std::size_t lane, std::size_t i, std::size_t n) {
+                         ring_.push(t.places.of(lane), lane, n, shifted(in, i), shifted(folded, i));
+                     });
+        if (t.first < window_.hi) fold_young(t);
+        each_stretch(t.lanes, t.places.together(),
+                     [&](std::size_t lane, std::size_t i, std::size_t n) {
+                         settle(t, lane, n, shifted(in, i), shifted(folded, i), seen);
+                     });
+    }
+
+    void reset(const Lanes& lanes) override {
+        if (lanes.all()) {
+            delayed_.clear();
+            ring_.clear();
+        }
+        const auto since_begin = since_begin_.at(0, 0);
+        for (std::size_t i = 0; i < lanes.count(); ++i) since_begin.put(lanes[i], F::identity);
+    }
+    void fields(Snapshot& s) override {
+        since_begin_.fields(s);
+        delayed_.fields(s);
+        ring_.fields(s);
+    }
+
+private:
+    void find_elements(const Taken& t, Time begin, Time end) {
+        constexpr bool kMin = Order::top > 0;
+        const double* operand = t.columns.at(window_.operand);
+        const double* best = t.columns.at(kMin ? window_.greatest : window_.least);
+        const double* worst = t.columns.at(kMin ? window_.least : window_.greatest);
+        const auto out = elements_.at(0, 0);
+        const std::size_t count = t.lanes.count();
+        RTAMT_INDEPENDENT
+        for (std::size_t i = 0; i < count; ++i)
+            out.put(i, F::element(operand[i], best[i], worst[i]));
+        if (t.first >= begin && t.last <= end) return;
+        for (std::size_t i = 0; i < count; ++i) {  // only windows that begin in time count
+            const Time time = t.times[t.lanes[i]];
+            if (time < begin || time > end) out.put(i, F::element(operand[i], Order::top, Order::top));
+        }
+    }
+
+    // The window of a lane that has just begun holds all its samples.
+    void fold_young(const Taken& t) {
+        const auto since_begin = since_begin_.at(0, 0);
+        const auto in = elements_.at(0, 0);
+        const auto folded = folded_.at(0, 0);
+        for (std::size_t i = 0; i < t.lanes.count(); ++i) {
+            const std::uint32_t lane = t.lanes[i];
+            if (t.times[lane] >= window_.hi) continue;
+            const Clamped all = F::combine(since_begin[lane], in[i]);
+            since_begin.put(lane, all);
+            folded.put(i, all);
+        }
+    }
+
+    void settle(const Taken& t, std::size_t lane, std::size_t n, Slots::View in,
+                Slots::View folded, const Seen& seen) {
+        const auto delayed =
+            delayed_.at(static_cast<std::size_t>(t.places.of(lane) % length_), lane);
+        double* settled = seen.settled + lane;
+        double* now = seen.now + lane;
+        double* best = seen.best + lane;
+        double* worst = seen.worst + lane;
+        const auto open = [&](std::size_t i, Clamped x) {
+            now[i] = Order::least(now[i], F::now(x));
+            best[i] = Order::least(best[i], x.best);
+            worst[i] = Order::least(worst[i], x.worst);
+        };
+        if (t.first >= window_.hi) {
+            RTAMT_INDEPENDENT
+            for (std::size_t i = 0; i < n; ++i) {
+                const Clamped x = folded[i];
+                settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
+                delayed.put(i, in[i]);
+                open(i, x);
+            }
+            return;
+        }
+        for (std::size_t i = 0; i < n; ++i) {
+            const Clamped x = folded[i];
+            if (t.times[lane + i] >= window_.hi)
+                settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
+            delayed.put(i, in[i]);
+            open(i, x);
+        }
+    }
+
+    ClampedWindow window_;
+    std::size_t length_;
+    Slots since_begin_;  // the fold of all elements of lanes that have no more than `length`
+    Slots elements_;     // of the chosen lanes, as are their folds
+    Slots folded_;
+    Slots delayed_;  // the last elements
+    RingFold<F> ring_;
+};
+
+}  // namespace rtamt::lockstep

@@ -1,0 +1,259 @@
+#include "lockstep/columns.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <utility>
+
+#include "lockstep/initial_columns.hpp"
+
+namespace rtamt::lockstep {
+namespace {
+
+using episode::FormulaRow;
+
+// Columns take the memory of whole windows at once; beyond this, machines that grow are better.
+constexpr double kMaxNumbers = 1 << 25;
+
+// A register that is read at all times: the values where the only window that it reads is -inf and
+// where it is +inf, which are one column if there is no window. Functions made of min and max of
+// one operand, and of no negation, are clamps of it between those.
+struct Range {
+    std::size_t least;
+    std::size_t greatest;
+    std::optional<std::size_t> window;  // the row of the window
+};
+
+class Builder {
+public:
+    Builder(const std::vector<DiscreteRow>& terms, const std::vector<FormulaRow>& formulas,
+            std::size_t num)
+        : terms_(terms),
+          formulas_(formulas),
+          num_(num),
+          columns(terms.size(), num),
+          minus_(columns.constant(-kInfinity)),
+          plus_(columns.constant(kInfinity)),
+          ranges_(terms.size() + formulas.size()),
+          tails_(ranges_.size()) {}
+
+    // Whether all registers can be columns; then they are made.
+    bool build(const std::vector<std::size_t>& initial, const std::vector<std::size_t>& streams) {
+        for (const std::size_t r : streams) read(r);
+        std::vector<InitialColumns*> made(ranges_.size());
+        for (const std::size_t r : initial) {
+            std::unique_ptr<InitialColumns> value = initial_value(r, made);
+            if (value == nullptr) return false;
+            made[r] = value.get();
+            initial_columns.push_back(std::move(value));
+        }
+        return true;
+    }
+
+private:
+    using Tail = std::array<double, kWorlds>;
+
+    const FormulaRow& formula(std::size_t r) const { return formulas_[r - terms_.size()]; }
+    static bool maps(const FormulaRow& f) { return f.kind == "MAP"; }
+    static bool single(const FormulaRow& f) { return f.name == "min" || f.name == "max"; }
+    static double choice(bool is_min, double x, double y) {
+        return is_min ? lesser(x, y) : greater(x, y);
+    }
+
+    // Finds the range of a stream, if it has one, and its tail.
+    void read(std::size_t r) {
+        if (r < terms_.size()) {
+            const DiscreteRow& row = terms_[r];
+            ranges_[r] = Range{r, r, std::nullopt};
+            tails_[r] = row.kind == "CONST" ? Tail{row.value, row.value, row.value}
+                                            : Tail{0.0, -kInfinity, kInfinity};
+            return;
+        }
+        const FormulaRow& f = formula(r);
+        if (!single(f)) return;
+        const bool is_min = f.name == "min";
+        for (World w : kAll) tails_[r][w] = choice(is_min, tails_[f.a][w], tails_[f.b][w]);
+        const auto& a = ranges_[f.a];
+        const auto& b = ranges_[f.b];
+        if (!a || !b) return;
+        if (maps(f)) {
+            if (a->window && b->window && *a->window != *b->window) return;
+            Range range{map(is_min, a->least, b->least), 0, a->window ? a->window : b->window};
+            range.greatest =
+                range.window ? map(is_min, a->greatest, b->greatest) : range.least;
+            ranges_[r] = range;
+        } else if (!a->window && f.lo && f.hi && *f.lo == 0 && *f.hi > 0) {
+            numbers_ += 6.0 * static_cast<double>(*f.hi) * static_cast<double>(num_);
+            if (numbers_ <= kMaxNumbers) ranges_[r] = Range{minus_, plus_, r};
+        }
+    }
+
+    std::size_t map(bool is_min, std::size_t a, std::size_t b) {
+        const std::size_t zero = is_min ? minus_ : plus_;
+        const std::size_t one = is_min ? plus_ : minus_;
+        if (a == zero || b == zero) return zero;
+        if (a == one || a == b) return b;
+        return b == one ? a : columns.map(is_min, a, b);
+    }
+
+    std::unique_ptr<InitialColumns> initial_value(std::size_t r,
+                                                  const std::vector<InitialColumns*>& made) {
+        if (r < terms_.size()) {
+            const DiscreteRow& row = terms_[r];
+            return std::make_unique<TermColumns>(
+                num_, r, row.kind == "CONST" ? std::optional<double>(row.value) : std::nullopt);
+        }
+        const FormulaRow& f = formula(r);
+        if (!single(f)) return nullptr;
+        const bool is_min = f.name == "min";
+        if (maps(f)) {
+            InitialColumns& a = *made[f.a];
+            InitialColumns& b = *made[f.b];
+            if (is_min) return std::make_unique<MapColumns<lesser>>(num_, a, b);
+            return std::make_unique<MapColumns<greater>>(num_, a, b);
+        }
+        FoldOperand operand;
+        operand.tail = tails_[f.a];
+        if (!split(f.a, f.name, operand)) return nullptr;
+        const Time begin = std::max<Time>(0, f.lo.value_or(0));
+        const Time end = f.hi.value_or(kNever);
+        if (is_min) return std::make_unique<FoldColumns<Least>>(num_, operand, begin, end);
+        return std::make_unique<FoldColumns<Most>>(num_, operand, begin, end);
+    }
+
+    // Splits the operand of a fold where the function is that of the fold; false if a part has no
+    // range.
+    bool split(std::size_t r, const std::string& name, FoldOperand& operand) const {
+        std::vector<std::size_t> rest{r};
+        std::vector<bool> known(ranges_.size());
+        while (!rest.empty()) {
+            const std::size_t part = rest.back();
+            rest.pop_back();
+            if (known[part]) continue;
+            known[part] = true;
+            const auto& range = ranges_[part];
+            if (range && !range->window) {
+                operand.plain.push_back(range->least);
+            } else if (part >= terms_.size() && maps(formula(part)) &&
+                       formula(part).name == name) {
+                rest.push_back(formula(part).a);
+                rest.push_back(formula(part).b);
+            } else if (range) {
+                const FormulaRow& window = formula(*range->window);
+                operand.windows.push_back({ranges_[window.a]->least, range->least,
+                                           range->greatest, *window.hi, window.name == "min"});
+            } else {
+                return false;
+            }
+        }
+        return true;
+    }
+
+    const std::vector<DiscreteRow>& terms_;
+    const std::vector<FormulaRow>& formulas_;
+    std::size_t num_;
+
+public:
+    FormulaColumns columns;
+    std::vector<std::unique_ptr<InitialColumns>> initial_columns;  // operands first
+
+private:
+    std::size_t minus_;
+    std::size_t plus_;
+    std::vector<std::optional<Range>> ranges_;
+    std::vector<Tail> tails_;
+    double numbers_ = 0.0;
+};
+
+class ColumnEpisodes final : public Episodes {
+public:
+    ColumnEpisodes(FormulaColumns columns,
+                   std::vector<std::unique_ptr<InitialColumns>> initial, EpisodeValues& values)
+        : columns_(std::move(columns)),
+          initial_(std::move(initial)),
+          values_(values),
+          places_(values.samples.size()) {
+        reset(Lanes(values.samples.size()));
+    }
+
+    void take(const Lanes& lanes, const double*, RegisterColumns& terms) override {
+        if (lanes.count() == 0) return;
+        std::int64_t* samples = values_.samples.data();
+        places_.advance(lanes, samples);
+        columns_.find(terms, lanes.count());
+        Time first = std::numeric_limits<Time>::max();
+        Time last = 0;
+        for (std::size_t i = 0; i < lanes.count(); ++i) {
+            first = std::min(first, samples[lanes[i]]);
+            last = std::max(last, samples[lanes[i]]);
+        }
+        const Taken taken{lanes, places_, samples, first, last, columns_};
+        for (const auto& value : initial_) value->take(taken);
+        for (std::size_t i = 0; i < lanes.count(); ++i) ++samples[lanes[i]];
+        conclude(lanes, false);
+    }
+
+    void reset(const Lanes& lanes) override {
+        places_.reset(lanes);
+        for (std::size_t i = 0; i < lanes.count(); ++i) {
+            values_.samples[lanes[i]] = 0;
+            values_.finished[lanes[i]] = 0;
+        }
+        for (const auto& value : initial_) value->reset(lanes);
+        conclude(lanes, false);
+        for (std::size_t i = 0; i < lanes.count(); ++i) values_.now[lanes[i]] = std::nan("");
+    }
+
+    void finish(const Lanes& lanes) override {
+        for (std::size_t i = 0; i < lanes.count(); ++i) {
+            const std::uint32_t lane = lanes[i];
+            if (values_.finished[lane]) continue;
+            values_.finished[lane] = 1;
+            double& lower = values_.lower[lane];
+            double& upper = values_.upper[lane];
+            if (lower <= 0.0 && upper >= 0.0) lower = upper = values_.now[lane];
+        }
+    }
+
+    void fields(Snapshot& s) override {
+        const std::size_t num = values_.samples.size();
+        s.counts(values_.samples.data(), num);
+        s.array(values_.finished.data(), num);
+        for (double* values : {values_.now.data(), values_.lower.data(), values_.upper.data()})
+            s.array(values, num);
+        places_.fields(s);
+        for (const auto& value : initial_) value->fields(s);
+    }
+
+private:
+    void conclude(const Lanes& lanes, bool ended) {
+        for (const auto& value : initial_) value->conclude(lanes, values_.samples.data(), ended);
+        InitialColumns& result = *initial_.back();
+        each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
+            std::copy_n(result.world(kNow) + lane, n, values_.now.data() + lane);
+            std::copy_n(result.world(kLower) + lane, n, values_.lower.data() + lane);
+            std::copy_n(result.world(kUpper) + lane, n, values_.upper.data() + lane);
+        });
+    }
+
+    FormulaColumns columns_;
+    std::vector<std::unique_ptr<InitialColumns>> initial_;
+    EpisodeValues& values_;
+    Places places_;
+};
+
+}  // namespace
+
+std::unique_ptr<Episodes> column_episodes(const std::vector<DiscreteRow>& terms,
+                                          const std::vector<episode::FormulaRow>& formulas,
+                                          const std::vector<std::size_t>& initial,
+                                          const std::vector<std::size_t>& streams,
+                                          EpisodeValues& values) {
+    Builder builder(terms, formulas, values.samples.size());
+    if (!builder.build(initial, streams)) return nullptr;
+    return std::make_unique<ColumnEpisodes>(std::move(builder.columns),
+                                            std::move(builder.initial_columns), values);
+}
+
+}  // namespace rtamt::lockstep

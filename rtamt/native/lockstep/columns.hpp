@@ -1,0 +1,16 @@
+// Episodes in columns: each instruction runs in all lanes at once. For programs whose folds at time
+// 0 are over min and max of predicates and of bounded windows of predicates.
+#pragma once
+
+#include "lockstep/episodes.hpp"
+
+namespace rtamt::lockstep {
+
+// As episodes_of; null if the program has another form.
+std::unique_ptr<Episodes> column_episodes(const std::vector<DiscreteRow>& terms,
+                                          const std::vector<episode::FormulaRow>& formulas,
+                                          const std::vector<std::size_t>& initial,
+                                          const std::vector<std::size_t>& streams,
+                                          EpisodeValues& values);
+
+}  // namespace rtamt::lockstep

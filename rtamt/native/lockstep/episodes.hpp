@@ -1,0 +1,51 @@
+// The bounds of many episodes of one program.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "discrete/columns.hpp"
+#include "episode/machine.hpp"
+#include "lockstep/lanes.hpp"
+
+namespace rtamt::lockstep {
+
+// What every lane gives; each has an element for each lane.
+struct EpisodeValues {
+    explicit EpisodeValues(std::size_t num)
+        : samples(num), finished(num), now(num), lower(num), upper(num) {}
+
+    std::vector<std::int64_t> samples;
+    std::vector<std::uint8_t> finished;
+    std::vector<double> now;
+    std::vector<double> lower;
+    std::vector<double> upper;
+};
+
+class Episodes {
+public:
+    Episodes() = default;
+    Episodes(const Episodes&) = delete;
+    Episodes& operator=(const Episodes&) = delete;
+    virtual ~Episodes() = default;
+
+    // Takes in one sample of every chosen lane. The terms are columns of the chosen lanes, and
+    // values.samples does not count this sample yet.
+    virtual void take(const Lanes& lanes, const double* table, RegisterColumns& terms) = 0;
+    virtual void reset(const Lanes& lanes) = 0;
+    // Ends the traces of the chosen lanes, of at least one sample each; those that have ended
+    // already stay as they are.
+    virtual void finish(const Lanes& lanes) = 0;
+    virtual void fields(Snapshot& s) = 0;
+};
+
+// Makes the episodes of a program; the values are theirs to write, except for the samples.
+std::unique_ptr<Episodes> episodes_of(const std::vector<DiscreteRow>& terms, std::size_t variables,
+                                      const std::vector<episode::FormulaRow>& formulas,
+                                      const std::vector<std::size_t>& initial,
+                                      const std::vector<std::size_t>& streams,
+                                      EpisodeValues& values);
+
+}  // namespace rtamt::lockstep

@@ -1,0 +1,209 @@
+// Registers that are read at time 0 alone, as columns: the values of every lane in three worlds.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "lockstep/clamped_columns.hpp"
+
+namespace rtamt::lockstep {
+
+class InitialColumns {
+public:
+    explicit InitialColumns(std::size_t num) {
+        for (auto& world : worlds_) world.resize(num);
+    }
+    InitialColumns(const InitialColumns&) = delete;
+    InitialColumns& operator=(const InitialColumns&) = delete;
+    virtual ~InitialColumns() = default;
+
+    double* world(World w) { return worlds_[w].data(); }
+
+    // Forgets the samples of the chosen lanes.
+    virtual void reset(const Lanes& lanes) = 0;
+    virtual void take(const Taken& taken) = 0;
+    // Finds the values of the chosen lanes in every world; if `ended`, without the future of
+    // operators that have no end.
+    virtual void conclude(const Lanes& lanes, const std::int64_t* samples, bool ended) = 0;
+    virtual void fields(Snapshot& s) {
+        for (auto& world : worlds_) s.array(world.data(), world.size());
+    }
+
+protected:
+    std::array<std::vector<double>, kWorlds> worlds_;
+};
+
+// A constant, or the value of a term at the first sample.
+class TermColumns final : public InitialColumns {
+public:
+    TermColumns(std::size_t num, std::size_t term, std::optional<double> constant)
+        : InitialColumns(num), term_(term), constant_(constant) {}
+
+    void reset(const Lanes& lanes) override {
+        for (std::size_t i = 0; i < lanes.count(); ++i)
+            for (World w : kAll)
+                worlds_[w][lanes[i]] =
+                    constant_ ? *constant_ : w == kLower ? -kInfinity : kInfinity;
+    }
+    void take(const Taken& t) override {
+        if (t.first > 0) return;
+        const double* values = t.columns.at(term_);
+        for (std::size_t i = 0; i < t.lanes.count(); ++i) {
+            const std::uint32_t lane = t.lanes[i];
+            if (t.times[lane] == 0)
+                for (World w : kAll) worlds_[w][lane] = values[i];
+        }
+    }
+    void conclude(const Lanes&, const std::int64_t*, bool) override {}
+
+private:
+    std::size_t term_;
+    std::optional<double> constant_;
+};
+
+template <double (*choose)(double, double)>
+class MapColumns final : public InitialColumns {
+public:
+    MapColumns(std::size_t num, InitialColumns& a, InitialColumns& b)
+        : InitialColumns(num), a_(a), b_(b) {}
+
+    void reset(const Lanes&) override {}
+    void take(const Taken&) override {}
+    void conclude(const Lanes& lanes, const std::int64_t*, bool) override {
+        for (World w : kAll) {
+            const double* a = a_.world(w);
+            const double* b = b_.world(w);
+            double* out = world(w);
+            each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
+                columns::map<choose>(a + lane, b + lane, out + lane, n);
+            });
+        }
+    }
+
+private:
+    InitialColumns& a_;
+    InitialColumns& b_;
+};
+
+// The operand of a fold is the least of these (under Most, the greatest).
+struct FoldOperand {
+    std::vector<std::size_t> plain;  // registers without a window
+    std::vector<ClampedWindow> windows;
+    std::array<double, kWorlds> tail;  // at unseen samples
+};
+
+// The fold over the times begin to end.
+template <class Order>
+class FoldColumns final : public InitialColumns {
+public:
+    FoldColumns(std::size_t num, const FoldOperand& operand, Time begin, Time end)
+        : InitialColumns(num), operand_(operand), begin_(begin), end_(end), settled_(num) {
+        constexpr bool kMin = Order::top > 0;
+        for (const ClampedWindow& window : operand.windows) {
+            if (window.is_min == kMin) {
+                windows_.push_back(std::make_unique<ClampedColumns<Order, true>>(num, window));
+            } else {
+                windows_.push_back(std::make_unique<ClampedColumns<Order, false>>(num, window));
+            }
+        }
+        if (!windows_.empty())
+            for (World w : {kLower, kUpper}) open_[w].resize(num);
+    }
+
+    void reset(const Lanes& lanes) override {
+        for (std::size_t i = 0; i < lanes.count(); ++i) {
+            const std::uint32_t lane = lanes[i];
+            settled_[lane] = Order::top;
+            world(kNow)[lane] = Order::top;
+            if (windows_.empty()) continue;
+            for (World w : {kBest, kWorst}) open_[w][lane] = Order::top;
+        }
+        for (const auto& window : windows_) window->reset(lanes);
+    }
+
+    void take(const Taken& t) override {
+        for (const std::size_t plain : operand_.plain) fold_plain(t, t.columns.at(plain));
+        if (windows_.empty()) return;
+        const Seen seen{settled_.data(), world(kNow), open_[kBest].data(), open_[kWorst].data()};
+        each_stretch(t.lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
+            std::fill_n(seen.now + lane, n, Order::top);
+            std::fill_n(seen.best + lane, n, Order::top);
+            std::fill_n(seen.worst + lane, n, Order::top);
+        });
+        for (const auto& window : windows_) window->take(t, begin_, end_, seen);
+    }
+
+    void conclude(const Lanes& lanes, const std::int64_t* samples, bool ended) override {
+        const double best_tail = operand_.tail[kBest];
+        const double worst_tail = operand_.tail[kWorst];
+        const bool to_the_end = ended && end_ == kNever;
+        const double* settled = settled_.data();
+        double* now = world(kNow);
+        double* best_world = world(kBest);
+        double* worst_world = world(kWorst);
+        each_stretch(lanes, true, [&](std::size_t lane, std::size_t, std::size_t n) {
+            const std::size_t stop = lane + n;
+            if (windows_.empty()) {
+                std::copy(settled + lane, settled + stop, now + lane);
+                std::copy(settled + lane, settled + stop, best_world + lane);
+                std::copy(settled + lane, settled + stop, worst_world + lane);
+            } else {
+                const double* best = open_[kBest].data();
+                const double* worst = open_[kWorst].data();
+                RTAMT_INDEPENDENT
+                for (std::size_t i = lane; i < stop; ++i) {
+                    now[i] = Order::least(now[i], settled[i]);
+                    best_world[i] = Order::least(best[i], settled[i]);
+                    worst_world[i] = Order::least(worst[i], settled[i]);
+                }
+            }
+            if (to_the_end) return;
+            for (std::size_t i = lane; i < stop; ++i) {
+                if (end_ < samples[i]) continue;  // no unseen sample counts
+                best_world[i] = Order::least(best_world[i], best_tail);
+                worst_world[i] = Order::least(worst_world[i], worst_tail);
+            }
+        });
+    }
+
+    void fields(Snapshot& s) override {
+        InitialColumns::fields(s);
+        s.array(settled_.data(), settled_.size());
+        for (auto& open : open_) s.array(open.data(), open.size());
+        for (const auto& window : windows_) window->fields(s);
+    }
+
+private:
+    static constexpr World kBest = Order::top > 0 ? kUpper : kLower;
+    static constexpr World kWorst = Order::top > 0 ? kLower : kUpper;
+
+    void fold_plain(const Taken& t, const double* values) {
+        double* settled = settled_.data();
+        if (t.first >= begin_ && t.last <= end_) {
+            each_stretch(t.lanes, true, [&](std::size_t lane, std::size_t i, std::size_t n) {
+                RTAMT_INDEPENDENT
+                for (std::size_t j = 0; j < n; ++j)
+                    settled[lane + j] = Order::least(settled[lane + j], values[i + j]);
+            });
+            return;
+        }
+        for (std::size_t i = 0; i < t.lanes.count(); ++i) {
+            const std::uint32_t lane = t.lanes[i];
+            const Time time = t.times[lane];
+            if (time >= begin_ && time <= end_)
+                settled[lane] = Order::least(settled[lane], values[i]);
+        }
+    }
+
+    FoldOperand operand_;
+    Time begin_;
+    Time end_;
+    std::vector<double> settled_;
+    std::array<std::vector<double>, kWorlds> open_;  // of open windows, if there are windows
+    std::vector<std::unique_ptr<WindowColumns<Order>>> windows_;
+};
+
+}  // namespace rtamt::lockstep

@@ -1,0 +1,108 @@
+// The lanes that a call is about, and where in a ring of slots each lane is.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <numeric>
+#include <vector>
+
+#include "core/snapshot.hpp"
+
+namespace rtamt {
+
+// The lanes that a call is about, in rising order.
+class Lanes {
+public:
+    explicit Lanes(std::size_t num) : all_(num), chosen_(all_.data()) {
+        std::iota(all_.begin(), all_.end(), 0u);
+        some_.reserve(num);
+    }
+    // Chooses the lanes where the mask is true; all lanes without a mask.
+    void choose(const bool* mask) {
+        chosen_ = all_.data();
+        if (mask == nullptr) return;
+        some_.clear();
+        for (const std::uint32_t lane : all_)
+            if (mask[lane]) some_.push_back(lane);
+        if (some_.size() < all_.size()) chosen_ = some_.data();
+    }
+
+    std::size_t num() const { return all_.size(); }
+    bool all() const { return chosen_ == all_.data(); }
+    std::size_t count() const { return all() ? all_.size() : some_.size(); }
+    std::uint32_t operator[](std::size_t i) const { return chosen_[i]; }
+
+private:
+    std::vector<std::uint32_t> all_;
+    std::vector<std::uint32_t> some_;
+    const std::uint32_t* chosen_;
+};
+
+// Calls run(lane, i, n) for stretches of chosen lanes, lane + j being the chosen one number i + j:
+// once for all lanes, if that is allowed, so that the loops inside are long.
+template <class Run>
+inline void each_stretch(const Lanes& lanes, bool together, Run run) {
+    if (lanes.all() && together) {
+        run(std::size_t{0}, std::size_t{0}, lanes.num());
+    } else {
+        for (std::size_t i = 0; i < lanes.count(); ++i)
+            run(std::size_t{lanes[i]}, i, std::size_t{1});
+    }
+}
+
+// The place of every lane in the rings that keep its last samples: a count that rises with each
+// sample and is never reset. Lanes that take every sample share one place, whatever their times;
+// a lane without samples has no place of its own, and takes that of the others.
+class Places {
+public:
+    explicit Places(std::size_t num) : late_(num) {}
+
+    // Moves the chosen lanes to the places of their next samples.
+    void advance(const Lanes& lanes, const std::int64_t* samples) {
+        if (lanes.all()) {
+            ++newest_;
+            return;
+        }
+        bool moved = false;
+        for (std::size_t i = 0; i < lanes.count(); ++i) moved |= samples[lanes[i]] > 0;
+        if (!moved) return;
+        ++newest_;
+        std::size_t i = 0;
+        for (std::size_t lane = 0; lane < late_.size(); ++lane) {
+            if (i < lanes.count() && lanes[i] == lane) {
+                ++i;
+            } else if (samples[lane] > 0) {
+                ++late_[lane];
+                together_ = false;
+            }
+        }
+    }
+    void reset(const Lanes& lanes) {
+        if (lanes.all()) newest_ = 0;
+        if (together_) return;
+        for (std::size_t i = 0; i < lanes.count(); ++i) late_[lanes[i]] = 0;
+        find_together();
+    }
+
+    bool together() const { return together_; }
+    std::uint64_t of(std::size_t lane) const { return newest_ - late_[lane]; }
+
+    void fields(Snapshot& s) {
+        s(newest_);
+        s.array(late_.data(), late_.size());
+        for (const std::uint64_t late : late_) s.require(late <= newest_ && newest_ >> 62 == 0);
+        if (s.reads()) find_together();
+    }
+
+private:
+    void find_together() {
+        together_ = true;
+        for (const std::uint64_t late : late_) together_ &= late == 0;
+    }
+
+    std::uint64_t newest_ = 0;
+    std::vector<std::uint64_t> late_;
+    bool together_ = true;
+};
+
+}  // namespace rtamt
