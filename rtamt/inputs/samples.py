@@ -178,6 +178,13 @@ class SampleReader:
             InputError: On missing or unknown variables, columns of different length, a nan.
             InputTypeError: On values that are not real numbers.
         """
+        columns, length = self.columns(data, sample, n=n, extra=extra)
+        return self.without_nan(columns, sample, previous), length
+
+    def columns(
+        self, data: Columns, sample: int = 0, *, n: int | None = None, extra: bool = False
+    ) -> tuple[list[Floats], int]:
+        """What `block` returns, with every nan still in it."""
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
             names: AbstractSet[str] = dict.fromkeys(map(str, named.keys())).keys()
@@ -202,9 +209,16 @@ class SampleReader:
             raise InputError(f"expected columns of one length, got {got}{asked}")
         if not lengths:
             raise InputError("the formula has no variables: say how many samples with n=")
-        for i, column in enumerate(columns):
-            columns[i] = self._without_nan(column, self.variables[i], sample, previous[i : i + 1])
         return columns, lengths.pop()
+
+    def without_nan(
+        self, columns: Sequence[Floats], sample: int = 0, previous: Sequence[float] = ()
+    ) -> list[Floats]:
+        """The columns with the last value in place of each nan, or the error that refuses it."""
+        return [
+            self._without_nan(column, name, sample, previous[i : i + 1])
+            for i, (name, column) in enumerate(zip(self.variables, columns, strict=True))
+        ]
 
     def _with_fields(
         self, named: Mapping[str, object], names: AbstractSet[str], sample: int
@@ -242,7 +256,10 @@ class SampleReader:
         return cast("Floats", held[np.maximum.accumulate(places)][offset:])
 
     def refuse(self, values: Sequence[float], sample: int) -> NoReturn:
-        """Raise the error that names the first term which is nan at a sample."""
+        """Raise the error that names the first variable or term which is nan at a sample."""
+        for name, value in zip(self.variables, values, strict=True):
+            if math.isnan(value):
+                self.refuse_nan(name, sample)
         refuse_term(self.program, values, f"sample {sample}{self._where}")
 
 

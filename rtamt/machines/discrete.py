@@ -24,7 +24,7 @@ class PythonDiscreteMachine(PythonSampleMachine):
 
     After sample t the register r holds its value of time t - latency(r). For times outside the
     trace a window takes in the identity of its fold instead of its operands' values: that cuts it
-    to the trace, at the begin and, in `run` with ``final=True``, at the end.
+    to the trace, at the begin and, in `evaluate`, at the end.
 
     Args:
         program: What to run.
@@ -103,25 +103,41 @@ class PythonDiscreteMachine(PythonSampleMachine):
         """The robustness of time t - latency, nan before there is one."""
         return self.registers[self._result] if self.samples > self._late else math.nan
 
-    def run(
-        self, columns: Sequence[NDArray[np.float64]], n: int, *, final: bool
-    ) -> list[NDArray[np.float64]]:
-        rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
-        terms = [self._terms(row, self.samples + i) for i, row in enumerate(rows)]
+    def run(self, columns: Sequence[NDArray[np.float64]], n: int) -> list[NDArray[np.float64]]:
         late = [self.program.latencies[r] or 0 for r in self.observed]
         taken: list[list[float]] = [[] for _ in self.observed]
-        steps = list(zip(terms, rows, strict=True))
-        for i in range(n + max(late, default=0) if final else n):
-            if i == n:
-                self._end = self.samples
-            self.take(*(steps[i] if i < n else (self.registers, self.inputs)))
-            t = self.samples - 1
+        for terms, row in self._steps(columns, n):
+            self.take(terms, row)
             for values, register, lag in zip(taken, self.observed, late, strict=True):
-                if t >= lag:
-                    values.append(self.registers[register])
-                elif not final:
-                    values.append(math.nan)
-        return [np.array(values[:n]) for values in taken]
+                values.append(self.registers[register] if self.samples > lag else math.nan)
+        return [np.array(values) for values in taken]
+
+    def evaluate(
+        self, columns: Sequence[NDArray[np.float64]], n: int, *, backwards: bool = False
+    ) -> list[NDArray[np.float64]]:
+        late = [self.program.latencies[r] or 0 for r in self.observed]
+        taken: list[list[float]] = [[] for _ in self.observed]
+        saved = self.state()
+        self.reset()
+        try:
+            steps = self._steps(columns, n)[:: -1 if backwards else 1]
+            for i in range(n + max(late, default=0)):
+                if i == n:
+                    self._end = n
+                self.take(*(steps[i] if i < n else (self.registers, self.inputs)))
+                for values, register, lag in zip(taken, self.observed, late, strict=True):
+                    if i >= lag:
+                        values.append(self.registers[register])
+        finally:
+            self.restore(saved)
+        return [np.array(values[:n][:: -1 if backwards else 1]) for values in taken]
+
+    def _steps(
+        self, columns: Sequence[NDArray[np.float64]], n: int
+    ) -> list[tuple[Registers, list[float]]]:
+        """The terms and the variables of n samples; changes nothing."""
+        rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
+        return [(self._terms(row, self.samples + i), row) for i, row in enumerate(rows)]
 
     def reset(self) -> None:
         super().reset()

@@ -1,8 +1,10 @@
-"""Evaluates whole traces with online machines; futures without end by passes over reversed time.
+"""Evaluates whole traces with online machines, in one pass forwards or backwards if they can.
 
-A program of finite latency runs over the n samples and as many more as its latency. A window
-without end is cut out: its operands are computed first, then folded over the reversed trace by the
-mirrored window (future is past with time flipped). The folded values become one more variable.
+A program of finite latency runs over the n samples and as many more as its latency. One that has
+futures without end, but no past without begin, runs backwards as the mirrored program: future is
+past with time flipped. In a program that has both, a window without end is cut out: its operands
+are computed first, then folded backwards by the mirrored window. The folded values become one more
+variable.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.errors import InputError
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
-from rtamt.program.algebra import FOLDS
 from rtamt.program.program import Load, Program, Window, latencies_of
 
 __all__ = ["Passes", "result_alone", "run_offline", "run_outputs"]
@@ -32,13 +34,15 @@ class _Plan(NamedTuple):
     """The programs of the passes over a trace.
 
     Attributes:
-        backwards: For each window without end the program of its operands, and the program that
-            folds them over reversed time.
+        cut: For each window without end that is cut out the program of its operands, and the
+            program that folds them backwards.
         last: The program that has a variable in place of each of these windows.
+        backwards: Whether the last program runs backwards.
     """
 
-    backwards: tuple[tuple[Program, Program], ...]
+    cut: tuple[tuple[Program, Program], ...]
     last: Program
+    backwards: bool
 
 
 class Passes:
@@ -58,8 +62,9 @@ class Passes:
             return machine(part, SampleReader(part, reader.nan), tuple(part.outputs.values()))
 
         plan = _planned(program, min(n, _greatest_bound(program)))
-        self._backwards = [(made(operands), made(fold)) for operands, fold in plan.backwards]
+        self._cut = [(made(operands), made(fold)) for operands, fold in plan.cut]
         self._last = made(plan.last)
+        self._backwards = plan.backwards
         self._names = tuple(program.outputs)
 
     def run(self, columns: Sequence[Array], n: int) -> dict[str, Array]:
@@ -70,11 +75,10 @@ class Passes:
             n: Length of the trace, 1 or more.
         """
         known = list(columns)
-        for args, fold in self._backwards:
-            backwards = [np.ascontiguousarray(a[::-1]) for a in _run(args, known, n)]
-            (folded,) = _run(fold, backwards, n)
-            known.append(folded[::-1])
-        return dict(zip(self._names, _run(self._last, known, n), strict=True))
+        for args, fold in self._cut:
+            known += fold.evaluate(args.evaluate(known, n), n, backwards=True)
+        values = self._last.evaluate(known, n, backwards=self._backwards)
+        return dict(zip(self._names, values, strict=True))
 
 
 def run_offline(
@@ -82,14 +86,23 @@ def run_offline(
 ) -> Array:
     """The robustness at every sample of a trace of n samples.
 
+    The machine looks for nan on its way: a pass over the columns before costs as much as its own.
+
     Args:
         program: The program; its windows may have no end.
         reader: Raises the errors of terms that are nan.
         machine: Makes the discrete machines of a back-end.
-        columns: For every variable its n values.
+        columns: For every variable its n values, nan among them as the reader allows.
         n: Length of the trace, 1 or more.
     """
-    return run_outputs(result_alone(program), reader, machine, columns, n)[""]
+    passes = Passes(result_alone(program), reader, machine, n)
+    try:
+        return passes.run(columns, n)[""]
+    except InputError:
+        known = reader.without_nan(columns)
+        if all(held is column for held, column in zip(known, columns, strict=True)):
+            raise
+    return passes.run(known, n)[""]
 
 
 def run_outputs(
@@ -97,11 +110,6 @@ def run_outputs(
 ) -> dict[str, Array]:
     """The named formulas at every sample of a trace; the arguments are those of `run_offline`."""
     return Passes(program, reader, machine, n).run(columns, n)
-
-
-def _run(machine: DiscreteMachine, columns: Sequence[Array], n: int) -> list[Array]:
-    machine.reset()
-    return machine.run(columns, n, final=True)
 
 
 @functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
@@ -114,18 +122,24 @@ def result_alone(program: Program) -> Program:
 def _planned(program: Program, n: int) -> _Plan:
     """The passes for a trace of at most n samples; n >= the greatest bound fits every trace."""
     program = program.clamped(n)
-    backwards = []
+    first = next(iter(program.outputs.values()))
+    program = program.restricted(first, program.outputs)
+    windows = [i for i in program.instructions if isinstance(i, Window)]
+    if all(window.lo is not None for window in windows):
+        backwards = any(window.hi is None for window in windows)
+        return _Plan((), program.mirrored() if backwards else program, backwards)
+    cuts = []
     while None in program.latencies:
         # Everything before the first window without end has a latency.
-        windows = ((r, i) for r, i in enumerate(program.instructions) if isinstance(i, Window))
-        cut, window = next((r, window) for r, window in windows if window.hi is None)
+        unbounded = ((r, i) for r, i in enumerate(program.instructions) if isinstance(i, Window))
+        cut, window = next((r, window) for r, window in unbounded if window.hi is None)
         operands = {str(i): register for i, register in enumerate(window.args)}
         part = program.restricted(window.args[0], operands)
-        backwards.append((part, _mirrored(program, window)))
+        cuts.append((part, _folding(program, window)))
         # A variable of a specification cannot have such a name.
         program = _with_variable(program, cut, f"#{len(program.variables)}")
     first = next(iter(program.outputs.values()))
-    return _Plan(tuple(backwards), program.restricted(first, program.outputs))
+    return _Plan(tuple(cuts), program.restricted(first, program.outputs), backwards=False)
 
 
 @functools.lru_cache(maxsize=512)
@@ -135,11 +149,11 @@ def _greatest_bound(program: Program) -> int:
     return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)
 
 
-def _mirrored(program: Program, window: Window) -> Program:
-    """The program that folds the operands of a window without end over reversed time."""
+def _folding(program: Program, window: Window) -> Program:
+    """The program that folds the operands of a window without end backwards."""
     width = len(window.args)
     names = tuple(str(i) for i in range(width))
-    mirrored = Window(FOLDS[window.fold].mirror, None, -(window.lo or 0), tuple(range(width)))
+    mirrored = replace(window, args=tuple(range(width))).mirrored()
     return replace(
         program,
         instructions=(*map(Load, names), mirrored),

@@ -77,18 +77,30 @@ class DiscreteMachine(SampleMachine, Protocol):
 
     @property
     def registers(self) -> Sequence[float]: ...
-    def run(self, columns: Sequence[Floats], n: int, *, final: bool) -> list[Floats]:
+    def run(self, columns: Sequence[Floats], n: int) -> list[Floats]:
         """Take in n samples at once, all or none.
 
         Args:
             columns: For every variable its n values.
             n: How many samples.
-            final: Whether the trace ends with them. The machine must be new, and must be reset
-                before it takes in another sample.
 
         Returns:
-            For every observed register an array of n values. If ``final`` is true, these are its
-            values of times 0 to n - 1; if not, those after each sample, nan before the latency.
+            For every observed register an array of its n values after each sample, nan before the
+            latency.
+        """
+
+    def evaluate(
+        self, columns: Sequence[Floats], n: int, *, backwards: bool = False
+    ) -> list[Floats]:
+        """The observed registers at the times of a whole trace; the state plays no part.
+
+        Args:
+            columns: For every variable its n values.
+            n: How many samples.
+            backwards: Whether the trace is read from its last sample to its first.
+
+        Returns:
+            For every observed register an array of its values of times 0 to n - 1.
         """
 
 

@@ -55,7 +55,8 @@ def evaluate(
     """
     _, _, backend, nan, _, program = compiled(evaluate, spec, period, options, online=False)
     reader = SampleReader(program, nan)
-    columns, length = whole_trace(reader, data, n)
+    columns, length = reader.columns(data, n=n, extra=True)
+    _require_sample(length)
     machine = BACKENDS[backend].discrete_machine
     return run_offline(program, reader, machine, columns, length)
 
@@ -68,6 +69,10 @@ def whole_trace(
     It raises the errors of `evaluate`.
     """
     columns, length = reader.block(data, 0, (), n=n, extra=True)
+    _require_sample(length)
+    return columns, length
+
+
+def _require_sample(length: int) -> None:
     if length == 0:
         raise InputError("expected a trace of at least 1 sample, got 0")
-    return columns, length

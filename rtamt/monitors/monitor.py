@@ -165,7 +165,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         """
         machine = self._machine
         columns, n = self._reader.block(block, machine.samples, machine.inputs)
-        return machine.run(columns, n, final=False)[0]
+        return machine.run(columns, n)[0]
 
     def __repr__(self) -> str:
         return f"<Monitor of {self.specification.formula}, latency {self.latency}>"

@@ -75,6 +75,12 @@ class Window:
         """The number of samples that it covers; None is unbounded."""
         return None if self.lo is None or self.hi is None else self.hi - self.lo + 1
 
+    def mirrored(self) -> Window:
+        """The same window with time flipped: future is past."""
+        lo = None if self.hi is None else -self.hi
+        hi = None if self.lo is None else -self.lo
+        return Window(FOLDS[self.fold].mirror, lo, hi, self.args)
+
 
 Instruction = Load | Const | Map | Window
 
@@ -285,6 +291,13 @@ class Program:
         instructions = tuple(
             replace(i, lo=cut(i.lo), hi=cut(i.hi)) if isinstance(i, Window) else i
             for i in self.instructions
+        )
+        return replace(self, instructions=instructions, latencies=latencies_of(instructions))
+
+    def mirrored(self) -> Program:
+        """The program with time flipped: on a reversed trace it gives the reversed values."""
+        instructions = tuple(
+            i.mirrored() if isinstance(i, Window) else i for i in self.instructions
         )
         return replace(self, instructions=instructions, latencies=latencies_of(instructions))
 

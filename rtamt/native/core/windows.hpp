@@ -108,6 +108,8 @@ public:
         }
     }
 
+    std::size_t length() const { return 2 * block_ + 1 - ahead_; }
+
     void reset() override {
         offset_ = 0;
         front_ = storage_.get();
@@ -198,6 +200,8 @@ public:
         place_ += n;
         if (place_ >= length_) place_ -= length_;
     }
+
+    std::size_t length() const { return length_; }
 
     void reset() override {
         std::fill_n(ring_.get(), length_, 0.0);

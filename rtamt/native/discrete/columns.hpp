@@ -39,6 +39,25 @@ public:
             },
             []<class Window> {}, [] {});
     }
+    // Evaluates the terms of samples that are columns of their own. Returns the index of the first
+    // nan, of a variable or a term, or count.
+    std::size_t terms(const double* const* columns, std::size_t from, std::size_t count) {
+        std::size_t first = count;
+        for (std::size_t v = 0; v < program_.variables(); ++v)
+            first = columns::first_nan(columns[v] + from, first);
+        for (const Load& load : program_.loads_) point(load.out, columns[load.variable] + from);
+        return std::min(first, terms(count));
+    }
+    // The index of the first of n samples with a nan, or n.
+    std::size_t first_refused(const double* const* columns, std::size_t n) {
+        for (std::size_t from = 0; from < n; from += size_) {
+            const std::size_t count = std::min(size_, n - from);
+            const std::size_t bad = terms(columns, from, count);
+            if (bad < count) return from + bad;
+        }
+        return n;
+    }
+
     // Evaluates the terms from the variables. Returns the index of the first nan, or count.
     std::size_t terms(std::size_t count) {
         for (const Instruction& term : program_.terms_) map(term, count);

@@ -44,17 +44,19 @@ public:
     double result() const;
 
     // Takes in n samples, or none if a variable or a term is nan. Returns the index of the first
-    // such sample, or n. Writes n values of each observed register to outputs: one at each sample,
-    // or, if `final`, at the times 0 to n - 1 of a trace that ends here; the machine is of no use
-    // after that.
-    std::size_t run(const double* const* columns, std::size_t n, bool final,
-                    double* const* outputs);
+    // such sample, or n. Writes n values of each observed register to outputs, one at each sample.
+    std::size_t run(const double* const* columns, std::size_t n, double* const* outputs);
+    // Writes the values of the observed registers at the times of a trace of n samples, which is
+    // read from its end if `backwards`. Returns what run does.
+    std::size_t evaluate(const double* const* columns, std::size_t n, bool backwards,
+                         double* const* outputs) const;
 
     void reset();
     void fields(Snapshot& s);
 
 private:
     class Block;
+    class Trace;
     friend class Bank;
     friend class DiscreteBank;
     friend class RegisterColumns;

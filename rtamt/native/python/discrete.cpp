@@ -30,38 +30,68 @@ nb::list registers(const DiscreteObject& object) {
     return list_of(values.data(), values.size());
 }
 
-nb::list run(DiscreteObject& object, const nb::sequence& columns, std::size_t n, bool final) {
+// The columns of a call, and new arrays for the observed registers.
+class Arrays {
+public:
+    Arrays(const DiscreteMachine& machine, const nb::sequence& columns, std::size_t n) {
+        const auto numpy = nb::module_::import_("numpy");
+        for (nb::handle column : columns) {
+            in_.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
+            sources_.push_back(in_.back().data<double>());
+        }
+        if (in_.size() != machine.variables())
+            throw nb::value_error("expected a column for every variable");
+        for (std::size_t i = 0; i < machine.observed(); ++i) {
+            out_.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
+            targets_.push_back(out_.back().data<double>());
+        }
+    }
+
+    const double* const* sources() const { return sources_.data(); }
+    double* const* targets() const { return targets_.data(); }
+    std::vector<double> sample(std::size_t i) const {
+        std::vector<double> values;
+        for (const double* source : sources_) values.push_back(source[i]);
+        return values;
+    }
+    nb::list made() const {
+        nb::list arrays;
+        for (const ArrayView& view : out_) arrays.append(view.array());
+        return arrays;
+    }
+
+private:
+    std::vector<ArrayView> in_;
+    std::vector<ArrayView> out_;
+    std::vector<const double*> sources_;
+    std::vector<double*> targets_;
+};
+
+nb::list run(DiscreteObject& object, const nb::sequence& columns, std::size_t n) {
     require_idle(object);
     DiscreteMachine& machine = object.machine;
-    if (final && machine.samples() > 0)
-        throw nb::value_error("expected a new machine for a whole trace");
-    const auto numpy = nb::module_::import_("numpy");
-    std::vector<ArrayView> in;
-    std::vector<ArrayView> out;
-    std::vector<const double*> sources;
-    std::vector<double*> targets;
-    for (nb::handle column : columns) {
-        in.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
-        sources.push_back(in.back().data<double>());
-    }
-    if (in.size() != machine.variables())
-        throw nb::value_error("expected a column for every variable");
-    for (std::size_t i = 0; i < machine.observed(); ++i) {
-        out.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
-        targets.push_back(out.back().data<double>());
-    }
+    const Arrays arrays(machine, columns, n);
     require_idle(object);
     const std::int64_t sample = machine.samples();
-    const std::size_t taken = run_long(
-        object, n, [&] { return machine.run(sources.data(), n, final, targets.data()); });
-    if (taken < n) {
-        std::vector<double> values;
-        for (const double* source : sources) values.push_back(source[taken]);
-        refuse_nan(object, values.data(), sample + static_cast<std::int64_t>(taken));
-    }
-    nb::list arrays;
-    for (const ArrayView& view : out) arrays.append(view.array());
-    return arrays;
+    const std::size_t taken =
+        run_long(object, n, [&] { return machine.run(arrays.sources(), n, arrays.targets()); });
+    if (taken < n)
+        refuse_nan(object, arrays.sample(taken).data(), sample + static_cast<std::int64_t>(taken));
+    return arrays.made();
+}
+
+nb::list evaluate(DiscreteObject& object, const nb::sequence& columns, std::size_t n,
+                  bool backwards) {
+    require_idle(object);
+    const DiscreteMachine& machine = object.machine;
+    const Arrays arrays(machine, columns, n);
+    require_idle(object);
+    const std::size_t taken = run_long(object, n, [&] {
+        return machine.evaluate(arrays.sources(), n, backwards, arrays.targets());
+    });
+    if (taken < n)
+        refuse_nan(object, arrays.sample(taken).data(), static_cast<std::int64_t>(taken));
+    return arrays.made();
 }
 
 PyMethodDef methods[] = {sample_update<DiscreteObject>(), {nullptr, nullptr, 0, nullptr}};
@@ -83,8 +113,11 @@ void bind_discrete(nb::module_& m) {
         .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
              nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
         .def_prop_ro("registers", registers, "The value of every register.")
-        .def("run", run, nb::arg("columns"), nb::arg("n"), nb::kw_only(), nb::arg("final"),
-             "Take in n samples, or none if one is refused; return the observed registers.");
+        .def("run", run, nb::arg("columns"), nb::arg("n"),
+             "Take in n samples, or none if one is refused; return the observed registers.")
+        .def("evaluate", evaluate, nb::arg("columns"), nb::arg("n"), nb::kw_only(),
+             nb::arg("backwards") = false,
+             "Return the observed registers at the times of a whole trace of n samples.");
 }
 
 }  // namespace rtamt

@@ -104,15 +104,13 @@ def test_blocks_of_a_wrong_form_are_refused() -> None:
     made = machine()
     column = np.ones(4)
     with pytest.raises(ValueError, match=r"^expected a column for every variable$"):
-        made.run([column], 4, final=False)
+        made.run([column], 4)
     for bad in (np.ones(3), np.ones((4, 1)), np.float64(1.0)):
         with pytest.raises(ValueError, match=r"^expected 1-D columns of n values$"):
-            made.run([column, bad], 4, final=False)
-    assert made.run([column, column], 4, final=False)[0][3] == 2.0
-    with pytest.raises(ValueError, match=r"^expected a new machine for a whole trace$"):
-        made.run([column, column], 4, final=True)
+            made.run([column, bad], 4)
+    assert made.run([column, column], 4)[0][3] == 2.0
     assert made.samples == 4
-    assert made.run([np.empty(0)] * 2, 0, final=False)[0].shape == (0,)
+    assert made.run([np.empty(0)] * 2, 0)[0].shape == (0,)
 
 
 def test_blocks_take_any_array() -> None:
@@ -124,7 +122,7 @@ def test_blocks_take_any_array() -> None:
         np.full(4, 3, np.float32),
         np.broadcast_to(np.array(3), 4),
     ):
-        (values,) = machine().run([array, array], 4, final=False)
+        (values,) = machine().run([array, array], 4)
         assert np.array_equal(values, expected, equal_nan=True)
 
 
@@ -246,9 +244,7 @@ def test_what_another_thread_is_running_is_left_alone() -> None:
     made = machine("always[0:3](x > 1) and eventually[0:100](x > 0)")
     column = np.ones(3_000_000)
     results: list[float] = []
-    thread = threading.Thread(
-        target=lambda: results.append(made.run([column], len(column), final=False)[0][-1])
-    )
+    thread = threading.Thread(target=lambda: results.append(made.run([column], len(column))[0][-1]))
     refused = 0
     thread.start()
     while thread.is_alive():

@@ -193,7 +193,7 @@ def test_one_variable_and_none() -> None:
     constant = machine("true")
     for got in (constant.update(), constant.update({}), constant.update([])):
         assert got == math.inf
-    (values,) = constant.run([], 3, final=False)
+    (values,) = constant.run([], 3)
     assert values.tolist() == [math.inf] * 3
     assert constant.samples == 6
 

@@ -72,7 +72,7 @@ def played(made: DiscreteMachine, rows: Sequence[tuple[float, float]], seed: int
         if len(chunk) < 8:
             values += [made.update(*row) for row in chunk]
         else:
-            values += made.run(columns(chunk), len(chunk), final=False)[0].tolist()
+            values += made.run(columns(chunk), len(chunk))[0].tolist()
     return values
 
 
@@ -97,7 +97,7 @@ def test_a_function_gives_the_bits_of_its_definition(name: str) -> None:
     rows += [(rng.gauss(0, 3), rng.gauss(0, 3)) for _ in range(300)]
     expected = [function.apply(*row[: function.arity]) for row in rows]
     assert bits([made.update(*row) for row in rows]) == bits(expected)
-    assert bits(made.run(columns(rows), len(rows), final=False)[0]) == bits(expected)
+    assert bits(made.run(columns(rows), len(rows))[0]) == bits(expected)
 
 
 @pytest.mark.parametrize("name", ["min", "max"])

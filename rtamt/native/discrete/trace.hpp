@@ -1,0 +1,180 @@
+// Folds of windows over a whole trace, block after block. As nothing is waited for, a block costs
+// what its loops cost; the windows of monitors bound each single push instead.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "core/arrays.hpp"
+#include "core/widest.hpp"
+#include "core/windows.hpp"
+
+namespace rtamt::trace {
+
+// Two columns of operands, or one to which both pointers point, at n times; those outside of begin
+// and end are outside of the trace.
+struct Operands {
+    const double* a;
+    const double* b;
+    std::size_t n;
+    std::size_t begin;
+    std::size_t end;
+};
+
+// The memory of one instruction.
+class Memory {
+public:
+    Memory() = default;
+    Memory(const Memory&) = delete;
+    Memory& operator=(const Memory&) = delete;
+    virtual ~Memory() = default;
+
+    virtual void push(const Operands& in, double* out) = 0;
+};
+
+// A fold that the windows of monitors do as fast: it pushes the operands into one of those.
+template <class Window>
+class Pushed final : public Memory {
+public:
+    using F = typename Window::Fold;
+
+    template <class... Args>
+    explicit Pushed(Args... args) : window_(args...) {}
+
+    void push(const Operands& in, double* out) override {
+        identities(out, 0, in.begin);
+        if (in.end > in.begin)
+            window_.push(in.a + in.begin, in.b + in.begin, out + in.begin, in.end - in.begin);
+        identities(out, std::max(in.begin, in.end), in.n);
+    }
+
+private:
+    void identities(double* out, std::size_t from, std::size_t to) {
+        for (; from < to; ++from) out[from] = F::result(window_.push(F::identity));
+    }
+
+    Window window_;
+};
+
+class Delayed final : public Memory {
+public:
+    explicit Delayed(std::size_t length) : line_(length) {}
+    void push(const Operands& in, double* out) override { line_.push(in.a, out, in.n); }
+
+private:
+    DelayLine line_;
+};
+
+// The least, or greatest, element so far. A new one is rare: most chunks are compared and filled.
+template <class F>
+class Extreme final : public Memory {
+public:
+    void push(const Operands& in, double* out) override {
+        std::fill_n(out, in.begin, total_);
+        std::size_t at = in.begin;
+        while (at < in.end) {
+            const std::size_t count = std::min(kChunk, in.end - at);
+            const double* x = in.a + at;
+            const double total = fold<F>(total_, {x, x}, count);
+            if (std::memcmp(&total, &total_, sizeof total) == 0) {
+                std::fill_n(out + at, count, total_);
+            } else {
+                for (std::size_t i = 0; i < count; ++i)
+                    out[at + i] = total_ = F::combine(total_, x[i]);
+            }
+            at += count;
+        }
+        std::fill_n(out + at, in.n - at, total_);
+    }
+
+private:
+    static constexpr std::size_t kChunk = 64;
+
+    double total_ = F::identity;
+};
+
+template <class F>
+RTAMT_LOOP void combine(const double* __restrict xp, const double* __restrict xq,
+                        const double* __restrict yp, const double* __restrict yq,
+                        double* __restrict p, double* __restrict q, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i)
+        put<F>(p, q, i, F::combine(get<F>(xp, xq, i), get<F>(yp, yq, i)));
+}
+
+template <class F>
+RTAMT_LOOP void combine_results(const double* __restrict xp, const double* __restrict xq,
+                                const double* __restrict yp, const double* __restrict yq,
+                                double* __restrict out, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i)
+        out[i] = F::result(F::combine(get<F>(xp, xq, i), get<F>(yp, yq, i)));
+}
+
+// A window of a few elements, 2 or more: windows of 2, 4, 8, ... elements are made from two of half
+// that length, and the last from two that overlap, as folding an element twice changes nothing.
+template <class F>
+class Doubled final : public Memory {
+public:
+    Doubled(std::size_t length, std::size_t most)
+        : length_(length), lines_{Line(length + most), Line(length + most), Line(length + most)} {
+        Line& raw = lines_[0];
+        for (std::size_t i = 0; i + 1 < length; ++i) put<F>(raw.p(), raw.q(), i, F::identity);
+    }
+
+    void push(const Operands& in, double* out) override {
+        const std::size_t before = length_ - 1;
+        Line& raw = lines_[0];
+        take(in, raw.p() + before, raw.q() + before);
+        std::size_t size = 1;
+        std::size_t n = before + in.n;
+        Elements from = raw.elements();
+        int to = 1;
+        for (; 2 * size < length_; size *= 2, to = 3 - to) {
+            n -= size;
+            const Elements next = from + size;
+            widest<combine<F>>(from.p, from.q, next.p, next.q, lines_[to].p(), lines_[to].q(), n);
+            from = lines_[to].elements();
+        }
+        const Elements last = from + (length_ - size);
+        widest<combine_results<F>>(from.p, from.q, last.p, last.q, out, in.n);
+        raw.keep(in.n, before);
+    }
+
+private:
+    class Line {
+    public:
+        explicit Line(std::size_t n)
+            : size_(n), memory_(std::make_unique_for_overwrite<double[]>(F::width * n)) {}
+        double* p() { return memory_.get(); }
+        double* q() { return memory_.get() + (F::width - 1) * size_; }
+        Elements elements() { return {p(), q()}; }
+        // Moves n elements from a place to the begin.
+        void keep(std::size_t from, std::size_t n) {
+            std::memmove(p(), p() + from, n * sizeof(double));
+            if (F::width == 2) std::memmove(q(), q() + from, n * sizeof(double));
+        }
+
+    private:
+        std::size_t size_;
+        std::unique_ptr<double[]> memory_;
+    };
+
+    static void take(const Operands& in, double* p, double* q) {
+        const auto identities = [&](std::size_t from, std::size_t to) {
+            for (; from < to; ++from) put<F>(p, q, from, F::identity);
+        };
+        identities(0, in.begin);
+        if (in.end > in.begin) {
+            std::copy_n(in.a + in.begin, in.end - in.begin, p + in.begin);
+            if (F::width == 2) std::copy_n(in.b + in.begin, in.end - in.begin, q + in.begin);
+        }
+        identities(std::max(in.begin, in.end), in.n);
+    }
+
+    std::size_t length_;
+    Line lines_[3];
+};
+
+}  // namespace rtamt::trace
