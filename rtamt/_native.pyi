@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.inputs.events import Column, EventReader, EventsLike
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.protocols import End
 
 FUNCTIONS: dict[str, int]  # names and arities of the functions of MAP
 FOLDS: dict[str, int]  # names of the lattice folds of WINDOW, and the numbers in an element
@@ -64,7 +65,7 @@ class EpisodeMachine:
     def upper(self) -> float: ...
     @property
     def finished(self) -> bool: ...
-    def finish(self) -> float: ...
+    def finish(self, end: End = "complete") -> float: ...
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
     ) -> None: ...

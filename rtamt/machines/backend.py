@@ -76,7 +76,7 @@ except ModuleNotFoundError as absent:  # a module that is there but does not loa
 else:
     BACKENDS["native"] = Factories(
         native.discrete_machine,
-        native.episode_machine,  # type: ignore[arg-type] # until it reads the end of a trace
+        native.episode_machine,
         native.dense_machine,
         native.discrete_bank,
         native.episode_bank,  # type: ignore[arg-type] # until it reads the end of a trace

@@ -295,8 +295,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             -1.0 -1.0 inf UNDECIDED
             -1.0 -inf inf UNDECIDED
         """
-        end = checked_end(end)
-        return self._machine.finish() if end == "complete" else self._machine.finish(end)
+        return self._machine.finish(checked_end(end))
 
     def explain(self) -> Explanation:
         """The sub-formulas and samples that decided ``robustness``; see `rtamt.explain`.

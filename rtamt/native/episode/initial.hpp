@@ -28,6 +28,8 @@ public:
 
     // Finds the value after sample t in every world.
     virtual void advance(Time t, const double* terms) = 0;
+    // Finds the value of a trace that was cut after sample t, whose streams have found theirs.
+    virtual void cut(Time) {}
     virtual void substitute(std::size_t, const double*) {}
 
     virtual void reset() {}
@@ -68,10 +70,15 @@ public:
     InitialMap(const InitialValue& a, const InitialValue& b) : a_(a), b_(b) {}
 
     void advance(Time, const double*) override {
-        for (World w : kAll) values_[w] = F::combine(a_.value(w), b_.value(w));
+        for (World w : kAll) find(w);
+    }
+    void cut(Time) override {
+        for (World w : kCut) find(w);
     }
 
 private:
+    void find(World w) { values_[w] = F::combine(a_.value(w), b_.value(w)); }
+
     const InitialValue& a_;
     const InitialValue& b_;
 };
@@ -88,9 +95,10 @@ public:
           begin_(std::max<Time>(0, lo)),
           end_(hi),
           total_(workspace.unknowns.corners(in.unknown_mask())) {
-        for (World w : kAll) {
-            absorbs_[w] = in_.absorbs(w);
-            quiet_[w] = begin_ == 0 && end_ == kNever && !in_.may_be_open(w);
+        for (World w : kAll) absorbs_[w] = in_.absorbs(w);
+        if (begin_ == 0 && end_ == kNever) {
+            for (World w : kAll) quiet_[w] = !in_.may_be_open(w);
+            for (World w : kCut) quiet_[w] = in_.latency() == 0;
         }
         if (begin_ == 0 && end_ == kNever && F::width == 1 && in_.only()->summarises())
             summary_ = in_.only();
@@ -102,6 +110,7 @@ public:
             wants_[w] = !absorbs_[w] || end_ < kNever;
             if (wants_[w]) want(w);
         }
+        want_cut();
     }
     Time demand(Time t) override {
         // While the window reaches into a tail that absorbs all else, there is nothing to find.
@@ -111,6 +120,7 @@ public:
         }
         if (t - in_.latency() > end_) return kNever;
         for (Stream* stream : in_.streams()) stream->activate();
+        want_cut();
         Time changes = end_ + in_.latency() + 1;
         for (World w : kAll) {
             if (wants_[w]) {
@@ -136,6 +146,10 @@ public:
             if (wants_[w]) values_[w] = F::result(find(w, t));
     }
 
+    void cut(Time t) override {
+        for (World w : kCut) values_[w] = F::result(find(w, t));
+    }
+
     void substitute(std::size_t unknown, const double* value) override {
         if (in_.unknown_mask() >> unknown & 1) total_.substitute(unknown, value);
     }
@@ -143,22 +157,33 @@ public:
     void fields(Snapshot& s) override { total_.fields(s); }
 
 private:
-    void want(World w) const {
+    void want(World w, bool ahead = true) const {
         if (summary_ != nullptr) {
             summary_->summarise(w);
         } else {
-            for (Stream* stream : in_.streams()) stream->want(w);
+            for (Stream* stream : in_.streams()) stream->want(w, ahead);
         }
     }
+    void want_cut() {
+        for (World w : kCut) {
+            wants_[w] = true;
+            want(w, !recorded(w));
+        }
+    }
+    // Whether the fold is over recorded times alone.
+    bool recorded(World w) const { return w == kNow || (is_cut(w) && end_ == kNever); }
 
     Element find(World w, Time t) const {
         Element x = total_.in_world(w, workspace_.unknowns);
-        if (quiet_[w]) return F::combine(x, in_.tail(w));
-        const Time last = in_.end(w, t);
+        const Element tail = recorded(w) ? F::identity : in_.tail(w);
+        if (quiet_[w]) return F::combine(x, tail);
+        const Time last = recorded(w) ? t : in_.end(w, t);
         if (summary_ != nullptr) {
             if constexpr (F::width == 1) {
                 const Extremes open = summary_->extremes(w, t);
                 x = F::combine(x, F::identity > 0 ? open.least : open.greatest);
+                // The last values of recorded times may be those of all later ones.
+                if (in_.end(w, t) < last) x = F::combine(x, in_.tail(w));
             }
         } else {
             const Time begin = std::max(begin_, t - in_.latency() + 1);
@@ -167,7 +192,7 @@ private:
                 x = fold<F>(x, in_.values(w, begin, end, &workspace_.scratch[0]),
                             static_cast<std::size_t>(end - begin + 1));
         }
-        return end_ > std::max(last, begin_ - 1) ? F::combine(x, in_.tail(w)) : x;
+        return end_ > std::max(last, begin_ - 1) ? F::combine(x, tail) : x;
     }
 
     Workspace& workspace_;

@@ -157,12 +157,12 @@ void EpisodeMachine::propagate_demands() {
             if (mask >> k & 1) unsettled_[k]->want(w);
     };
     for (const auto& value : initial_)
-        for (World w : kAll)
-            if (value->wants(w)) want_unknowns(value->unknown_mask(), w);
+        for (std::size_t w = 0; w < kWorlds; ++w)
+            if (value->wants(World(w))) want_unknowns(value->unknown_mask(), World(w));
     for (std::size_t i = streams_.size(); i-- > 0;) {
         Stream& stream = *streams_[i];
-        for (World w : kAll)
-            if (stream.wanted(w)) want_unknowns(stream.unknown_mask(), w);
+        for (std::size_t w = 0; w < kWorlds; ++w)
+            if (stream.wanted(World(w))) want_unknowns(stream.unknown_mask(), World(w));
         stream.propagate_demands();
     }
 }
@@ -234,9 +234,22 @@ void EpisodeMachine::find_values(Time t, const double* terms) {
     for (World w : kAll) values_[w] = initial_.back()->value(w);
 }
 
-void EpisodeMachine::finish() {
+void EpisodeMachine::finish(End end) {
+    if (!finished_ && verdict() == 0) {
+        if (end == End::complete) values_[kLower] = values_[kUpper] = values_[kNow];
+        if (end == End::cut) cut();
+    }
     finished_ = true;
-    if (lower() <= 0.0 && upper() >= 0.0) values_[kLower] = values_[kUpper] = values_[kNow];
+}
+
+void EpisodeMachine::cut() {
+    const Time t = terms_.samples() - 1;
+    for (const auto& stream : streams_)
+        for (World w : kCut)
+            if (stream->finds_open(w)) stream->find_open(w, t);
+    for (const auto& value : initial_) value->cut(t);
+    values_[kLower] = initial_.back()->value(kCutLower);
+    values_[kUpper] = initial_.back()->value(kCutUpper);
 }
 
 void EpisodeMachine::reset() {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -32,6 +33,9 @@ struct FormulaRow {
 };
 
 }  // namespace episode
+
+// How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning.
+enum class End { complete, cut, open };
 
 class EpisodeMachine {
 public:
@@ -62,8 +66,8 @@ public:
     // 1 if the bounds say that the specification is satisfied, -1 if violated, else 0.
     int verdict() const { return upper() < 0.0 ? -1 : lower() > 0.0; }
     bool finished() const { return finished_; }
-    // Ends the trace, of at least one sample.
-    void finish();
+    // Ends the trace, of at least one sample; a trace that has ended stays as it is.
+    void finish(End end);
 
     std::uint64_t fingerprint() const { return fingerprint_; }  // of the program
     void reset();
@@ -86,6 +90,7 @@ private:
     void plan(episode::Time t);
     void settle(episode::Time t, const double* terms);
     void find_values(episode::Time t, const double* terms);
+    void cut();
 
     DiscreteMachine terms_;
     std::uint64_t fingerprint_;
@@ -97,8 +102,9 @@ private:
     std::vector<OpenTask> open_tasks_;
     bool open_ = true;  // whether a sample may still change a value
     episode::Time next_plan_ = 0;
-    std::array<double, episode::kWorlds> values_{};
-    std::array<double, episode::kWorlds> empty_{};  // before the first sample
+    using Values = std::array<double, std::size(episode::kAll)>;
+    Values values_{};
+    Values empty_{};  // before the first sample
     bool finished_ = false;
 };
 

@@ -14,7 +14,7 @@ public:
                  {&a, &b}),
           a_(a),
           b_(b) {
-        for (World w : {kLower, kUpper}) {
+        for (World w : kAhead) {
             Outlook& o = outlook_[w];
             const Outlook& x = a.outlook(w);
             const Outlook& y = b.outlook(w);

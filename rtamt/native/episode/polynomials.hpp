@@ -12,10 +12,14 @@
 
 namespace rtamt::episode {
 
-// What the rest of the episode is assumed to be: none (it ends now), or the worst, or the best.
-enum World : int { kNow, kLower, kUpper };
-constexpr int kWorlds = 3;
-constexpr World kAll[kWorlds] = {kNow, kLower, kUpper};
+// What the rest of the episode is assumed to be: none (it ends now), or the worst, or the best; and
+// again the worst and the best of a trace that was cut, which are found when it ends.
+enum World : int { kNow, kLower, kUpper, kCutLower, kCutUpper };
+constexpr int kWorlds = 5;
+constexpr World kAll[] = {kNow, kLower, kUpper};
+constexpr World kCut[] = {kCutLower, kCutUpper};
+constexpr World kAhead[] = {kLower, kUpper, kCutLower, kCutUpper};  // there are unseen samples
+constexpr bool is_cut(World w) { return w >= kCutLower; }
 
 constexpr std::size_t kMaxUnknowns = 6;
 constexpr std::size_t kMaxCorners = std::size_t{1} << kMaxUnknowns;

@@ -23,7 +23,7 @@ public:
           in_(in),
           lo_(lo),
           hi_(hi) {
-        for (World w : {kLower, kUpper}) {
+        for (World w : kAhead) {
             const Time shift = in.absorbs(w) ? hi : lo;
             // Windows that lie before time 0 are empty, whatever the tail.
             outlook_[w] = {std::max(-latency_, in.reach(w) - shift),
@@ -34,16 +34,16 @@ public:
     }
 
     void prepare() override {
-        bool seen = false;
-        for (World w : kAll) seen |= (wanted(w) || summarised(w)) && may_be_open(w);
-        if (seen || unknown_mask() != 0) {
+        for (World w : kAll) has_partial_ |= (wanted(w) || summarised(w)) && may_be_open(w);
+        has_partial_ |= unknown_mask() != 0;
+        partial_ = PartialFolds<F>(corners());
+        if (has_partial_) {
             in_.retain(in_.latency(), 0);
-            partial_ = PartialFolds<F>(corners());
         } else {
-            in_.retain(latency_, hi_);
+            const bool cut = finds_open(kCutLower) || finds_open(kCutUpper);
+            in_.retain(latency_, cut ? std::min(lo_ + 1, hi_) : hi_);
             if (lo_ != hi_) queue_.emplace(static_cast<std::size_t>(hi_ - lo_ + 1));
         }
-        has_partial_ = partial_.corners() > 0;
     }
 
     void settle(Time t, const double*) override {
@@ -69,6 +69,7 @@ public:
             open_[w] = {};
             return;
         }
+        if (!has_partial_) fold_retained(t);
         const Time open_from = std::max<Time>(0, t - in_.latency() + 1);
         const Time open_to = std::max(in_.end(w, t), open_from - 1);
         if (open_to < open_from && count <= partial_.size() && corners() == 1 && neutral_[w]) {
@@ -98,7 +99,7 @@ public:
 
     void reset() override {
         Stream::reset();
-        if (has_partial_) partial_.clear();
+        partial_.clear();
         if (queue_) queue_->reset();
     }
     void fields(Snapshot& s, Time t) override {
@@ -111,16 +112,25 @@ public:
     }
 
 private:
+    bool reads_ahead(World, bool ahead) const override { return ahead || hi_ > 0; }
+
+    // Folds the settled element of a time into the windows that begin at time `base` or later.
+    void fold_into_windows(Time time, Time base) {
+        const auto size = static_cast<std::size_t>(std::max<Time>(0, time - lo_ + 1 - base));
+        const auto from = static_cast<std::size_t>(std::max<Time>(0, time - hi_ - base));
+        partial_.extend(size);
+        for (std::size_t c = 0; c < corners(); ++c)
+            partial_.fold_in(c, from, in_.settled(time, c));
+    }
+    // The partial folds of a trace that ends, where no sample needed them.
+    void fold_retained(Time t) {
+        partial_.clear();
+        for (Time time = std::max<Time>(0, last_ + 1 + lo_); time <= t - in_.latency(); ++time)
+            fold_into_windows(time, last_ + 1);
+    }
     void fold_into_partial(Time t) {
-        const Time base = std::max<Time>(0, t - latency_);
         const Time time = t - in_.latency();
-        if (time >= 0) {
-            const auto size = static_cast<std::size_t>(std::max<Time>(0, time - lo_ + 1 - base));
-            const auto from = static_cast<std::size_t>(std::max<Time>(0, time - hi_ - base));
-            partial_.extend(size);
-            for (std::size_t c = 0; c < corners(); ++c)
-                partial_.fold_in(c, from, in_.settled(time, c));
-        }
+        if (time >= 0) fold_into_windows(time, std::max<Time>(0, t - latency_));
         if (t < latency_) return;
         const bool any = partial_.size() > 0;
         for (std::size_t c = 0; c < corners(); ++c)

@@ -35,6 +35,8 @@ void Stream::propagate_demands() {
         if (active_) operand->activate();
         for (World w : kAll)
             if (finds_open(w)) operand->want(w);
+        for (World w : kCut)
+            if (finds_open(w)) operand->want(w, reads_ahead(w, ahead_[w]));
     }
 }
 
@@ -80,7 +82,7 @@ void Stream::reset() {
     history_.clear();
     last_ = -1;
     open_ = {};
-    for (World w : kAll) tail_[w] = outlook_[w].tail;
+    for (std::size_t w = 0; w < kWorlds; ++w) tail_[w] = outlook_[w].tail;
 }
 
 void Stream::fields(Snapshot& s, Time t) {

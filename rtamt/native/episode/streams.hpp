@@ -67,21 +67,28 @@ public:
     }
 
     // What readers demand: to keep so many settled values; to settle values (active); to find the
-    // open values and the tail in a world (wanted), or their extremes alone (summarised).
-    void retain(Time count) { retained_ = std::max(retained_, static_cast<std::size_t>(count)); }
+    // open values in a world up to the last sample (wanted), those after it and the tail too
+    // (wanted ahead), or their extremes alone (summarised).
+    void retain(Time count) {
+        retained_ = std::max(retained_, static_cast<std::size_t>(std::max<Time>(1, count)));
+    }
     void activate() { active_ = true; }
-    void want(World w) { active_ = wanted_[w] = true; }
+    void want(World w, bool ahead = true) {
+        active_ = wanted_[w] = true;
+        ahead_[w] |= ahead;
+    }
     void summarise(World w) { active_ = summarised_[w] = true; }
     void clear_demands() {
         active_ = false;
-        wanted_ = summarised_ = {};
+        wanted_ = ahead_ = summarised_ = {};
     }
     bool active() const { return active_; }
     bool wanted(World w) const { return wanted_[w]; }
     bool summarised(World w) const { return summarised_[w]; }
     // Whether find_open has anything to find.
     bool finds_open(World w) const {
-        return wanted_[w] && (may_be_open(w) || !outlook_[w].certain);
+        if (!ahead_[w]) return wanted_[w] && latency_ > 0;
+        return may_be_open(w) || !outlook_[w].certain;
     }
     // Demands of the operands what this stream needs of them.
     void propagate_demands();
@@ -114,6 +121,9 @@ public:
     virtual void fields(Snapshot& s, Time t);
 
 protected:
+    // Whether the open values of a world, if they are wanted ahead or not, need operands ahead.
+    virtual bool reads_ahead(World, bool ahead) const { return ahead; }
+
     std::size_t corners() const { return history_.corners(); }
     void append(std::size_t corner, double value);
     std::size_t open_count(World w, Time t) const {
@@ -141,6 +151,7 @@ private:
     Polynomials history_;
     bool active_ = false;
     std::array<bool, kWorlds> wanted_{};
+    std::array<bool, kWorlds> ahead_{};
     std::array<bool, kWorlds> summarised_{};
     std::array<std::vector<double>, kWorlds> memory_;
 };
@@ -149,8 +160,8 @@ private:
 class Predicate final : public Stream {
 public:
     Predicate(Workspace& workspace, std::size_t term) : Stream(workspace, 0, 0, {}), term_(term) {
-        outlook_[kLower].tail = -kInfinity;
-        outlook_[kUpper].tail = kInfinity;
+        for (World w : {kLower, kCutLower}) outlook_[w].tail = -kInfinity;
+        for (World w : {kUpper, kCutUpper}) outlook_[w].tail = kInfinity;
     }
     void settle(Time t, const double* terms) override {
         append(0, terms[term_]);

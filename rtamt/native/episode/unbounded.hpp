@@ -17,7 +17,7 @@ public:
           in_(in),
           hi_(hi),
           total_(corners()) {
-        for (World w : {kLower, kUpper})
+        for (World w : kAhead)
             outlook_[w] = {std::max(-latency_, in.reach(w) - hi),
                            std::max({Time{-1}, in.floor(w) - hi, -hi - 1}), in.absorbs(w),
                            in.tail_of_tails(w)};
@@ -69,6 +69,8 @@ public:
     }
 
 private:
+    bool reads_ahead(World, bool ahead) const override { return ahead || hi_ > 0; }
+
     Operands<F> in_;
     Time hi_;
     SettledFold<F> total_;
@@ -97,7 +99,8 @@ protected:
     std::array<double, kMaxCorners> value_{};
 };
 
-// At every time, the fold over all offsets from 0 on.
+// At every time, the fold over all offsets from 0 on. Where a trace was cut it speaks of recorded
+// times alone, and is unknown after them.
 template <class F>
 class UnboundedFutureStream final : public UnsettledStream {
 public:
@@ -109,6 +112,8 @@ public:
         for (World w : {kLower, kUpper})
             outlook_[w] = {in.absorbs(w) ? -latency_ : in.reach(w), in.floor(w), in.certain(w),
                            in.tail_of_tails(w)};
+        outlook_[kCutLower] = {0, -1, true, -kInfinity};
+        outlook_[kCutUpper] = {0, -1, true, kInfinity};
     }
 
     void prepare() override { in_.retain(latency_, 0); }
@@ -130,13 +135,15 @@ public:
 
     void reset() override {
         Stream::reset();
-        for (World w : kAll)
-            workspace_.unknowns.values[w][unknown_] = w == kNow ? F::result(F::identity) : tail_[w];
+        workspace_.unknowns.values[kLower][unknown_] = tail_[kLower];
+        workspace_.unknowns.values[kUpper][unknown_] = tail_[kUpper];
+        for (World w : {kNow, kCutLower, kCutUpper})
+            workspace_.unknowns.values[w][unknown_] = F::result(F::identity);
     }
 
     void find_open(World w, Time t) override {
-        const Element tail = in_.tail(w);
-        tail_[w] = F::result(F::combine(tail, tail));
+        const Element tail = is_cut(w) ? F::identity : in_.tail(w);
+        if (!is_cut(w)) tail_[w] = F::result(F::combine(tail, tail));
         const std::size_t count = open_count(w, t);
         double* out = open(w, count);
         Element x = tail;
@@ -151,6 +158,8 @@ public:
     }
 
 private:
+    bool reads_ahead(World, bool) const override { return false; }
+
     Operands<F> in_;
 };
 

@@ -37,7 +37,7 @@ public:
     }
     void finish(const Lanes& lanes) override {
         for (std::size_t i = 0; i < lanes.count(); ++i) {
-            machines_[lanes[i]]->finish();
+            machines_[lanes[i]]->finish(End::complete);
             publish(lanes[i]);
         }
     }

@@ -1,5 +1,6 @@
 // The episode machine as a Python class.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
 
 #include <utility>
 
@@ -25,9 +26,17 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
         {}};
 }
 
-double finish(EpisodeObject& object) {
+End end_of(const std::string& name) {
+    if (name == "complete") return End::complete;
+    if (name == "cut") return End::cut;
+    if (name == "open") return End::open;
+    throw nb::value_error("expected end='complete', 'cut' or 'open'");
+}
+
+double finish(EpisodeObject& object, const std::string& end) {
+    const End reading = end_of(end);
     if (object.machine.samples() == 0) refuse_state("refuse_finish");
-    object.machine.finish();
+    object.machine.finish(reading);
     refresh(object);
     return object.machine.result();
 }
@@ -69,7 +78,8 @@ void bind_episode(nb::module_& m) {
                      "The greatest robustness over all continuations.")
         .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); },
                      "Whether the episode has ended.")
-        .def("finish", finish, "End the episode; return its robustness.")
+        .def("finish", finish, nb::arg("end") = "complete",
+             "End the episode, make the bounds those of this reading; return its robustness.")
         .def("show_in", show_in, nb::arg("monitor"), nb::arg("slots"), nb::arg("verdicts"),
              "Keep slots of a monitor at robustness, lower, upper and verdict while it lives.");
     m.def("read_only", read_only, nb::arg("slot"),

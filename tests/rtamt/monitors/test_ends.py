@@ -29,9 +29,15 @@ INF = math.inf
 CUT = [case for case in cases("verdict.json") if "cut" in case]
 
 
-@pytest.fixture(scope="session", params=["python"])
+@pytest.fixture(scope="session", params=["python", "native"])
 def ending(request: pytest.FixtureRequest) -> Backend:
     """Every back-end that ends a trace under each reading."""
+    return cast("Backend", request.param)
+
+
+@pytest.fixture(scope="session", params=["python"])
+def lanes_ending(request: pytest.FixtureRequest) -> Backend:
+    """Every back-end whose lanes end under each reading."""
     return cast("Backend", request.param)
 
 
@@ -188,7 +194,11 @@ def test_another_reading_is_refused_before_anything_changes(ending: Backend) -> 
     assert str(caught.value) == text
     with pytest.raises(StateError):
         monitor.finish("cut")
-    vector = VectorEpisodeMonitor("always(x > 0)", 2, backend=ending)
+
+
+def test_another_reading_is_refused_before_a_lane_changes(lanes_ending: Backend) -> None:
+    text = "expected end='complete', 'cut' or 'open', got 'cute'; did you mean 'cut'?"
+    vector = VectorEpisodeMonitor("always(x > 0)", 2, backend=lanes_ending)
     with pytest.raises(InputError) as caught:
         vector.finish(end="cute")  # type: ignore[arg-type]
     assert str(caught.value) == text
@@ -200,10 +210,10 @@ def test_another_reading_is_refused_before_anything_changes(ending: Backend) -> 
 
 @given(formula=formulas(depth=2, endless=True), trace=traces(least=3, most=6), data=st.data())
 def test_lanes_end_as_monitors_of_their_own(
-    formula: Formula, trace: Trace, data: st.DataObject, ending: Backend
+    formula: Formula, trace: Trace, data: st.DataObject, lanes_ending: Backend
 ) -> None:
-    vector = VectorEpisodeMonitor(formula, 3, backend=ending)
-    singles = [EpisodeMonitor(formula, backend=ending) for _ in range(3)]
+    vector = VectorEpisodeMonitor(formula, 3, backend=lanes_ending)
+    singles = [EpisodeMonitor(formula, backend=lanes_ending) for _ in range(3)]
     for i in range(length(trace)):
         row = sample(trace, i, vector.variables)
         vector.update([[x + lane for x in row.values()] for lane in range(3)])

@@ -89,6 +89,37 @@ def test_long_windows_equal_their_definition(shape: str, rows: Rows) -> None:
             monitor = copy.copy(monitor)
 
 
+CUT_SHAPES = (
+    *SHAPES,
+    "always(eventually[0:5](once[0:40](x > 0)))",
+    "always(eventually[20:25](once[30:40](x > 0)))",
+    "always(eventually[20:25]((x > 0) since[30:40] (y > 0)))",
+    "eventually(not(eventually[0:5]((x > 0) since[3:20] (y > 0))))",
+    "always(once[5:9](eventually[0:3](x > 0)))",
+    "always(eventually[0:5](prev prev prev(x > 0)))",
+    "always[10:inf](eventually[0:30](historically[5:25](y > 0)))",
+    "eventually[0:20](always(eventually[0:5](once[0:40](x > 0))))",
+    "always(eventually[0:9](once(x > 0) and historically[3:3](y > 0)))",
+    "historically[0:3](always(x > 0)) or eventually[2:9](eventually(y > 2))",
+)
+
+
+@pytest.mark.parametrize("rows", [ramps, noise, bursts], ids=["ramps", "noise", "bursts"])
+@pytest.mark.parametrize("shape", CUT_SHAPES)
+def test_a_cut_trace_of_long_windows_equals_its_definition(shape: str, rows: Rows) -> None:
+    expected, monitor = (EpisodeMonitor(shape, backend=b) for b in ("python", "native"))
+    for i, (x, y) in enumerate(rows(110)):
+        feed(monitor, x, y)
+        feed(expected, x, y)
+        if i in (0, 2, 7, 24, 33, 58, 109):
+            cut, defined = copy.copy(monitor), copy.copy(expected)
+            assert cut.finish("cut") == defined.finish("cut")
+            assert offered(cut) == offered(defined), i
+            assert offered(copy.copy(cut)) == offered(cut)
+            cut.reset()
+            assert machine(cut).state() == machine(EpisodeMonitor(shape)).state()
+
+
 def size_of_state(monitor: EpisodeMonitor) -> int:
     return len(cast("bytes", monitor.__reduce__()[2]))
 
