@@ -6,7 +6,8 @@ from types import MemberDescriptorType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.inputs.events import Column, EventReader, EventsLike
+from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import EventsLike, Given
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import End
@@ -80,6 +81,7 @@ class DenseMachine:
         terms: int,
         variables: tuple[str, ...],
         result: int,
+        clock: tuple[float, int, int],
         observed: Sequence[int],
         reader: EventReader,
     ) -> None: ...
@@ -93,7 +95,7 @@ class DenseMachine:
         self, *events: Mapping[str, EventsLike], **named: EventsLike
     ) -> list[tuple[float, float]]: ...
     def finish(self) -> list[tuple[float, float]]: ...
-    def run(self, columns: Sequence[Column]) -> Column: ...
+    def run(self, given: Sequence[Given]) -> Given: ...
     def reset(self) -> None: ...
     def state(self) -> bytes: ...
     def restore(self, state: bytes) -> None: ...

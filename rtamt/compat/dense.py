@@ -17,8 +17,10 @@ from rtamt.compat.declarations import (
     OnlineSpecification,
 )
 from rtamt.errors import InputError, InputTypeError
+from rtamt.inputs.clock import Clock
 from rtamt.language.specification import Specification
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.program.dense_lowering import compile_dense
 
 __all__ = [
     "Pairs",
@@ -68,6 +70,18 @@ class _Dense(AbstractSpecification):
         return named, {name: named[name] for name in self._sources() if name in named}
 
 
+def _last_of_each_tick(needed: EventLists, clock: Clock) -> EventLists:
+    """The events without those that another one follows on the same tick."""
+    return {
+        name: [
+            events[i]
+            for i in range(len(events))
+            if i + 1 == len(events) or not clock.on_one_tick(events[i][0], events[i + 1][0])
+        ]
+        for name, events in needed.items()
+    }
+
+
 class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense):
     """Robustness as events arrive.
 
@@ -83,6 +97,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     """
 
     _twin: DenseMonitor
+    _clock: Clock
     _last: dict[str, tuple[float, Any]]
     """Last event of every variable or message."""
     _told: tuple[float, float] | None
@@ -121,6 +136,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
         monitor = self._running()
         named, needed = self._read_signals(signals)
+        needed = _last_of_each_tick(needed, self._clock)
         for name, events in needed.items():
             if events and events[0] == self._last.get(name):  # a chunk may begin with it once more
                 del events[0]
@@ -141,9 +157,10 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         monitor = self._running()
         if len(self._last) < len(self._sources()):
             return None
-        end = min(time for time, _ in self._last.values())
-        after = end + 1e-9 * (abs(end) + monitor.horizon + 1.0)
-        held = {name: [(after, v)] for name, (time, v) in self._last.items() if time < after}
+        ticks = {name: self._clock.nearest(time) for name, (time, _) in self._last.items()}
+        end = min(ticks.values())
+        after = (end + 1) * self._clock.tick
+        held = {name: [(after, v)] for name, (_, v) in self._last.items() if ticks[name] == end}
         self._twin.__setstate__(monitor.__reduce__()[2])
         try:
             breakpoints = self._twin.update(held)
@@ -152,14 +169,17 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         return breakpoints[0] if breakpoints and breakpoints[0][0] == monitor.settled else None
 
     def _late(self, breakpoints: Sequence[tuple[float, float]]) -> Pairs:
-        horizon = self._running().horizon
+        program = self._running().program
+        late = program.program.latencies[program.program.result] or 0
         if breakpoints:
             self._robustness = breakpoints[-1][1]
-        return [[time + horizon, value] for time, value in breakpoints]
+        clock = self._clock
+        return [[clock.time(clock.nearest(time) + late), value] for time, value in breakpoints]
 
     def _start(self) -> DenseMonitor:
         spec, options = self._specification(), self._options()
         monitor, self._twin = DenseMonitor(spec, **options), DenseMonitor(spec, **options)
+        self._clock = Clock(monitor.program)
         self._last, self._told, self._robustness = {}, None, math.nan
         return self._run(monitor)
 
@@ -191,7 +211,8 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
         """
         spec = self._specification()
         named, needed = self._read_signals(signals)
-        pairs = self._robustness_of(spec, needed)
+        clock = Clock(compile_dense(spec))
+        pairs = self._robustness_of(spec, _last_of_each_tick(needed, clock))
         self.var_object_dict |= named
         self._evaluated(needed)
         return pairs

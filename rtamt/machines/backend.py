@@ -8,7 +8,7 @@ from types import MemberDescriptorType
 from typing import Final, Literal, get_args
 
 from rtamt.errors import InputError, alternatives
-from rtamt.inputs.events import EventReader
+from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines import readout

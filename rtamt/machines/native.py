@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
-from rtamt.inputs.events import EventReader
+from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.program.dense_lowering import DenseProgram

@@ -22,7 +22,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.inputs.events import Column
+from rtamt.inputs.events import Given
 
 __all__ = [
     "Bank",
@@ -152,8 +152,12 @@ class DenseMachine(Stateful, Protocol):
     def finish(self) -> list[tuple[float, float]]:
         """End the trace where the first variable ends; return the breakpoints that are left."""
 
-    def run(self, columns: Sequence[Column]) -> tuple[Floats, Floats]:
-        """Times and values of the result over the whole trace of a new machine."""
+    def run(self, given: Sequence[Given]) -> tuple[Floats, Floats]:
+        """Times and values of the result over the whole trace of a new machine.
+
+        Args:
+            given: For every variable the times of its events, as they were given, and the values.
+        """
 
     def reset(self) -> None: ...
 

@@ -17,7 +17,7 @@ Operation = Callable[[Registers], None]
 """Computes one register from others."""
 
 
-_Place = TypeVar("_Place", int, float)
+_Place = TypeVar("_Place")
 
 
 class Terms(Generic[_Place]):
@@ -26,7 +26,7 @@ class Terms(Generic[_Place]):
     Args:
         program: The program whose terms are evaluated.
         refuse: Raises the error of a term that is nan, from the values of the variables and their
-            place: a sample number or a time.
+            place: a sample number, or a tick and its kind.
     """
 
     def __init__(self, program: Program, refuse: Callable[[list[float], _Place], NoReturn]) -> None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Literal, Unpack
+from fractions import Fraction
+from typing import Any, Literal, Unpack
 
 from rtamt.errors import InputError
-from rtamt.inputs.events import EventReader, Events, EventsLike
+from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import Events, EventsLike
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import DenseMachine
 from rtamt.monitors.online import DirectUpdate, MachineValue, NamedValues, Online, machine_value
 from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
 from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.timing import Period
 
 __all__ = ["DenseMonitor", "evaluate_dense"]
 
@@ -33,8 +36,9 @@ Returns:
 
 Raises:
     InputError: On an unknown variable, a message without the field, times that do not increase
-        (from one call to the next too), a nan, or a term that is not a number (``sqrt(-1)``) at any
-        time of the trace.
+        (from one call to the next too), two of one variable on one tick, one of 2^62 ticks or more,
+        numbers beside `numpy.datetime64`, a nan, or a term that is not a number (``sqrt(-1)``) at
+        any time of the trace.
     InputTypeError: On values that are not real numbers.
     StateError: After `finish`.
 """
@@ -51,17 +55,21 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 
     Future operators need an end, except a top-level ``always p`` or ``eventually p``: there
     ``update`` gives the least or greatest robustness of p so far. Bounds without a unit are in the
-    specification's (seconds), and so are the times of events. Operators on neighbouring samples
-    (`prev`, `next`, `rise`, `fall`) have no meaning here.
+    specification's (seconds), and so are the times of events; times may be `numpy.datetime64`, and
+    come back as that. Operators on neighbouring samples (`prev`, `next`, `rise`, `fall`) have no
+    meaning here.
 
     Args:
         spec: Text, a formula, or a parsed specification.
+        resolution: The length of a tick, in seconds or as text with a unit. Times of events go to
+            the nearest tick, bounds are whole numbers of ticks.
         interpolation: The value of a signal between events: ``"previous"``, the last one.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Raises:
         SpecificationError: On text that is not a specification, operators on neighbouring samples,
-            a future without an end, or a formula without variables.
+            a future without an end, a formula without variables, or bounds that are no whole number
+            of ticks or 2^62 or more.
         InputError: As for `Monitor`.
 
     Example:
@@ -83,17 +91,30 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
 
     @listed_in_signature(Options)
     def __init__(
-        self, spec: Spec, *, interpolation: Interpolation = "previous", **options: Unpack[Options]
+        self,
+        spec: Spec,
+        *,
+        resolution: Period = "1ns",
+        interpolation: Interpolation = "previous",
+        **options: Unpack[Options],
     ) -> None:
         _check_interpolation(interpolation)
         self.specification, self.interface, self.backend, self.program = compiled_dense(
-            type(self), spec, options, online=True
+            type(self), spec, resolution, options, online=True
         )
         program = self.program.program
         observed = tuple(program.outputs.values())
         make = BACKENDS[self.backend].dense_machine
-        self._machine = make(self.program, EventReader(program), observed)
+        self._machine = make(self.program, EventReader(self.program), observed)
         self.update = self._machine.update
+
+    def _arguments(self) -> dict[str, Any]:
+        return super()._arguments() | {"resolution": self.resolution}
+
+    @property
+    def resolution(self) -> Fraction:
+        """The length of a tick in seconds, exactly."""
+        return self.program.resolution
 
     @property
     def interpolation(self) -> Interpolation:
@@ -158,6 +179,7 @@ def evaluate_dense(
     spec: Spec,
     signals: Mapping[str, EventsLike],
     *,
+    resolution: Period = "1ns",
     interpolation: Interpolation = "previous",
     **options: Unpack[Options],
 ) -> Events:
@@ -172,6 +194,7 @@ def evaluate_dense(
         spec: Text, a formula, or a parsed specification.
         signals: For each variable a sequence of (time, value), an array of shape (n, 2), or
             `Events`. Other variables are ignored.
+        resolution: As for `DenseMonitor`.
         interpolation: As for `DenseMonitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
@@ -182,8 +205,8 @@ def evaluate_dense(
 
     Raises:
         SpecificationError: As for `DenseMonitor`, except that a future may have no end.
-        InputError: On a variable without events, times that do not increase, a nan, a term that
-            is not a number, or variables that are never known at the same time.
+        InputError: On a variable without events, times that `DenseMonitor` refuses, a nan, a term
+            that is not a number, or variables that are never known at the same time.
         InputTypeError: On values that are not real numbers.
 
     Example:
@@ -195,11 +218,11 @@ def evaluate_dense(
     Source: see `DenseMonitor`.
     """
     _check_interpolation(interpolation)
-    _, _, backend, whole = compiled_dense(evaluate_dense, spec, options, online=False)
+    _, _, backend, whole = compiled_dense(evaluate_dense, spec, resolution, options, online=False)
     program = whole.result_alone()
-    reader = EventReader(program.program)
+    reader = EventReader(program)
     machine = BACKENDS[backend].dense_machine(program, reader, ())
-    return Events(*machine.run(reader.whole(signals)))
+    return Events.unchecked(*machine.run(reader.whole(signals)))
 
 
 def _check_interpolation(interpolation: str) -> None:

@@ -14,7 +14,7 @@ from rtamt.language.parser import as_specification
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import Backend, BackendName, choose
 from rtamt.machines.protocols import End
-from rtamt.program.dense_lowering import DenseProgram, compile_dense
+from rtamt.program.dense_lowering import DenseProgram, as_resolution, compile_dense
 from rtamt.program.interface import Interface, Names, Semantics, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
@@ -89,11 +89,16 @@ def compiled(
 
 
 def compiled_dense(
-    caller: Callable[..., object], spec: Spec, options: Options, *, online: bool
+    caller: Callable[..., object],
+    spec: Spec,
+    resolution: Period,
+    options: Options,
+    *,
+    online: bool,
 ) -> tuple[Specification, Interface, BackendName, DenseProgram]:
     """Check the options of a monitor or an evaluation of events, and compile its specification.
 
-    The arguments mean what they mean to `compiled`.
+    The arguments mean what they mean to `compiled`; the resolution is the length of a tick.
 
     Returns:
         Specification, interface, chosen back-end, program.
@@ -102,7 +107,9 @@ def compiled_dense(
     if len(given) > len(_DEFAULTS):
         raise _unknown(caller, given, _DEFAULTS)
     specification, interface, backend = _understood(spec, given)
-    program = compile_dense(specification, interface=interface, online=online)
+    program = compile_dense(
+        specification, as_resolution(resolution), interface=interface, online=online
+    )
     return specification, interface, backend, program
 
 

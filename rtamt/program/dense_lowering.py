@@ -1,8 +1,7 @@
 """Compiles a specification over dense time.
 
-Operators and instructions mean what they mean over samples. Offsets are exact: whole numbers of
-ticks, where a tick is the greatest time that divides every bound. They become floats when a machine
-is made.
+Operators and instructions mean what they mean over samples. Time is counted in ticks, whose
+length is the resolution: offsets are whole numbers of ticks, and so are the times of events.
 """
 
 from __future__ import annotations
@@ -13,14 +12,64 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.language.interval import UNITS, decimal_text
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.lowering import ProgramBuilder
 from rtamt.program.program import Program
+from rtamt.program.timing import Period, as_period, seconds_text
 
-__all__ = ["DenseProgram", "compile_dense"]
+__all__ = [
+    "MAX_TICKS",
+    "NANOSECOND",
+    "DenseProgram",
+    "as_resolution",
+    "compile_dense",
+    "duration_text",
+]
+
+MAX_TICKS = 2**62
+"""Times, bounds and sums of nested bounds are less than this number of ticks, so that the sum of a
+time and a bound is an int64."""
+
+_ZEROS = 9  # more of them at the end of a number are counted
+NANOSECOND = Fraction(1, 10**9)
+"""The resolution that is taken if none is given, in seconds."""
+
+
+def as_resolution(resolution: Period) -> Fraction:
+    """The length of a tick in seconds; it is read as `as_period` reads a period.
+
+    Raises:
+        SpecificationError: If it is not a positive, finite time.
+        InputTypeError: If it is neither a number nor text.
+    """
+    seconds = as_period(resolution, "resolution")
+    if seconds is None:
+        raise InputTypeError('expected a resolution in seconds or as text such as "1ns", got None')
+    return seconds
+
+
+def duration_text(seconds: Fraction) -> str:
+    """The shortest text that `as_resolution` reads as this duration.
+
+    Example:
+        >>> (
+        ...     duration_text(Fraction(1, 10**9)),
+        ...     duration_text(Fraction(3, 10)),
+        ...     duration_text(Fraction(2, 3)),
+        ... )
+        ('1ns', '300ms', '2/3s')
+    """
+    units = [unit for unit, length in UNITS.items() if (seconds / length).denominator == 1]
+    unit = units[0] if units else "s" if seconds > UNITS["ps"] else "ps"
+    text = seconds_text(seconds / UNITS[unit])
+    digits = text.rstrip("0")
+    zeros = len(text) - len(digits)
+    return f"{digits}e{zeros}{unit}" if zeros > _ZEROS else f"{text}{unit}"
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
@@ -29,11 +78,16 @@ class DenseProgram:
 
     Attributes:
         program: The instructions, with offsets and latencies in ticks.
-        tick: The length of a tick in the specification's unit.
+        resolution: The length of a tick in seconds.
     """
 
     program: Program
-    tick: Fraction
+    resolution: Fraction
+
+    @property
+    def tick(self) -> Fraction:
+        """The length of a tick in the specification's unit."""
+        return self.resolution / UNITS[self.program.specification.unit]
 
     def time(self, ticks: int) -> float:
         """A number of ticks as a time in the specification's unit."""
@@ -53,14 +107,52 @@ class DenseProgram:
 class _DenseBuilder(ProgramBuilder):
     """Writes instructions over intervals of time instead of samples."""
 
-    def __init__(self, specification: Specification, tick: Fraction, interface: Interface) -> None:
+    def __init__(
+        self, specification: Specification, resolution: Fraction, interface: Interface
+    ) -> None:
         super().__init__(specification, None, interface)
-        self._tick = tick
+        self._resolution = resolution
+        self._reaches: dict[Node, int] = {}
 
     def bounds(self, node: Node) -> Bounds:
         """The bounds of an operator's interval, in ticks."""
-        begin, end = self.specification.bounds(node.interval)
-        return int(begin / self._tick), None if end is None else int(end / self._tick)
+        first, last = self.specification.bounds(node.interval)
+        begin = self._ticks(node, first)
+        return begin, None if last is None else self._ticks(node, last)
+
+    def _ticks(self, node: Node, bound: Fraction) -> int:
+        unit = self.specification.unit
+        seconds = bound * UNITS[unit]
+        ticks = seconds / self._resolution
+        text = f"{decimal_text(bound)} {unit}"
+        if ticks.denominator != 1:
+            finer = duration_text(_common(seconds, self._resolution))
+            raise self.specification.error(
+                node,
+                f"bound {text} is not a whole number of ticks of {duration_text(self._resolution)}",
+                f"give resolution={finer!r}, of which it is one",
+            )
+        if ticks >= MAX_TICKS:
+            raise self._too_far(node, f"bound {text} is", ticks)
+        return int(ticks)
+
+    def _too_far(self, node: Node, what: str, ticks: Fraction | int) -> SpecificationError:
+        coarser = self._resolution
+        while ticks * self._resolution >= MAX_TICKS * coarser:
+            coarser *= 10
+        bounds = [
+            bound * UNITS[self.specification.unit]
+            for other in self.specification.nodes()
+            for bound in self.specification.bounds(other.interval)
+            if bound
+        ]
+        if all((bound / coarser).denominator == 1 for bound in bounds):
+            hint = f"give resolution={duration_text(coarser)!r}, or write smaller bounds"
+        else:
+            hint = "write smaller bounds"
+        return self.specification.error(
+            node, f"{what} 2**62 ticks of {duration_text(self._resolution)} or more", hint
+        )
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         """Since: p on (t', t]; if t' lies inside a step, p is needed on the rest of that step."""
@@ -96,54 +188,64 @@ class _DenseBuilder(ProgramBuilder):
                 f"'{symbol}' speaks of neighbouring samples, and dense time has none",
                 f"look a time d away with {ways}, or use Monitor with a period",
             )
-        return super().lower(node, known)
+        register = super().lower(node, known)
+        reach = max((self._reaches[a] for a in node.args), default=0)
+        if node.op is not None and node.op.timed:
+            begin, end = self.bounds(node)
+            reach += begin if end is None else end
+            if reach >= MAX_TICKS:
+                raise self._too_far(node, "the bounds nested here are together", reach)
+        self._reaches[node] = reach
+        return register
+
+
+def _common(a: Fraction, b: Fraction) -> Fraction:
+    """The greatest duration of which both are multiples."""
+    scale = math.lcm(a.denominator, b.denominator)
+    return Fraction(math.gcd(int(a * scale), int(b * scale)), scale)
 
 
 def compile_dense(
-    specification: Specification, *, interface: Interface = STANDARD, online: bool = False
+    specification: Specification,
+    resolution: Fraction = NANOSECOND,
+    *,
+    interface: Interface = STANDARD,
+    online: bool = False,
 ) -> DenseProgram:
     """The program of a specification over dense time.
 
     Args:
         specification: What to compile.
+        resolution: The length of a tick in seconds.
         interface: Whose robustness it computes; see `rtamt.program.interface`.
         online: Whether every register must have a latency; see `Program.online`.
 
     Raises:
         SpecificationError: On operators on neighbouring samples (`prev`, `next`, `rise`, `fall`),
-            or a formula without variables; with ``online``, also on a future without end.
+            a formula without variables, or bounds that are no whole number of ticks or together
+            `MAX_TICKS` or more; with ``online``, also on a future without end.
     """
     # Equal specifications may differ in their text, at which errors point.
-    return _cached(specification, specification.text, interface, online)
+    return _cached(specification, specification.text, resolution, interface, online)
 
 
 @functools.lru_cache(maxsize=512)
 def _cached(
     specification: Specification,
     text: str,
+    resolution: Fraction,
     interface: Interface,
     online: bool,  # noqa: FBT001 - a key of the cache
 ) -> DenseProgram:
     if online:
-        offline = _cached(specification, text, interface, online=False)
+        offline = _cached(specification, text, resolution, interface, online=False)
         program = offline.program.online("DenseMonitor", "evaluate_dense()")
-        return DenseProgram(program, offline.tick)
-    tick = _tick(specification)
-    program = _DenseBuilder(specification, tick, interface).program()
+        return DenseProgram(program, resolution)
+    program = _DenseBuilder(specification, resolution, interface).program()
     if not program.variables:
         raise specification.error(
             specification.formula,
             "without variables there are no events, which give a trace its begin and end",
             "use evaluate() with n=, or a formula of a variable",
         )
-    return DenseProgram(program, tick)
-
-
-def _tick(specification: Specification) -> Fraction:
-    """The greatest time of which every bound is a multiple."""
-    intervals = {node.interval for node in specification.nodes()}
-    bounds = [b for i in intervals for b in specification.bounds(i) if b]
-    if not bounds:
-        return Fraction(1)
-    scale = math.lcm(*(b.denominator for b in bounds))
-    return Fraction(math.gcd(*(int(b * scale) for b in bounds)), scale)
+    return DenseProgram(program, resolution)

@@ -7,10 +7,9 @@ functions and lattice folds are text. An instruction without a second operand re
 from __future__ import annotations
 
 import functools
-import math
 from typing import NamedTuple, assert_never
 
-from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
 from rtamt.program.placement import place
 from rtamt.program.program import Const, Instruction, Load, Map, Program, Window
 from rtamt.program.schedule import Delay, schedule
@@ -19,6 +18,7 @@ __all__ = [
     "DenseRow",
     "DiscreteRow",
     "Encoded",
+    "EncodedDense",
     "EncodedEpisode",
     "FormulaRow",
     "encoded_dense",
@@ -52,24 +52,38 @@ class FormulaRow(NamedTuple):
 
 
 class DenseRow(NamedTuple):
-    """An instruction over dense time; bounds are times, -inf or inf where a window has none."""
+    """An instruction over dense time; bounds are ticks, None where a window has none."""
 
     kind: str
     name: str
     first: int
     second: int
     value: float
-    lo: float
-    hi: float
+    lo: int | None
+    hi: int | None
 
 
 class Encoded(NamedTuple):
     """A program: its rows, how many are terms, its variables, the register of its result."""
 
-    rows: tuple[DiscreteRow, ...] | tuple[DenseRow, ...]
+    rows: tuple[DiscreteRow, ...]
     terms: int
     variables: tuple[str, ...]
     result: int
+
+
+class EncodedDense(NamedTuple):
+    """A program over dense time: as `Encoded`, and its clock.
+
+    The clock is the number of ticks in a unit of time: the nearest double, and two integers whose
+    quotient it is, or 0 and 1 if an int64 does not hold them.
+    """
+
+    rows: tuple[DenseRow, ...]
+    terms: int
+    variables: tuple[str, ...]
+    result: int
+    clock: tuple[float, int, int]
 
 
 class EncodedEpisode(NamedTuple):
@@ -120,17 +134,19 @@ def encoded_episode(program: Program) -> EncodedEpisode:
 
 
 @functools.lru_cache(maxsize=512)
-def encoded_dense(dense: DenseProgram) -> Encoded:
+def encoded_dense(dense: DenseProgram) -> EncodedDense:
     """The instructions of a program over dense time; a row for each register."""
     program = dense.program
     rows = []
     for instruction in program.instructions:
-        lo = hi = 0.0
+        lo = hi = None
         if isinstance(instruction, Window):
-            lo = -math.inf if instruction.lo is None else dense.time(instruction.lo)
-            hi = math.inf if instruction.hi is None else dense.time(instruction.hi)
+            lo, hi = instruction.lo, instruction.hi
         rows.append(DenseRow(*_fields(program, instruction), lo, hi))
-    return Encoded(tuple(rows), program.terms, program.variables, program.result)
+    units, ticks = dense.tick.as_integer_ratio()
+    quotient = (ticks, units) if max(ticks, units) < MAX_TICKS else (0, 1)
+    clock = (float(1 / dense.tick), *quotient)
+    return EncodedDense(tuple(rows), program.terms, program.variables, program.result, clock)
 
 
 def _terms(program: Program) -> list[DiscreteRow]:

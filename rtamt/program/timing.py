@@ -42,7 +42,7 @@ _TOLERANCE = Fraction(1, 10**12)
 _DOUBLE = np.dtype(np.float64).itemsize
 
 
-def as_period(period: Period | None) -> Fraction | None:
+def as_period(period: Period | None, what: str = "period") -> Fraction | None:
     """The period in seconds, exactly; None stays None.
 
     A float is taken for the simplest fraction within a relative 1e-12 of it, so that ``1 / 15`` and
@@ -59,7 +59,7 @@ def as_period(period: Period | None) -> Fraction | None:
     if period is None:
         return None
     wrong = SpecificationError(
-        f'expected a period greater than 0, in seconds or as text such as "100ms", got {period!r}'
+        f'expected a {what} greater than 0, in seconds or as text such as "100ms", got {period!r}'
     )
     if isinstance(period, str):
         digits = period.strip().rstrip("abcdefghijklmnopqrstuvwxyz")
@@ -78,7 +78,7 @@ def as_period(period: Period | None) -> Fraction | None:
             within = Fraction(float(np.finfo(type(period)).eps))
         value = _simplest(near * (1 - within), near * (1 + within))
     else:
-        msg = f'expected a period in seconds or as text such as "100ms", got {period!r}'
+        msg = f'expected a {what} in seconds or as text such as "100ms", got {period!r}'
         raise InputTypeError(msg)
     if value <= 0:
         raise wrong

@@ -9,7 +9,8 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.inputs.events import Column, EventReader, EventsLike
+from rtamt.inputs.event_reader import Column, Dated, EventReader
+from rtamt.inputs.events import EventsLike, Given
 from rtamt.machines.dense.streams import (
     Breakpoint,
     Joint,
@@ -42,8 +43,9 @@ class PythonDenseMachine(StateFields):
         observed: Registers whose values `values` lists.
     """
 
-    STATE = ("finished", "_first", "_last", "_begin", "_end", "_waits", "_parts")
+    STATE = ("finished", "_dated", "_first", "_last", "_begin", "_end", "_waits", "_parts")
     finished: bool
+    _dated: Dated
     _first: list[float]
     _last: list[float]
     _begin: float
@@ -70,39 +72,46 @@ class PythonDenseMachine(StateFields):
                 return MapNode(function, [self._streams[a] for a in args], out)
             case Window(name, lo, hi, args):
                 streams = [self._streams[a] for a in args]
-                begin = -math.inf if lo is None else dense.time(lo)
+                begin = -math.inf if lo is None else lo
                 if hi is None:
                     return SuffixNode(FOLDS[name], begin, streams, out)
-                return WindowNode(FOLDS[name], begin, dense.time(hi), streams, out)
+                return WindowNode(FOLDS[name], begin, hi, streams, out)
             case _ as never:
                 assert_never(never)
 
     @property
     def settled(self) -> float:
-        return self._end if self.finished else self._streams[self._result].frontier
+        tick = self._end if self.finished else self._streams[self._result].frontier
+        return self.reader.time(tick, self._dated)
 
     @property
     def values(self) -> list[float]:
         return [self._streams[r].value for r in self._observed]
 
-    def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> list[Breakpoint]:
+    def update(
+        self, *events: Mapping[str, EventsLike], **named: EventsLike
+    ) -> list[tuple[float, float]]:
         if self.finished:
             self.reader.refuse_update()
         given = self.reader.given(events, named)
-        return self._take(self.reader.read(given, self._last))
+        return self._with_times(self._take(*self.reader.read(given, self._last, self._dated)))
 
-    def _take(self, columns: Sequence[Column]) -> list[Breakpoint]:
+    def _with_times(self, steps: Sequence[Breakpoint]) -> list[tuple[float, float]]:
+        return [(self.reader.time(tick, self._dated), value) for tick, value in steps]
+
+    def _take(self, columns: Sequence[Column], dated: Dated) -> list[Breakpoint]:
         times = [t for t, _ in columns]
         first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
         last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
         begin, end = max(first), min(last)
         self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
         try:
-            rows = self._rows(begin, end)
+            rows = self._rows(begin, end, dated)
         except BaseException:
             self._inputs.retract([len(t) for t in times])
             raise
         self._first, self._last, self._begin, self._end = first, last, begin, end
+        self._dated = dated
         while self._inputs.next <= end:
             self._inputs.take()
         if rows:
@@ -113,12 +122,12 @@ class PythonDenseMachine(StateFields):
             self._advance(rows)
         return self._settled_steps()
 
-    def _rows(self, begin: float, end: float) -> list[tuple[float, Registers]]:
+    def _rows(self, begin: float, end: float, dated: Dated) -> list[tuple[float, Registers]]:
         """The terms at all new times of the trace; changes nothing."""
         if begin > end:
             return []
         return [
-            (time, self._terms(list(values), time))
+            (time, self._terms(list(values), (time, dated)))
             for time, values in self._inputs.ahead(end)
             if time >= begin
         ]
@@ -140,22 +149,24 @@ class PythonDenseMachine(StateFields):
             stream.new = []
         return settled
 
-    def finish(self) -> list[Breakpoint]:
+    def finish(self) -> list[tuple[float, float]]:
+        return self._with_times(self._finish())
+
+    def _finish(self) -> list[Breakpoint]:
         if self.finished:
             return []
         if self._waits is None:
-            self.reader.refuse_end(self._first, self._last)
+            self.reader.refuse_end(self._first, self._last, self._dated)
         self._push([self._waits], just_after(self._end))
         for node in self._nodes:
             node.finish(self._begin, self._end)
         self.finished = True
         return self._settled_steps()
 
-    def run(self, columns: Sequence[Column]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        steps = self._take(columns)
-        steps += self.finish()
-        times, values = zip(*steps, strict=True)
-        return np.array(times), np.array(values)
+    def run(self, given: Sequence[Given]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        steps = self._take(*self.reader.counted(given, self._last, self._dated)) + self._finish()
+        ticks, values = zip(*steps, strict=True)
+        return self.reader.times(np.array(ticks, np.int64), self._dated), np.array(values)
 
     def reset(self) -> None:
         width = len(self.reader.variables)
@@ -163,5 +174,6 @@ class PythonDenseMachine(StateFields):
         self._first, self._last = [math.inf] * width, [-math.inf] * width
         self._begin, self._end = math.inf, -math.inf
         self._waits = None
+        self._dated = None
         for part in self._parts:
             part.reset()

@@ -1,9 +1,10 @@
 """Streams over dense time, and the nodes that make one stream from others.
 
-A stream is a right-continuous step function of time. It is given by its breakpoints: from a
-breakpoint (time, value) to the next it has that value, which is called a step. It is known before
-its *frontier*. A node takes in new breakpoints, and goes as far as the frontiers of its operands
-allow: the breakpoints that it makes do not depend on how events were divided into calls.
+A stream is a right-continuous step function of time, which is counted in ticks. It is given by its
+breakpoints: from a breakpoint (time, value) to the next it has that value, which is called a step.
+It is known before its *frontier*. A node takes in new breakpoints, and goes as far as the frontiers
+of its operands allow: the breakpoints that it makes do not depend on how events were divided into
+calls.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from rtamt.program.algebra import FUNCTIONS
 __all__ = ["Breakpoint", "Joint", "MapNode", "Stream", "StreamNode", "just_after"]
 
 Breakpoint = tuple[float, float]
+"""A tick and the value from there on. Ticks are whole numbers: an `int`, or inf or -inf."""
 Values = tuple[float, ...]
 
 
-def just_after(time: float) -> float:
-    """The next float after a time; a stream with this frontier is known at the time itself."""
-    return math.nextafter(time, math.inf)
+def just_after(tick: float) -> float:
+    """The next tick; a stream with this frontier is known at the tick itself."""
+    return tick + 1
 
 
 class Stream(StateFields):
@@ -50,10 +52,10 @@ class Stream(StateFields):
         self.frontier = -math.inf
         self.value = math.nan
 
-    def push(self, time: float, value: float) -> None:
-        """Take in the value from a time on; it makes a breakpoint only if it differs."""
+    def push(self, tick: float, value: float) -> None:
+        """Take in the value from a tick on; it makes a breakpoint only if it differs."""
         if value != self.value:
-            self.new.append((time, value))
+            self.new.append((tick, value))
             self.value = value
 
 

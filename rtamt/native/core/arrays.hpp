@@ -46,16 +46,18 @@ constexpr double component(typename F::Element x, int k) {
 }
 
 // Memory for intermediate results, which grows and never shrinks.
-class Scratch {
+template <class T>
+class ScratchOf {
 public:
-    double* reserve(std::size_t n) {
+    T* reserve(std::size_t n) {
         if (memory_.size() < n) memory_.resize(std::max(n, 2 * memory_.size()));
         return memory_.data();
     }
 
 private:
-    std::vector<double> memory_;
+    std::vector<T> memory_;
 };
+using Scratch = ScratchOf<double>;
 
 // Scratch memory for the elements of a fold.
 template <class F>

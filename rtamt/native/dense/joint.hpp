@@ -17,15 +17,16 @@ public:
     void add(Stream& stream) { sources_.push_back({&stream, stream.add_reader(), 0, nullptr, {}}); }
 
     std::size_t width() const { return sources_.size(); }
-    double frontier() const {
-        double least = kInfinity;
+    Time frontier() const {
+        Time least = kAfter;
         for (const Source& s : sources_) least = std::min(least, s.stream->frontier());
         return least;
     }
 
-    // The time at which the last stream begins; inf if one has no steps. Called before any is read.
-    double first() const {
-        double latest = -kInfinity;
+    // The time at which the last stream begins; kAfter if one has no steps. Called before any is
+    // read.
+    Time first() const {
+        Time latest = kBefore;
         for (const Source& s : sources_) latest = std::max(latest, s.times()[0]);
         return latest;
     }
@@ -38,9 +39,9 @@ public:
         align();
     }
     // Reads the steps up to a time as one step: the values at that time.
-    void read_at(double time) {
+    void read_at(Time time) {
         for (Source& s : sources_) {
-            s.count = reach(s, [=](double t) { return t <= time; });
+            s.count = reach(s, [=](Time t) { return t <= time; });
             s.column = s.values() + s.count - 1;
         }
         instant_ = time;
@@ -48,7 +49,7 @@ public:
         size_ = 1;
     }
     // The latest time, not after `time`, up to which no stream has more than `most` steps.
-    double upto(double time, std::size_t most) const {
+    Time upto(Time time, std::size_t most) const {
         for (const Source& s : sources_)
             if (s.stream->unread(s.reader) > most) time = std::min(time, s.times()[most - 1]);
         return time;
@@ -71,7 +72,7 @@ public:
     }
 
     std::size_t size() const { return size_; }
-    const double* times() const { return times_; }
+    const Time* times() const { return times_; }
     const double* column(std::size_t i) const { return sources_[i].column; }
 
 private:
@@ -82,20 +83,20 @@ private:
         const double* column;
         Scratch scratch;
 
-        const double* times() const { return stream->times(reader); }
+        const Time* times() const { return stream->times(reader); }
         const double* values() const { return stream->values(reader); }
     };
 
     template <class Within>
     static std::size_t reach(const Source& s, Within within) {
         const std::size_t n = s.stream->unread(s.reader);
-        const double* times = s.times();
+        const Time* times = s.times();
         if (n == 0 || !within(times[0])) return 0;
         if (within(times[n - 1])) return n;
         // Where another stream is far behind, few of many steps are read.
         std::size_t end = 1;
         while (end < n && within(times[end])) end = std::min(n, 2 * end);
-        const double* last = std::partition_point(times + end / 2, times + end, within);
+        const Time* last = std::partition_point(times + end / 2, times + end, within);
         return static_cast<std::size_t>(last - times);
     }
 
@@ -121,19 +122,19 @@ private:
     static bool together(const Source& s, const Source& most) {
         if (&s == &most || s.count == 0) return true;
         return s.count == most.count &&
-               std::memcmp(s.times(), most.times(), s.count * sizeof(double)) == 0;
+               std::memcmp(s.times(), most.times(), s.count * sizeof(Time)) == 0;
     }
 
     void merge(const Source& s) {
-        double* out = other_.reserve(size_ + s.count);
-        const double* a = times_;
-        const double* b = s.times();
-        const double* const a_end = a + size_;
-        const double* const b_end = b + s.count;
+        Time* out = other_.reserve(size_ + s.count);
+        const Time* a = times_;
+        const Time* b = s.times();
+        const Time* const a_end = a + size_;
+        const Time* const b_end = b + s.count;
         std::size_t n = 0;
         while (a < a_end && b < b_end) {
-            const double x = *a;
-            const double y = *b;
+            const Time x = *a;
+            const Time y = *b;
             out[n++] = y < x ? y : x;
             a += x <= y;
             b += y <= x;
@@ -147,7 +148,7 @@ private:
 
     const double* resampled(Source& s) {
         double* out = s.scratch.reserve(size_);
-        const double* times = s.times();
+        const Time* times = s.times();
         const double* values = s.values() - 1;
         if (s.count == 0) {
             std::fill_n(out, size_, *values);
@@ -163,10 +164,10 @@ private:
     }
 
     std::vector<Source> sources_;
-    Scratch merged_;
-    Scratch other_;
-    double instant_ = 0.0;
-    const double* times_ = nullptr;
+    ScratchOf<Time> merged_;
+    ScratchOf<Time> other_;
+    Time instant_ = 0;
+    const Time* times_ = nullptr;
     std::size_t size_ = 0;
 };
 

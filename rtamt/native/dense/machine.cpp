@@ -29,7 +29,8 @@ const std::vector<DenseRow>& checked(const std::vector<DenseRow>& rows, std::siz
             refuse("unknown kind '" + row.kind + "'");
         if (map && !function_named(row.name)) refuse("unknown function '" + row.name + "'");
         if (row.a >= (load ? variables : map || window ? i : rows.size()) ||
-            ((map || window) && row.b >= i) || !(row.lo <= row.hi))
+            ((map || window) && row.b >= i) || !counts(row.lo.value_or(0)) ||
+            !counts(row.hi.value_or(0)) || (row.lo && row.hi && *row.lo > *row.hi))
             refuse("row " + std::to_string(i) + " is out of range");
     }
     return rows;
@@ -41,7 +42,8 @@ std::uint64_t fingerprint_of(const std::vector<DenseRow>& rows, std::size_t vari
     print.add(std::string("dense"), variables, result);
     for (const std::size_t i : observed) print.add(i);
     for (const DenseRow& row : rows)
-        print.add(row.kind, row.name, row.a, row.b, row.value, row.lo, row.hi);
+        print.add(row.kind, row.name, row.a, row.b, row.value, row.lo.value_or(kBefore),
+                  row.hi.value_or(kAfter));
     return print.value();
 }
 
@@ -132,12 +134,12 @@ void DenseMachine::proceed() {
     settle(sampler_.upto());
 }
 
-void DenseMachine::settle(double known) {
+void DenseMachine::settle(Time known) {
     for (const std::size_t i : published_) streams_[i].settle(known);
     for (const auto& node : nodes_) node->advance(known);
 }
 
-double DenseMachine::settled() const {
+Time DenseMachine::settled() const {
     return finished_ ? sampler_.known() : result_.stream->frontier();
 }
 
@@ -148,7 +150,7 @@ std::vector<double> DenseMachine::values() const {
 }
 
 std::size_t DenseMachine::Observer::fresh() const {
-    const double* times = stream->times(reader);
+    const Time* times = stream->times(reader);
     std::size_t n = stream->unread(reader);
     while (n > 0 && !(times[n - 1] < stream->frontier())) --n;
     return n;
@@ -156,8 +158,8 @@ std::size_t DenseMachine::Observer::fresh() const {
 
 bool DenseMachine::finish() {
     if (!sampler_.started()) return false;
-    const double end = sampler_.known();
-    const double after = std::nextafter(end, kInfinity);
+    const Time end = sampler_.known();
+    const Time after = end + 1;
     for (const std::size_t i : published_) streams_[i].settle(after);
     for (const auto& node : nodes_) node->finish(end, after);
     finished_ = true;
@@ -169,10 +171,12 @@ void DenseMachine::reset() {
     for (Stream& stream : streams_) stream.clear();
     for (const auto& node : nodes_) node->reset();
     finished_ = false;
+    dating_ = Dating::none;
 }
 
 void DenseMachine::fields(Snapshot& s) {
-    s(finished_);
+    s(finished_, dating_);
+    s.require(dating_ <= Dating::dates);
     sampler_.fields(s);
     for (Stream& stream : streams_) stream.fields(s);
     for (const auto& node : nodes_) node->fields(s);

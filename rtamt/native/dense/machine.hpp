@@ -12,7 +12,7 @@ namespace rtamt::dense {
 
 // Events of a variable that update() will take in.
 struct Pending {
-    std::vector<double> times;
+    std::vector<Time> times;
     std::vector<double> values;
 
     Events events() const { return {times.data(), values.data(), times.size()}; }
@@ -47,9 +47,13 @@ public:
     template <class Emit>
     void drain(Emit emit);
 
+    // What times are is kept for the caller: it is a part of the state.
+    dense::Dating dating() const { return dating_; }
+    void set_dating(dense::Dating dating) { dating_ = dating; }
+
     bool finished() const { return finished_; }
     // The time before which the result is known; when finished, the end.
-    double settled() const;
+    dense::Time settled() const;
     // The last known value of every observed register, nan before the first.
     std::vector<double> values() const;
 
@@ -70,7 +74,7 @@ private:
     void compile(std::size_t i, const DenseRow& row);
     Observer observe(std::size_t i) { return {&streams_[i], streams_[i].add_reader()}; }
     void proceed();
-    void settle(double known);
+    void settle(dense::Time known);
     void trim();
 
     dense::Sampler sampler_;
@@ -82,12 +86,13 @@ private:
     Observer result_;
     std::vector<Observer> observed_;
     bool finished_ = false;
+    dense::Dating dating_ = dense::Dating::none;
     std::uint64_t fingerprint_;
 };
 
 template <class Emit>
 void DenseMachine::drain(Emit emit) {
-    const double* times = result_.stream->times(result_.reader);
+    const dense::Time* times = result_.stream->times(result_.reader);
     const double* values = result_.stream->values(result_.reader);
     const std::size_t n = result_.fresh();
     for (std::size_t i = 0; i < n; ++i) emit(times[i], values[i]);
@@ -104,7 +109,7 @@ bool DenseMachine::run(const dense::Events* events, Emit emit) {
     std::vector<Events> part(variables);
     for (bool more = true; more;) {
         more = false;
-        double upto = kInfinity;
+        dense::Time upto = dense::kAfter;
         for (const Events& e : rest)
             if (e.size > Sampler::kBlock) upto = std::min(upto, e.times[Sampler::kBlock - 1]);
         for (std::size_t v = 0; v < variables; ++v) {

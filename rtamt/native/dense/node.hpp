@@ -23,12 +23,12 @@ public:
     virtual ~StreamNode() = default;
 
     // The trace begins.
-    virtual void begin(double) {}
+    virtual void begin(Time) {}
     // Computes as far as the frontiers of the operands allow; all variables are known before
     // `known`.
-    virtual void advance(double known) = 0;
-    // Computes up to the end of the trace; `after` is the next double. The operands are complete.
-    virtual void finish(double end, double after) = 0;
+    virtual void advance(Time known) = 0;
+    // Computes up to the end of the trace; `after` is the next tick. The operands are complete.
+    virtual void finish(Time end, Time after) = 0;
     virtual void reset() {}
     virtual void fields(Snapshot&) {}
 };
@@ -39,15 +39,15 @@ public:
     MapNode(Joint in, Function function, Stream& out)
         : in_(std::move(in)), function_(function), out_(out) {}
 
-    void advance(double) override {
-        const double limit = in_.frontier();
+    void advance(Time) override {
+        const Time limit = in_.frontier();
         if (limit > out_.frontier()) run(limit);
     }
-    void finish(double, double after) override { run(after); }
+    void finish(Time, Time after) override { run(after); }
 
 private:
-    void run(double limit) {
-        in_.read([=](double time) { return time < limit; });
+    void run(Time limit) {
+        in_.read([=](Time time) { return time < limit; });
         const std::size_t n = in_.size();
         double* values = scratch_.reserve(n);
         function_(in_.column(0), in_.column(in_.width() - 1), values, n);

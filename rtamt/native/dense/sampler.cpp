@@ -31,14 +31,13 @@ Sampler::Sampler(const std::vector<DenseRow>& rows, std::size_t terms, std::size
     }
 }
 
-bool Sampler::fits(std::size_t variable, Events events) const {
-    double last = inputs_[variable].last_time();
+bool Sampler::fit(Time last, Events events) {
     bool fit = true;
     for (std::size_t i = 0; i < events.size; ++i) {
         fit &= (events.times[i] > last) & (events.values[i] == events.values[i]);
         last = events.times[i];
     }
-    return fit && last < kInfinity;
+    return fit && last < kTicks;
 }
 
 void Sampler::extend(const Events* events) {
@@ -50,21 +49,21 @@ void Sampler::retract(const Events* events) {
     for (std::size_t v = 0; v < inputs_.size(); ++v) inputs_[v].retract(events[v].size);
 }
 
-double Sampler::known() const {
-    double least = kInfinity;
+Time Sampler::known() const {
+    Time least = kAfter;
     for (const Stream& input : inputs_) least = std::min(least, input.last_time());
     return least;
 }
 
 bool Sampler::read() {
-    const double known = this->known();
+    const Time known = this->known();
     if (started_) {
         upto_ = joint_.upto(known, kBlock);
-        joint_.read([upto = upto_](double time) { return time <= upto; });
+        joint_.read([upto = upto_](Time time) { return time <= upto; });
         return joint_.size() > 0;
     }
     // The trace begins when the last variable does, with the values that the others have then.
-    const double first = joint_.first();
+    const Time first = joint_.first();
     if (!(first <= known)) return false;
     joint_.read_at(first);
     upto_ = first;
@@ -129,7 +128,7 @@ void Sampler::fields(Snapshot& s) {
     s(started_);
     for (Stream& input : inputs_) {
         input.fields(s);
-        s.require(!started_ || input.last_time() > -kInfinity);
+        s.require(!started_ || input.last_time() > kBefore);
     }
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,8 +18,8 @@ struct DenseRow {
     std::size_t a;
     std::size_t b;
     double value;
-    double lo;
-    double hi;
+    std::optional<dense::Time> lo;  // none where a window has none
+    std::optional<dense::Time> hi;
 };
 
 }  // namespace rtamt
@@ -27,7 +28,7 @@ namespace rtamt::dense {
 
 // Events of a variable.
 struct Events {
-    const double* times;
+    const Time* times;
     const double* values;
     std::size_t size;
 };
@@ -45,20 +46,23 @@ public:
     bool samples(std::size_t i) const { return sampled_[i]; }
 
     // Whether these events may follow those of the variable: times rise, and no value is nan.
-    bool fits(std::size_t variable, Events events) const;
+    bool fits(std::size_t variable, Events events) const {
+        return fit(inputs_[variable].last_time(), events);
+    }
+    static bool fit(Time last, Events events);
     // Adds new events of every variable; removes them again.
     void extend(const Events* events);
     void retract(const Events* events);
     void trim() {
         for (Stream& input : inputs_) input.trim();
     }
-    // The time of the first event of a variable, inf if there is none. Called before the trace
+    // The time of the first event of a variable, kAfter if there is none. Called before the trace
     // begins.
-    double first_time(std::size_t variable) const { return inputs_[variable].times(0)[0]; }
-    // The time of the last event of a variable, -inf if there is none.
-    double last_time(std::size_t variable) const { return inputs_[variable].last_time(); }
+    Time first_time(std::size_t variable) const { return inputs_[variable].times(0)[0]; }
+    // The time of the last event of a variable, kBefore if there is none.
+    Time last_time(std::size_t variable) const { return inputs_[variable].last_time(); }
     // The time up to which all variables are known.
-    double known() const;
+    Time known() const;
     bool started() const { return started_; }
 
     // Finds the next times, a block at most. Returns false if there are none.
@@ -70,16 +74,16 @@ public:
     bool rehearse();
     // Whether all new events are one block.
     bool brief() const {
-        const double known = this->known();
+        const Time known = this->known();
         return started_ && joint_.upto(known, kBlock) == known;
     }
 
     std::size_t size() const { return joint_.size(); }
-    const double* times() const { return joint_.times(); }
-    double upto() const { return upto_; }  // the end of this block
+    const Time* times() const { return joint_.times(); }
+    Time upto() const { return upto_; }  // the end of this block
     const double* column(std::size_t i) const { return columns_[i]; }
 
-    double nan_time() const { return nan_time_; }
+    Time nan_time() const { return nan_time_; }
     const std::vector<double>& nan_values() const { return nan_values_; }
 
     void reset();
@@ -113,8 +117,8 @@ private:
     std::vector<const double*> columns_;
     std::vector<double> memory_;
     std::size_t capacity_ = 0;  // of a column
-    double upto_ = -kInfinity;
-    double nan_time_ = 0.0;
+    Time upto_ = kBefore;
+    Time nan_time_ = 0;
     std::vector<double> nan_values_;
     bool started_ = false;
 };

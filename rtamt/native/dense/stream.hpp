@@ -12,6 +12,7 @@
 
 #include "core/folds.hpp"
 #include "core/snapshot.hpp"
+#include "dense/time.hpp"
 
 namespace rtamt::dense {
 
@@ -20,12 +21,6 @@ inline bool same(double x, double y) {
     return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
 }
 inline bool same(Pair x, Pair y) { return same(x.p, y.p) && same(x.q, y.q); }
-
-inline bool rises(const double* times, std::size_t n) {
-    for (std::size_t i = 0; i < n; ++i)
-        if (!std::isfinite(times[i]) || (i > 0 && !(times[i] > times[i - 1]))) return false;
-    return true;
-}
 
 // A right-continuous step function, as steps (time, value), each of which lasts until the next one.
 // Steps that all readers have read are dropped, except the last, whose value still counts.
@@ -39,38 +34,38 @@ public:
     }
 
     // The time before which the stream is complete.
-    double frontier() const { return frontier_; }
-    void settle(double frontier) { frontier_ = frontier; }
+    Time frontier() const { return frontier_; }
+    void settle(Time frontier) { frontier_ = frontier; }
 
-    // -inf before the first step.
-    double last_time() const { return times_[end_ - 1]; }
+    // kBefore before the first step.
+    Time last_time() const { return times_[end_ - 1]; }
 
-    // The steps that a reader has not read yet. times[unread] is inf or a later time; values[-1] is
+    // The steps that a reader has not read yet. times[unread] is kAfter or a later time; values[-1] is
     // the value before these steps, nan if there is none.
     std::size_t unread(std::size_t reader) const { return end_ - next_[reader]; }
-    const double* times(std::size_t reader) const { return times_.data() + next_[reader]; }
+    const Time* times(std::size_t reader) const { return times_.data() + next_[reader]; }
     const double* values(std::size_t reader) const { return values_.data() + next_[reader]; }
     void consume(std::size_t reader, std::size_t n) { next_[reader] += n; }
     void unconsume(std::size_t reader, std::size_t n) { next_[reader] -= n; }
 
     // Adds all steps.
-    void extend(const double* times, const double* values, std::size_t n) {
+    void extend(const Time* times, const double* values, std::size_t n) {
         reserve(n);
         std::copy_n(times, n, times_.data() + end_);
         std::copy_n(values, n, values_.data() + end_);
         end_ += n;
-        times_[end_] = kInfinity;
+        times_[end_] = kAfter;
     }
     // Removes the last steps, which nobody has read.
     void retract(std::size_t n) {
         end_ -= n;
-        times_[end_] = kInfinity;
+        times_[end_] = kAfter;
     }
 
     // Adds the steps that change the value; 0.0 and -0.0 are equal here.
-    void append(const double* times, const double* values, std::size_t n) {
+    void append(const Time* times, const double* values, std::size_t n) {
         reserve(n);
-        double* t = times_.data();
+        Time* t = times_.data();
         double* v = values_.data();
         std::size_t end = end_;
         double last = v[end - 1];
@@ -82,14 +77,14 @@ public:
             last = value;
         }
         end_ = end;
-        t[end] = kInfinity;
+        t[end] = kAfter;
     }
 
     // Sets the value from a time on: that of the last step, if nobody has read it, or a later one.
-    void set(double time, double value) {
+    void set(Time time, double value) {
         if (last_time() == time && end_ > read()) {
             --end_;
-            times_[end_] = kInfinity;
+            times_[end_] = kAfter;
         }
         append(&time, &value, 1);
     }
@@ -108,11 +103,11 @@ public:
     void clear() {
         times_.resize(std::max<std::size_t>(times_.size(), 2));
         values_.resize(times_.size());
-        times_[0] = -kInfinity;
+        times_[0] = kBefore;
         values_[0] = std::nan("");
-        times_[1] = kInfinity;
+        times_[1] = kAfter;
         end_ = 1;
-        frontier_ = -kInfinity;
+        frontier_ = kBefore;
         std::fill(next_.begin(), next_.end(), 1);
     }
 
@@ -122,11 +117,11 @@ public:
         s(count);
         if (s.reads()) {
             s.require(count >= 1);
-            s.require_unread<double>(count);
+            s.require_unread<Time>(count);
             end_ = 0;
             reserve(count);
             end_ = count;
-            times_[end_] = kInfinity;
+            times_[end_] = kAfter;
         }
         s.array(times_.data() + first, count);
         s.array(values_.data() + first, count);
@@ -142,10 +137,10 @@ public:
 
 private:
     void require_steps(const Snapshot& s) const {
-        const bool whole = times_[0] == -kInfinity && values_[0] != values_[0];
+        const bool whole = times_[0] == kBefore && values_[0] != values_[0];
         s.require(rises(times_.data() + whole, end_ - whole));
         for (std::size_t i = whole; i < end_; ++i) s.require(values_[i] == values_[i]);
-        s.require(frontier_ == frontier_);
+        s.require(frontier_ <= kTicks);
     }
 
     // The end of the steps that some reader has read.
@@ -177,20 +172,20 @@ private:
     // Drops the steps before a place.
     void move(std::size_t first) {
         end_ -= first;
-        std::memmove(times_.data(), times_.data() + first, end_ * sizeof(double));
+        std::memmove(times_.data(), times_.data() + first, end_ * sizeof(Time));
         std::memmove(values_.data(), values_.data() + first, end_ * sizeof(double));
-        times_[end_] = kInfinity;
+        times_[end_] = kAfter;
         for (std::size_t& next : next_) next -= first;
     }
 
     static constexpr std::size_t kLeast = 64;
 
-    // Before all steps is (-inf, nan), after them the time inf.
-    std::vector<double> times_;
+    // Before all steps is (kBefore, nan), after them the time kAfter.
+    std::vector<Time> times_;
     std::vector<double> values_;
     std::size_t end_;
     std::vector<std::size_t> next_;  // of each reader
-    double frontier_;
+    Time frontier_;
 };
 
 }  // namespace rtamt::dense

@@ -1,104 +1,76 @@
 // The dense machine as a Python class.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/tuple.h>
 
+#include <memory>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
+#include "python/events.hpp"
 #include "python/object.hpp"
 
 namespace rtamt {
 namespace {
 
-using DenseObject = NamedObject<DenseMachine>;
+using dense::Dating;
+
+struct DenseObject : NamedObject<DenseMachine> {
+    Clock clock;
+};
 
 void construct(DenseObject* self, const nb::sequence& rows, std::size_t terms,
-               const nb::tuple& variables, std::size_t result, const nb::sequence& observed,
+               const nb::tuple& variables, std::size_t result,
+               const std::tuple<double, Time, Time>& clock, const nb::sequence& observed,
                nb::object reader) {
-    new (self) DenseObject{{DenseMachine(dense_rows(rows), terms, nb::len(variables), result,
-                                         registers_of(observed)),
-                            std::move(reader)},
-                           Arguments(variables)};
+    const auto [scale, ticks, units] = clock;
+    if (!(ticks >= 0 && units > 0)) throw nb::value_error("expected a clock that counts");
+    new (self) DenseObject{{{DenseMachine(dense_rows(rows), terms, nb::len(variables), result,
+                                          registers_of(observed)),
+                             std::move(reader)},
+                            Arguments(variables)},
+                           Clock(scale, ticks, units)};
 }
 
-nb::list times_of(const dense::Sampler& sampler,
-                  double (dense::Sampler::*time)(std::size_t) const) {
+// A time for the reader: a tick, or -inf or inf.
+nb::object tick_of(Time time) {
+    if (time == dense::kBefore) return nb::float_(-kInfinity);
+    if (time == dense::kAfter) return nb::float_(kInfinity);
+    return nb::int_(time);
+}
+
+nb::object dated(Dating dating) {
+    return dating == Dating::none ? nb::object(nb::none()) : nb::object(nb::bool_(dating == Dating::dates));
+}
+Dating dating_of(nb::handle dated) {
+    if (dated.is_none()) return Dating::none;
+    return nb::cast<bool>(dated) ? Dating::dates : Dating::numbers;
+}
+
+// The time of a tick as a caller sees it.
+nb::object time_of(const DenseObject& object, Time tick) {
+    double time;
+    if (object.machine.dating() != Dating::dates && dense::counts(tick) &&
+        object.clock.time(tick, time)) [[likely]]
+        return nb::float_(time);
+    return object.reader.attr("time")(tick_of(tick), dated(object.machine.dating()));
+}
+
+nb::list times_of(const dense::Sampler& sampler, Time (dense::Sampler::*time)(std::size_t) const) {
     nb::list times;
-    for (std::size_t v = 0; v < sampler.variables(); ++v) times.append((sampler.*time)(v));
+    for (std::size_t v = 0; v < sampler.variables(); ++v)
+        times.append(tick_of((sampler.*time)(v)));
     return times;
 }
 
-[[noreturn]] void refuse_nan(const DenseObject& object) {
+[[noreturn]] void refuse_nan(const DenseObject& object, Dating dating) {
     const dense::Sampler& sampler = object.machine.sampler();
     const std::vector<double>& values = sampler.nan_values();
-    refuse(object.reader, "refuse", list_of(values.data(), values.size()), sampler.nan_time());
+    refuse(object.reader, "refuse", list_of(values.data(), values.size()),
+           nb::make_tuple(sampler.nan_time(), dated(dating)));
 }
-
-// Reads the frequent forms of a variable's events; false if they have another form.
-class Forms {
-public:
-    static const Forms& instance() {
-        static const Forms forms;
-        return forms;
-    }
-
-    bool read(PyObject* events, dense::Pending& out) const {
-        if (PyList_CheckExact(events)) return pairs(events, out);
-        if (Py_TYPE(events) == events_) return columns(events, out);
-        Py_ssize_t n = 0;
-        const double* rows = numpy_.rows(events, 2, n);
-        if (rows == nullptr) return PyTuple_CheckExact(events) && pairs(events, out);
-        resize(out, n);
-        for (Py_ssize_t i = 0; i < n; ++i) {
-            out.times[i] = rows[2 * i];
-            out.values[i] = rows[2 * i + 1];
-        }
-        return true;
-    }
-
-private:
-    static void resize(dense::Pending& out, Py_ssize_t n) {
-        out.times.resize(static_cast<std::size_t>(n));
-        out.values.resize(static_cast<std::size_t>(n));
-    }
-
-    // A list or tuple of lists or tuples.
-    bool pairs(PyObject* events, dense::Pending& out) const {
-        const Py_ssize_t n = PySequence_Fast_GET_SIZE(events);
-        PyObject** items = PySequence_Fast_ITEMS(events);
-        resize(out, n);
-        for (Py_ssize_t i = 0; i < n; ++i) {
-            PyObject* item = items[i];
-            if ((!PyTuple_CheckExact(item) && !PyList_CheckExact(item)) ||
-                PySequence_Fast_GET_SIZE(item) != 2)
-                return false;
-            PyObject** pair = PySequence_Fast_ITEMS(item);
-            if (!numpy_.number(pair[0], out.times[i]) || !numpy_.number(pair[1], out.values[i]))
-                return false;
-        }
-        return true;
-    }
-
-    bool columns(PyObject* events, dense::Pending& out) const {
-        const auto times = nb::steal(PyObject_GetAttr(events, times_));
-        const auto values = nb::steal(PyObject_GetAttr(events, values_));
-        if (!times.is_valid() || !values.is_valid()) nb::raise_python_error();
-        Py_ssize_t n = 0;
-        Py_ssize_t size = 0;
-        const double* t = numpy_.column(times.ptr(), n);
-        const double* v = numpy_.column(values.ptr(), size);
-        if (t == nullptr || v == nullptr || n != size) return false;
-        out.times.assign(t, t + n);
-        out.values.assign(v, v + n);
-        return true;
-    }
-
-    PyTypeObject* events_ = permanent_type("rtamt.inputs.events", "Events");
-    PyObject* times_ = PyUnicode_InternFromString("times");
-    PyObject* values_ = PyUnicode_InternFromString("values");
-    const Numpy& numpy_ = Numpy::instance();
-};
 
 bool fit(const DenseObject& object, std::vector<dense::Pending>& pending) {
     for (std::size_t v = 0; v < pending.size(); ++v)
@@ -113,19 +85,25 @@ bool read_events(DenseObject& object, PyObject* events) {
         p.times.clear();
         p.values.clear();
     }
-    if (!PyDict_CheckExact(events)) return false;
+    if (!PyDict_CheckExact(events) || object.machine.dating() == Dating::dates) return false;
     const Forms& forms = Forms::instance();
     PyObject* name;
     PyObject* value;
     Py_ssize_t place = 0;
     for (std::size_t guess = 0; PyDict_Next(events, &place, &name, &value); ++guess) {
         const std::size_t v = object.arguments.place(name, guess < pending.size() ? guess : 0);
-        if (v == pending.size() || !forms.read(value, pending[v])) return false;
+        if (v == pending.size() || !forms.read(value, object.clock, pending[v])) return false;
     }
     return fit(object, pending);
 }
 
-// The events of a pair of arrays.
+bool any(const std::vector<dense::Pending>& pending) {
+    for (const dense::Pending& p : pending)
+        if (!p.times.empty()) return true;
+    return false;
+}
+
+// The events of a pair of arrays, with times in ticks.
 class EventViews {
 public:
     explicit EventViews(nb::handle pair)
@@ -134,7 +112,7 @@ public:
           values_(pair[1], size_, PyBUF_ND) {}
 
     dense::Events events() const {
-        return {times_.data<double>(), values_.data<double>(), size_};
+        return {times_.data<Time>(), values_.data<double>(), size_};
     }
 
 private:
@@ -143,12 +121,14 @@ private:
     ArrayView values_;
 };
 
-// Leaves the rare forms of events and all errors to the reader.
-void read_events_slowly(DenseObject& object, PyObject* events) {
-    const nb::object columns = object.reader.attr("read")(
-        nb::handle(events), times_of(object.machine.sampler(), &dense::Sampler::last_time));
+// Leaves the rare forms of events and all errors to the reader. Returns what times are then.
+Dating read_events_slowly(DenseObject& object, PyObject* events) {
+    const nb::object read = object.reader.attr("read")(
+        nb::handle(events), times_of(object.machine.sampler(), &dense::Sampler::last_time),
+        dated(object.machine.dating()));
     require_idle(object);
     if (object.machine.finished()) refuse(object.reader, "refuse_update");
+    const nb::object columns = read[0];
     std::vector<dense::Pending>& pending = object.machine.pending();
     if (nb::len(columns) != pending.size())
         throw std::runtime_error("the reader gave another number of columns");
@@ -159,14 +139,21 @@ void read_events_slowly(DenseObject& object, PyObject* events) {
         pending[v].values.assign(events.values, events.values + events.size);
     }
     if (!fit(object, pending)) throw std::runtime_error("the reader gave events that do not fit");
+    return dating_of(read[1]);
 }
 
-nb::list new_steps(DenseMachine& machine) {
+nb::list new_steps(DenseObject& object) {
     nb::list list = nb::steal<nb::list>(PyList_New(0));
-    machine.drain([&](double time, double value) {
-        const auto pair = nb::steal(pair_of(time, value));
-        if (!pair.is_valid() || PyList_Append(list.ptr(), pair.ptr()) != 0)
-            nb::raise_python_error();
+    object.machine.drain([&](Time tick, double value) {
+        double time;
+        nb::object pair;
+        if (object.machine.dating() != Dating::dates && object.clock.time(tick, time)) [[likely]] {
+            pair = nb::steal(pair_of(time, value));
+            if (!pair.is_valid()) nb::raise_python_error();
+        } else {
+            pair = nb::make_tuple(time_of(object, tick), value);
+        }
+        if (PyList_Append(list.ptr(), pair.ptr()) != 0) nb::raise_python_error();
     });
     return list;
 }
@@ -182,10 +169,15 @@ PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* 
             const auto [positional, named] = packed(args, n, kwnames);
             events = object.reader.attr("given")(positional, named);
         }
-        if (!read_events(object, events.ptr())) [[unlikely]]
-            read_events_slowly(object, events.ptr());
-        if (!object.machine.take()) [[unlikely]] refuse_nan(object);
-        return new_steps(object.machine).release().ptr();
+        Dating dating = object.machine.dating();
+        if (!read_events(object, events.ptr())) [[unlikely]] {
+            dating = read_events_slowly(object, events.ptr());
+        } else if (dating == Dating::none && any(object.machine.pending())) {
+            dating = Dating::numbers;
+        }
+        if (!object.machine.take()) [[unlikely]] refuse_nan(object, dating);
+        object.machine.set_dating(dating);
+        return new_steps(object).release().ptr();
     });
 }
 
@@ -193,44 +185,107 @@ void end(DenseObject& object) {
     if (object.machine.finish()) return;
     const dense::Sampler& sampler = object.machine.sampler();
     refuse(object.reader, "refuse_end", times_of(sampler, &dense::Sampler::first_time),
-            times_of(sampler, &dense::Sampler::last_time));
+           times_of(sampler, &dense::Sampler::last_time), dated(object.machine.dating()));
 }
 
 nb::list finish(DenseObject& object) {
     require_idle(object);
     if (!object.machine.finished()) end(object);
-    return new_steps(object.machine);
+    return new_steps(object);
 }
 
-nb::tuple run(DenseObject& object, const nb::sequence& columns) {
+// The events of a whole trace, with times in ticks.
+class Trace {
+public:
+    // Counts times that are doubles; false if there are others, or what is no signal.
+    bool count(const nb::sequence& given, const Clock& clock) {
+        for (nb::handle pair : given) {
+            const double* times;
+            const double* values;
+            std::size_t n;
+            if (!Forms::instance().doubles(pair[0], pair[1], times, values, n)) return false;
+            counted_.push_back(std::make_unique_for_overwrite<Time[]>(n));
+            Time* ticks = counted_.back().get();
+            Time last = dense::kBefore;
+            for (std::size_t i = 0; i < n; i += kBlock) {
+                const std::size_t size = std::min(kBlock, n - i);
+                if (!clock.count(times + i, 1, size, ticks + i) ||
+                    !dense::Sampler::fit(last, {ticks + i, values + i, size}))
+                    return false;
+                last = ticks[i + size - 1];
+            }
+            events.push_back({ticks, values, n});
+        }
+        return true;
+    }
+    // Takes what the reader has counted.
+    void take(nb::handle columns) {
+        events.clear();
+        for (nb::handle column : columns) {
+            views_.emplace_back(column);
+            events.push_back(views_.back().events());
+        }
+    }
+
+    std::vector<dense::Events> events;
+
+private:
+    static constexpr std::size_t kBlock = 1024;
+
+    std::vector<std::unique_ptr<Time[]>> counted_;
+    std::vector<EventViews> views_;
+};
+
+nb::object array_of_times(const DenseObject& object, const std::vector<Time>& ticks) {
+    static const NewArray integers("int64");
+    static const NewArray doubles("float64");
+    const auto at = [&](std::size_t i) { return ticks[i]; };
+    bool fine = object.machine.dating() != Dating::dates;
+    nb::object times = doubles.make<double>(ticks.size(), [&](std::size_t i) {
+        double time = 0.0;
+        fine = fine && object.clock.time(ticks[i], time);
+        return time;
+    });
+    if (fine) return times;
+    return object.reader.attr("times")(integers.make<Time>(ticks.size(), at),
+                                       dated(object.machine.dating()));
+}
+
+nb::tuple run(DenseObject& object, const nb::sequence& given) {
     require_idle(object);
     DenseMachine& machine = object.machine;
-    std::vector<EventViews> views;
-    std::vector<dense::Events> events;
-    std::size_t most = 0;
-    for (nb::handle column : columns) {
-        views.emplace_back(column);
-        events.push_back(views.back().events());
-        most = std::max(most, events.back().size);
-    }
     const dense::Sampler& sampler = machine.sampler();
-    if (events.size() != sampler.variables())
+    if (nb::len(given) != sampler.variables())
         throw nb::value_error("expected events of every variable");
-    for (std::size_t v = 0; v < events.size(); ++v)
-        if (sampler.last_time(v) > -kInfinity || !sampler.fits(v, events[v]))
-            throw nb::value_error("expected a new machine and events that rise");
-    std::vector<double> times;
+    for (std::size_t v = 0; v < sampler.variables(); ++v)
+        if (sampler.last_time(v) > dense::kBefore)
+            throw nb::value_error("expected a new machine");
+    Trace trace;
+    if (trace.count(given, object.clock)) {
+        machine.set_dating(Dating::numbers);
+    } else {
+        const nb::object counted = object.reader.attr("counted")(
+            given, times_of(sampler, &dense::Sampler::last_time), nb::none());
+        trace.take(counted[0]);
+        for (const dense::Events& events : trace.events)
+            if (!dense::Sampler::fit(dense::kBefore, events))
+                throw std::runtime_error("the reader gave events that do not fit");
+        machine.set_dating(dating_of(counted[1]));
+    }
+    std::size_t most = 0;
+    for (const dense::Events& events : trace.events) most = std::max(most, events.size);
+    std::vector<Time> ticks;
     std::vector<double> values;
-    const auto emit = [&](double time, double value) {
-        times.push_back(time);
+    const auto emit = [&](Time tick, double value) {
+        ticks.push_back(tick);
         values.push_back(value);
     };
-    const bool fine = run_long(object, most, [&] { return machine.run(events.data(), emit); });
-    if (!fine) refuse_nan(object);
+    const bool fine =
+        run_long(object, most, [&] { return machine.run(trace.events.data(), emit); });
+    if (!fine) refuse_nan(object, machine.dating());
     end(object);
     machine.drain(emit);
-    return nb::make_tuple(doubles(times.data(), times.size()),
-                          doubles(values.data(), values.size()));
+    return nb::make_tuple(array_of_times(object, ticks), doubles(values.data(), values.size()));
 }
 
 PyMethodDef methods[] = {
@@ -251,12 +306,13 @@ void bind_dense(nb::module_& m) {
         "    terms: The number of rows that are arithmetic over the present values.\n"
         "    variables: Names of the inputs.\n"
         "    result: Register that update returns.\n"
+        "    clock: Ticks in a unit of time, as a double and as a quotient of two numbers.\n"
         "    observed: Registers that values lists.\n"
         "    reader: Reads the rare forms of events, and raises all errors.",
         methods)
         .def("__init__", construct, nb::arg("rows"), nb::arg("terms"), nb::arg("variables"),
-             nb::arg("result"), nb::arg("observed"), nb::arg("reader"))
-        .def_prop_ro("settled", [](const DenseObject& o) { return o.machine.settled(); },
+             nb::arg("result"), nb::arg("clock"), nb::arg("observed"), nb::arg("reader"))
+        .def_prop_ro("settled", [](const DenseObject& o) { return time_of(o, o.machine.settled()); },
                      "The time before which the result is known; when finished, the end.")
         .def_prop_ro("finished", [](const DenseObject& o) { return o.machine.finished(); },
                      "Whether the trace has ended.")
@@ -267,9 +323,9 @@ void bind_dense(nb::module_& m) {
                      },
                      "The last known value of every observed register; nan before the first.")
         .def("finish", finish, "End the trace; return the rest of the result.")
-        .def("run", run, nb::arg("columns"),
-             "Take in a whole trace; return the times and values of the result. The machine is of\n"
-             "no use after that.")
+        .def("run", run, nb::arg("given"),
+             "Take in a whole trace, with times as they were given; return the times and values of\n"
+             "the result. The machine is of no use after that.")
         .def("reset", reset<DenseObject>, "Return to the state before the first event.");
 }
 

@@ -43,8 +43,9 @@ inline std::vector<episode::FormulaRow> formula_rows(const nb::sequence& encoded
 }
 
 inline std::vector<DenseRow> dense_rows(const nb::sequence& encoded) {
-    return rows_of<DenseRow, const char*, const char*, std::size_t, std::size_t, double, double,
-                   double>(encoded);
+    using Bound = std::optional<dense::Time>;
+    return rows_of<DenseRow, const char*, const char*, std::size_t, std::size_t, double, Bound,
+                   Bound>(encoded);
 }
 
 inline std::vector<std::size_t> registers_of(const nb::sequence& numbers) {

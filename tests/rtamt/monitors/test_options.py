@@ -68,7 +68,7 @@ def test_the_nearest_may_be_any_argument_of_the_call() -> None:
         rtamt.DenseMonitor("x > 0", qux=1)  # type: ignore[call-arg]
     assert str(caught.value) == (
         "DenseMonitor() got an unexpected keyword argument 'qux'; "
-        "its arguments are spec, interpolation, semantics, inputs, outputs, backend"
+        "its arguments are spec, resolution, interpolation, semantics, inputs, outputs, backend"
     )
 
 

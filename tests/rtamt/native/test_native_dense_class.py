@@ -39,6 +39,7 @@ def arguments(**changes: object) -> dict[str, object]:
     program = compile_dense(as_specification(SPEC), online=True)
     made = {
         "rows": encoded_dense(program).rows,
+        "clock": encoded_dense(program).clock,
         "terms": program.program.terms,
         "variables": program.program.variables,
         "result": program.program.result,
@@ -63,7 +64,7 @@ def test_an_object_that_was_not_made_is_refused() -> None:
     gc.collect()
 
 
-ROW = ("LOAD", "x", 0, 0, 0.0, 0.0, 0.0)
+ROW = ("LOAD", "x", 0, 0, 0.0, None, None)
 
 
 @pytest.mark.parametrize(
@@ -72,14 +73,17 @@ ROW = ("LOAD", "x", 0, 0, 0.0, 0.0, 0.0)
         ({"variables": ()}, "expected a variable"),
         ({"result": 99}, "the result is out of range"),
         ({"observed": (99,)}, "an observed register is out of range"),
-        ({"rows": [ROW, ("JUMP", "", 0, 0, 0.0, 0.0, 0.0)]}, "unknown kind 'JUMP'"),
-        ({"rows": [ROW, ("MAP", "tan", 0, 0, 0.0, 0.0, 0.0)]}, "unknown function 'tan'"),
-        ({"rows": [ROW, ("WINDOW", "sum", 0, 0, 0.0, 0.0, 1.0)]}, "unknown lattice fold 'sum'"),
-        ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 2.0, 1.0)]}, "row 1 is out of range"),
-        ({"rows": [ROW, ("WINDOW", "min", 1, 0, 0.0, 0.0, 1.0)]}, "row 1 is out of range"),
-        ({"rows": [ROW, ("MAP", "neg", 0, 7, 0.0, 0.0, 0.0)]}, "row 1 is out of range"),
-        ({"rows": [ROW, ("LOAD", "z", 2, 0, 0.0, 0.0, 0.0)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("JUMP", "", 0, 0, 0.0, None, None)]}, "unknown kind 'JUMP'"),
+        ({"rows": [ROW, ("MAP", "tan", 0, 0, 0.0, None, None)]}, "unknown function 'tan'"),
+        ({"rows": [ROW, ("WINDOW", "sum", 0, 0, 0.0, 0, 1)]}, "unknown lattice fold 'sum'"),
+        ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 2, 1)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("WINDOW", "min", 1, 0, 0.0, 0, 1)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("MAP", "neg", 0, 7, 0.0, None, None)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("LOAD", "z", 2, 0, 0.0, None, None)]}, "row 1 is out of range"),
+        ({"rows": [ROW, ("WINDOW", "min", 0, 0, 0.0, 0, 2**62)]}, "row 1 is out of range"),
         ({"rows": [ROW, ROW[:6]]}, "expected rows of 7"),
+        ({"clock": (1e9, -1, 1)}, "expected a clock that counts"),
+        ({"clock": (1e9, 1, 0)}, "expected a clock that counts"),
     ],
 )
 def test_a_program_that_would_reach_out_of_memory_is_refused(
@@ -99,13 +103,14 @@ def test_run_takes_whole_signals_of_a_new_machine() -> None:
     with pytest.raises(ValueError, match=r"^expected events of every variable$"):
         machine().run(columns[:1])
     with pytest.raises(ValueError, match=r"^expected 1-D columns of n values$"):
-        machine().run([columns[0], (np.zeros(2), np.zeros(3))])
+        machine().run([columns[0], (np.arange(2.0), np.zeros(3))])
     used = machine()
     used.update(EVENTS)
+    with pytest.raises(ValueError, match=r"^expected a new machine$"):
+        used.run(columns)
     late = (np.array([0.0, 0.0]), np.ones(2))
-    for made, given in ((used, columns), (machine(), [columns[0], late])):
-        with pytest.raises(ValueError, match=r"^expected a new machine and events that rise$"):
-            made.run(given)
+    with pytest.raises(ValueError, match=r"^expected a time after 0\.0 at event 1 of 'gap', got 0"):
+        machine().run([columns[0], late])
 
 
 class Nested(Mapping[str, "EventsLike"]):

@@ -1,0 +1,325 @@
+"""The reader of the events that a caller hands in.
+
+Both back-ends use it: the machine in Python for all events, the one in C++ for the argument forms
+that it does not read itself and for every error.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import NoReturn
+
+import numpy as np
+
+from rtamt.errors import InputError, InputTypeError, StateError
+from rtamt.inputs.clock import EXACT, Clock, Ticks, Times, shown
+from rtamt.inputs.events import (
+    Events,
+    EventsLike,
+    Given,
+    are_dates,
+    check_times,
+    check_values,
+    not_after,
+)
+from rtamt.inputs.messages import Messages
+from rtamt.inputs.samples import (
+    Floats,
+    array_of_numbers,
+    kind_of,
+    listed,
+    number,
+    refuse_term,
+    unknown_variable,
+)
+from rtamt.program.dense_lowering import DenseProgram
+
+__all__ = ["Column", "Dated", "EventReader"]
+
+Column = tuple[Ticks, Floats]
+"""Times in ticks and values of one variable's events."""
+Dated = bool | None
+"""Whether times are `numpy.datetime64`; None before the first event."""
+
+
+class EventReader:
+    """Reads the events of a program's variables, and counts their times.
+
+    Args:
+        dense: The events of its variables are read; its terms are named in errors.
+    """
+
+    __slots__ = ("_messages", "clock", "program", "variables")
+
+    def __init__(self, dense: DenseProgram) -> None:
+        program = dense.program
+        self.clock = Clock(dense)
+        self.program = program
+        self.variables = program.variables
+        self._messages = Messages(program.specification, program.variables)
+
+    def given(
+        self, events: Sequence[Mapping[str, EventsLike]], named: Mapping[str, EventsLike]
+    ) -> Mapping[str, EventsLike]:
+        """The events of ``update(*events, **named)``: one mapping, or events by keyword.
+
+        Raises:
+            InputError: On both, or on several positional arguments.
+        """
+        if len(events) == 1 and not named:
+            return events[0]
+        if not events:
+            return named
+        raise InputError(
+            "expected events as one mapping or by name, as in update(x=[(0.0, 1.5)]), got "
+            f"{len(events)} by position and {len(named)} by name"
+        )
+
+    def read(
+        self, events: Mapping[str, EventsLike], last: Sequence[float], dated: Dated
+    ) -> tuple[list[Column], Dated]:
+        """The new events of every variable, in the order of the variables.
+
+        Args:
+            events: The new events by variable; a variable that is absent has none.
+            last: Tick of every variable's last event; -inf where there was none.
+            dated: Whether the times so far are dates.
+
+        Returns:
+            The events, and whether the times are dates.
+
+        Raises:
+            InputError: On an unknown variable, times that do not increase or are on one tick, times
+                beyond the clock, dates beside numbers, a nan, a wrong shape.
+            InputTypeError: On events that are not a mapping, or values that are not real numbers.
+        """
+        named = self._named(events)
+        for name in named:
+            if name not in self.variables:
+                raise unknown_variable(name, self.variables, self._messages)
+        given = [_read(named[v], v) if v in named else _NONE for v in self.variables]
+        return self.counted(given, last, dated)
+
+    def whole(self, events: Mapping[str, EventsLike]) -> list[Given]:
+        """All events of every variable, as they were given; other names are ignored.
+
+        `counted` counts their times, and refuses what is no signal.
+
+        Raises:
+            InputError: On a variable without events, or a wrong shape.
+            InputTypeError: On events that are not a mapping, or values that are not real numbers.
+        """
+        named = self._named(events)
+        columns = []
+        for name in self.variables:
+            column = _read(named[name], name) if name in named else _NONE
+            if not len(column[0]):
+                known = listed(self.variables)
+                raise InputError(f"expected events of every variable, got none of '{name}'{known}")
+            columns.append(column)
+        return columns
+
+    def counted(
+        self, given: Sequence[Given], last: Sequence[float], dated: Dated
+    ) -> tuple[list[Column], Dated]:
+        """The events of every variable with times in ticks; arguments and errors as in `read`."""
+        columns = []
+        for name, (times, values), after in zip(self.variables, given, last, strict=True):
+            of_name = f" of '{name}'"
+            if len(times):
+                dates = are_dates(times)
+                if dated not in (None, dates):
+                    expected = "datetime64" if dated else "a number"
+                    raise InputError(
+                        f"expected {expected} as the time of event 0{of_name}, as before, got "
+                        f"{'datetime64 ' if dates else ''}{shown(times[0])}"
+                    )
+                dated = dates
+            check_times(times, of_name)
+            ticks = self.clock.ticks(times, of_name)
+            self._check_order(times, ticks, of_name, after)
+            check_values(times, values, of_name)
+            columns.append((ticks, values))
+        return columns, dated
+
+    def _check_order(self, times: Times, ticks: Ticks, of_name: str, after: float) -> None:
+        if not len(ticks):
+            return
+        late = ticks[1:] > ticks[:-1]
+        if ticks[0] > after and late.all():
+            return
+        i = 0 if not ticks[0] > after else int(np.argmin(late)) + 1
+        before = self.clock.time(int(after), dated=are_dates(times)) if i == 0 else times[i - 1]
+        error = not_after(before, times[i], i, of_name)
+        if times[i] > before:
+            message = f"{error}, {self.clock.same_tick(_item(before), _item(times[i]))}"
+            raise InputError(message)
+        raise error
+
+    def time(self, tick: float, dated: Dated) -> float:
+        """The time of a tick; inf and -inf stay what they are."""
+        return tick if math.isinf(tick) else self.clock.time(int(tick), dated=bool(dated))
+
+    def times(self, ticks: Ticks, dated: Dated) -> Floats:
+        """The times of ticks."""
+        return self.clock.times(ticks, dated=bool(dated))
+
+    def refuse(self, values: Sequence[float], place: tuple[float, Dated]) -> NoReturn:
+        """Raise the error that names the first term which is nan.
+
+        Args:
+            values: Those of the variables.
+            place: The tick, and whether times are dates.
+        """
+        refuse_term(self.program, values, f"time {shown(self.time(*place))}")
+
+    def refuse_end(self, first: Sequence[float], last: Sequence[float], dated: Dated) -> NoReturn:
+        """Raise the error of a trace that ends although at no time all variables were known.
+
+        Args:
+            first: Tick of every variable's first event; inf where there was none.
+            last: Tick of every variable's last event; -inf where there was none.
+            dated: Whether the times are dates.
+
+        Raises:
+            StateError: If a variable has no event yet.
+            InputError: If there is no time at which all variables are known.
+        """
+        latest, earliest = max(first), min(last)
+        ends = self.variables[list(last).index(earliest)]
+        if math.isinf(earliest):
+            raise StateError(
+                f"finish() needs an event of every variable, got none of '{ends}' since reset"
+            )
+        begins = self.variables[list(first).index(latest)]
+        raise InputError(
+            f"expected signals that overlap in time, got '{ends}', which ends at "
+            f"{shown(self.time(earliest, dated))}, and '{begins}', which begins at "
+            f"{shown(self.time(latest, dated))}"
+        )
+
+    def refuse_update(self) -> NoReturn:
+        """Raise the error that refuses events after the end."""
+        raise StateError("the trace is finished; call reset() before the next update")
+
+    def _named(self, events: object) -> Mapping[str, object]:
+        """The events by variable, with those of the fields in place of those of their messages."""
+        if not isinstance(events, Mapping):
+            raise InputTypeError(
+                "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
+                f"got {kind_of(events)}"
+            )
+        messages = self._messages.names & events.keys()
+        if not messages:
+            return events
+        return self._messages.spread(
+            {n: _messages(e, n) if n in messages else e for n, e in events.items()},
+            lambda field, pairs: [(time, field.of(m, time, "time")) for time, m in pairs],
+        )
+
+
+_NOTHING = np.empty(0)
+_NONE: Given = (_NOTHING, _NOTHING)
+
+
+def _read(given: object, name: str) -> Given:
+    """The events of a variable, as arrays of times and values."""
+    if isinstance(given, Events):
+        return given.given
+    forms = (
+        f"events of '{name}' as a sequence of (time, value), an array of shape (n, 2) or "
+        "Events(times, values)"
+    )
+    if isinstance(given, np.ndarray):
+        table = array_of_numbers(given, f"the events of '{name}'")
+        if not table.size:
+            return _NONE
+        times: Times = given if type(given) is np.ndarray and given.dtype.kind in "iu" else table
+    else:
+        events = _listed(given, forms)
+        try:
+            table = np.array(events)
+        except (ValueError, TypeError, OverflowError):  # pairs and others
+            table = _NOTHING
+        if table.dtype.kind not in "biuf" or table.ndim != 2:
+            return _pairs(events, name)
+        times = table
+    if table.ndim != 2 or table.shape[1] != 2:
+        raise InputError(f"expected {forms}, got shape {table.shape}")
+    if not isinstance(given, np.ndarray) and np.any(np.abs(table[:, 0]) >= EXACT):
+        # numpy makes doubles of integers beside values that are doubles, which rounds large ones.
+        return _pairs(events, name)
+    values = table[:, 1].astype(np.float64, copy=False)
+    return np.ascontiguousarray(times[:, 0]), np.ascontiguousarray(values)
+
+
+def _pairs(events: Sequence[object], name: str) -> Given:
+    """The events of a variable one by one, with times of any kind."""
+    times, values = [], []
+    for i, event in enumerate(events):
+        time, value = _pair(event, "value", i, name)
+        times.append(_time(time, i, name))
+        values.append(_number(value, "value", i, name))
+    dates = [isinstance(time, np.datetime64) for time in times]
+    if any(dates) and not all(dates):
+        i = dates.index(not dates[0])
+        expected = "datetime64" if dates[0] else "a number"
+        got = kind_of(times[i])
+        raise InputError(
+            f"expected {expected} as the time of event {i} of '{name}', as before, got {got}"
+        )
+    line: Times = np.array(times) if any(dates) else np.empty(len(times), object)
+    if not any(dates):
+        line[:] = times
+        if all(type(time) is float for time in times):
+            line = line.astype(np.float64)
+    return line, np.array(values, np.float64)
+
+
+def _messages(given: object, name: str) -> list[list[object]]:
+    """The events of a message, as pairs of time and message."""
+    events = _listed(given, f"events of '{name}' as a sequence of (time, message)")
+    return [_pair(event, "message", i, name) for i, event in enumerate(events)]
+
+
+def _listed(given: object, forms: str) -> list[object]:
+    # An object with keys iterates over the keys, or over values without times (a pandas column).
+    if isinstance(given, str | bytes) or hasattr(given, "keys") or not isinstance(given, Iterable):
+        raise InputTypeError(f"expected {forms}, got {kind_of(given)}")
+    return list(given)
+
+
+def _pair(event: object, what: str, i: int, name: str) -> list[object]:
+    if isinstance(event, Sequence | np.ndarray) and not isinstance(event, str | bytes):
+        parts = [] if isinstance(event, np.ndarray) and not event.ndim else list(event)
+        if len(parts) == 2:
+            return parts
+    raise InputError(f"expected (time, {what}) as event {i} of '{name}', got {kind_of(event)}")
+
+
+def _time(part: object, i: int, name: str) -> object:
+    """A date, a rational number or a float."""
+    if isinstance(part, np.datetime64):
+        return part
+    if isinstance(part, np.integer):
+        return int(part)
+    if isinstance(part, numbers.Rational):
+        return Fraction(part)
+    return _number(part, "time", i, name)
+
+
+def _number(part: object, what: str, i: int, name: str) -> float:
+    read = number(part)
+    if read is None:
+        raise InputTypeError(
+            f"expected a number as the {what} of event {i} of '{name}', got {kind_of(part)}"
+        )
+    return read
+
+
+def _item(time: object) -> object:
+    """A number of Python, or a date."""
+    return time.item() if isinstance(time, np.floating | np.integer) else time
