@@ -49,14 +49,6 @@ def _back(fold: str) -> Meaning:
     return meaning
 
 
-def _distance(b: Builder, x: int, y: int) -> int:
-    return b.map("abs", b.map("sub", x, y))
-
-
-def _nearness(b: Builder, x: int, y: int) -> int:
-    return b.map("neg", _distance(b, x, y))
-
-
 def _implies(b: Builder, p: int, q: int) -> int:
     return b.map("max", b.map("neg", p), q)
 
@@ -148,7 +140,7 @@ _ROWS = (
         "atom",
         14,
         "the value of the term",
-        lambda _, x: x,
+        _apply("nonnegative"),
         operands="term",
         holds=lambda b, x: b.map("ge", x, b.constant(0.0)),
         name="value",
@@ -170,12 +162,12 @@ _ROWS = (
     _arithmetic("+", 10, "sum", "add", "left-flat"),
     _arithmetic("-", 10, "difference", "sub", "left"),
     # comparisons
-    _comparison((">=",), "x - y", _apply("sub"), _apply("ge")),
-    _comparison((">",), "x - y", _apply("sub"), _apply("gt")),
-    _comparison(("<=",), "y - x", _swapped("sub"), _swapped("ge")),
-    _comparison(("<",), "y - x", _swapped("sub"), _swapped("gt")),
-    _comparison(("==",), "-abs(x - y)", _nearness, _apply("eq")),
-    _comparison(("!=", "!=="), "abs(x - y)", _distance, _apply("ne")),
+    _comparison((">=",), "x - y", _apply("at_least"), _apply("ge")),
+    _comparison((">",), "x - y", _apply("above"), _apply("gt")),
+    _comparison(("<=",), "y - x", _swapped("at_least"), _swapped("ge")),
+    _comparison(("<",), "y - x", _swapped("above"), _swapped("gt")),
+    _comparison(("==",), "-abs(x - y)", _apply("equal"), _apply("eq")),
+    _comparison(("!=", "!=="), "abs(x - y)", _apply("unequal"), _apply("ne")),
     # Boolean
     Operator(("not", "!"), "prefix", 8, "-p(i)", _apply("neg")),
     _junction(("and", "&", "&&"), 5, "min of the operands at i", "min"),

@@ -99,7 +99,8 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeMachine]):
 
     @property
     def verdict(self) -> NDArray[np.int8]:
-        return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
+        satisfied, violated = ~np.signbit(self.lower), np.signbit(self.upper)
+        return np.subtract(satisfied, violated, dtype=np.int8)
 
     @property
     def finished(self) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 import weakref
 from collections.abc import Sequence
+from math import copysign
 from types import MemberDescriptorType
 
 __all__ = ["Readout", "read_only"]
@@ -41,7 +42,7 @@ class Readout:
 
 def verdict_of(lower: float, upper: float) -> int:
     """-1 if the bounds say that the specification is violated, 1 if satisfied, else 0."""
-    return -1 if upper < 0.0 else int(lower > 0.0)
+    return -1 if copysign(1.0, upper) < 0.0 else int(copysign(1.0, lower) > 0.0)
 
 
 def read_only(slot: MemberDescriptorType) -> object:

@@ -117,11 +117,12 @@ class Explanation:
     def __str__(self) -> str:
         last = self.steps[-1]
         cause = last.text if last.outside is None else "a window outside the trace"
-        head = f"robustness {_number(self.robustness)} at {self._at(self.sample)}, decided by "
+        robustness = self._robustness(self.steps[0], ",")
+        head = f"robustness {robustness} at {self._at(self.sample)}, decided by "
         rows = [("at", "value", "formula")]
         for step in self.steps:
             shown = step.text if step.name is None else f"{step.name} = {step.text}"
-            rows.append((self._at(step.sample), _number(step.value), shown))
+            rows.append((self._at(step.sample), self._robustness(step), shown))
             rows += [("", "", f"  {note}") for note in self._notes(step)]
         rows += [(self._at(c.sample), _number(c.value), c.variable) for c in self.causes]
         widths = [max(len(row[i]) for row in rows) for i in range(2)]
@@ -129,6 +130,12 @@ class Explanation:
         for at, value, shown in rows:
             lines += _wrapped(f"{at:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
         return "\n".join(lines)
+
+    def _robustness(self, step: ExplanationStep, then: str = "") -> str:
+        """A robustness; of 0 also whether the formula holds, which the sign bit says."""
+        if step.value or self.steps[-1].reading == "zero":
+            return _number(step.value)
+        return f"0, {'violated' if math.copysign(1.0, step.value) < 0.0 else 'holds'}{then}"
 
     def _notes(self, step: ExplanationStep) -> Iterator[str]:
         if step.aligned is not None:

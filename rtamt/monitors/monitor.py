@@ -172,14 +172,14 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
 
 
 class Verdict(enum.IntEnum):
-    """The verdict on an episode, decided as soon as the bounds exclude 0."""
+    """The verdict on an episode, decided as soon as both bounds have the same sign bit."""
 
     VIOLATED = -1
-    """No continuation can satisfy the specification: the upper bound is below 0."""
+    """No continuation can satisfy the specification: the upper bound is negative, or -0.0."""
     UNDECIDED = 0
-    """The bounds do not exclude 0."""
+    """The lower bound is negative, or -0.0, and the upper is not."""
     SATISFIED = 1
-    """No continuation can violate the specification: the lower bound is above 0."""
+    """No continuation can violate the specification: the lower bound is positive, or +0.0."""
 
 
 class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
@@ -192,8 +192,9 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     * ``lower`` and ``upper`` bound the robustness over all infinite continuations (the robust
       satisfaction interval): a predicate at an unseen sample lies in [-inf, +inf], and bounds go
       through the formula by interval arithmetic. ``lower`` never falls, ``upper`` never rises;
-    * ``verdict`` is decided as soon as the bounds exclude 0: a violation is known at the first
-      sample at which interval arithmetic shows that nothing can save the episode.
+    * ``verdict`` is decided as soon as both bounds have the same sign bit (+0.0 holds, -0.0 does
+      not): a violation is known at the first sample at which interval arithmetic shows that
+      nothing can save the episode.
 
     ``lower <= robustness <= upper`` holds with one exception: if a window is empty because the
     trace ends (``eventually[5:9]`` of a trace of 3 samples is -inf, ``always[5:9]`` +inf, under
@@ -231,7 +232,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         "update": _UPDATE.format(when="that the episode has if it ends now")
         + "    StateError: After `finish`.\n",
         "upper": "The greatest robustness over all continuations.",
-        "verdict": "The verdict on the episode, decided as soon as the bounds exclude 0.",
+        "verdict": "The verdict, decided as soon as both bounds have the same sign bit.",
     }
 
     verdict: MachineValue[Verdict]
@@ -267,13 +268,15 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         how the trace is to be read:
 
         * ``"complete"``: the trace is all there is. Windows are cut to it, and both bounds become
-          the robustness.
+          the robustness, whose sign bit is the verdict.
         * ``"cut"``: the trace is a recording of something longer. What a bounded window needs of
           the time after the last sample is unknown; a future operator without an end speaks of the
           recorded time, and is unknown if no sample of its window was recorded.
         * ``"open"``: the trace is a beginning. The bounds stay as they are.
 
-        Calling it again changes nothing, whatever the reading.
+        What hangs on a predicate that counts 0 under interface-aware semantics has the bounds -0.0
+        and +0.0, and stays UNDECIDED under every reading. Calling it again changes nothing,
+        whatever the reading.
 
         Args:
             end: The reading of the end.

@@ -13,14 +13,16 @@ from dataclasses import dataclass, replace
 from typing import Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rtamt.inputs.samples import Floats
 from rtamt.language.table import Bounds, Operator
-from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.algebra import FOLDS, FUNCTIONS, ordered
 
 __all__ = ["Origin", "origin_of"]
 
 INF = math.inf
+Ordered = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +120,7 @@ class _Definition:
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         begin, end = bounds
 
-        def held(i: int, reached: range) -> Floats:
+        def held(i: int, reached: range) -> Ordered:
             return self._least(p, range(i, reached[-1]))[begin:]
 
         return self._reaching((begin, end), p, q, held, range)
@@ -127,7 +129,7 @@ class _Definition:
         begin, end = bounds
         past = None if end is None else -end, -begin
 
-        def held(i: int, reached: range) -> Floats:
+        def held(i: int, reached: range) -> Ordered:
             return self._least(p, range(i, reached[0], -1))[begin:][::-1]
 
         return self._reaching(past, p, q, held, lambda i, j: range(j + 1, i + 1))
@@ -137,7 +139,7 @@ class _Definition:
         offsets: tuple[int | None, int | None],
         p: int,
         q: int,
-        held: Callable[[int, range], Floats],
+        held: Callable[[int, range], Ordered],
         between: Callable[[int, int], range],
     ) -> int:
         """The greatest q of a window, each q cut to the least p between now and there."""
@@ -148,18 +150,19 @@ class _Definition:
             if not window:
                 return self._outside(-INF, i, *offsets)
             way = held(i, window)
-            witness = window[int(np.minimum(way, goal.values(window)).argmax())]
+            reached = np.minimum(way, ordered(goal.values(window)))
+            witness = window[int(reached.argmax())]
             value, stretch = goal.at(witness), between(i, witness)
-            if stretch and way[witness - window[0]] <= value:
-                value = before.at(stretch[int(before.values(stretch).argmin())])
+            if stretch and way[witness - window[0]] == reached.max():
+                value = before.at(stretch[_FIRST_BEST["min"](before.values(stretch))])
             return _Value.of(value, replace(value.origin, witness=witness))
 
         return self._new(at)
 
-    def _least(self, p: int, stretch: range) -> Floats:
+    def _least(self, p: int, stretch: range) -> Ordered:
         """The least p among the first 0, 1, 2, ... samples of a stretch."""
-        ordered = self._signals[p].values(stretch)
-        return np.minimum.accumulate(np.concatenate(([INF], ordered)))
+        values = np.concatenate(([INF], self._signals[p].values(stretch)))
+        return np.minimum.accumulate(ordered(values))
 
     def _inside(self, i: int, lo: int | None, hi: int | None) -> range:
         first = 0 if lo is None else max(0, i + lo)
@@ -175,7 +178,10 @@ class _Definition:
         return len(self._signals) - 1
 
 
-_FIRST_BEST: Mapping[str, Callable[[Floats], np.intp]] = {"min": np.argmin, "max": np.argmax}
+_FIRST_BEST: Mapping[str, Callable[[Floats], int]] = {
+    "min": lambda values: int(ordered(values).argmin()),
+    "max": lambda values: int(ordered(values).argmax()),
+}
 
 
 def _operand(number: int, values: Floats) -> _Signal:

@@ -3,7 +3,7 @@
 Only predicates change. The robustness with respect to the variables U, relative to the variables V,
 of a predicate over the variables Y is
 
-* 0 if Y has a variable outside U and V;
+* 0 if Y has a variable outside U and V: such a predicate is neutral, and neither holds nor fails;
 * +inf or -inf, by whether the predicate holds, if Y lies inside V;
 * the usual value otherwise.
 
@@ -18,6 +18,8 @@ semantics               U        V
 
 Source: Ferrere, Nickovic, Donze, Ito and Kapinski, "Interface-Aware Signal Temporal Logic",
 HSCC 2019; Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL", ATVA 2020.
+
+Under the semantics ``boolean`` every predicate is +inf or -inf, whatever its variables are.
 """
 
 from __future__ import annotations
@@ -33,11 +35,16 @@ from rtamt.language.specification import Specification
 __all__ = ["STANDARD", "Interface", "Names", "Reading", "Semantics", "as_interface"]
 
 Semantics = Literal[
-    "standard", "output-robustness", "input-vacuity", "input-robustness", "output-vacuity"
+    "standard",
+    "boolean",
+    "output-robustness",
+    "input-vacuity",
+    "input-robustness",
+    "output-vacuity",
 ]
 Names = Iterable[str]
 Reading = Literal["value", "sign", "zero"]
-"""The usual value of a predicate, +inf or -inf by whether it holds, or 0."""
+"""The usual value of a predicate, +inf or -inf by whether it holds, or a neutral 0."""
 
 Role = Literal["input", "output"]
 
@@ -77,6 +84,8 @@ class Interface:
         """Tell which value a predicate gives; the roles of its variables decide."""
         if self.semantics == "standard":
             return "value"
+        if self.semantics == "boolean":
+            return "sign"
         role, relative = _MEANINGS[self.semantics]
         concerned = [self.role(v) == role for v in predicate.variables]
         if not relative and not all(concerned):
@@ -129,7 +138,7 @@ def as_interface(
         elif inputs is None:
             msg = f"'{name}' is in outputs= and declared input in the text; give inputs= as well"
         raise InputError(msg)
-    if semantics != "standard":
+    if semantics in _MEANINGS:
         role, _ = _MEANINGS[semantics]
         said, found = (inputs, reads) if role == "input" else (outputs, sets)
         if said is None and not found:

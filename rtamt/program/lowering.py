@@ -105,7 +105,7 @@ class ProgramBuilder:
             case "sign":
                 return sign(self, *args)
             case "zero":
-                return self.constant(0.0)
+                return self._emit(Const(0.0, neutral=True), term=True)
             case _ as never:
                 assert_never(never)
 
@@ -127,8 +127,12 @@ class ProgramBuilder:
         return self._emit(Const(value), term=True)
 
     def map(self, function: str, *args: int) -> int:
-        """The function of the operands' values now; a constant if all operands are."""
-        values = [i.value for i in map(self.instructions.__getitem__, args) if isinstance(i, Const)]
+        """The function of the operands' values now; a constant if all operands are.
+
+        A neutral constant has two values, so nothing is made of it.
+        """
+        operands = [self.instructions[a] for a in args]
+        values = [i.value for i in operands if isinstance(i, Const) and not i.neutral]
         if len(values) == len(args):
             value = FUNCTIONS[function].apply(*values)
             if value != value:  # noqa: PLR0124 - nan

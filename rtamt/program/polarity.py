@@ -69,6 +69,8 @@ class _Writer:
     def _written(self, register: int, negated: bool) -> int:  # noqa: FBT001
         if register < self.program.terms:
             instruction = self.program.instructions[register]
+            if isinstance(instruction, Const) and instruction.neutral:
+                return register
             if isinstance(instruction, Const):
                 return self._emit(Const(-instruction.value), register, term=True)
             return self._emit(Map("neg", (register,)), register, term=True)

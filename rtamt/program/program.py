@@ -48,9 +48,14 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Const:
-    """One value at every sample, seen or not."""
+    """One value at every sample, seen or not.
+
+    A neutral one stands for a predicate that counts 0 under interface-aware semantics: it neither
+    holds nor fails, so its lower bound is -0.0 and its upper bound +0.0.
+    """
 
     value: float
+    neutral: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,6 +287,18 @@ class Program:
             sources=tuple(self.sources[r] for r in kept),
         )
 
+    @property
+    def neutral(self) -> bool:
+        """Whether a predicate is neutral, so that a robustness of 0 may have no verdict."""
+        return any(isinstance(i, Const) and i.neutral for i in self.instructions)
+
+    def reading(self, zero: float) -> Program:
+        """The program in which every neutral constant is this zero, which has a sign."""
+        instructions = tuple(
+            Const(zero) if isinstance(i, Const) and i.neutral else i for i in self.instructions
+        )
+        return replace(self, instructions=instructions)
+
     def clamped(self, n: int) -> Program:
         """The program with bounds cut to n: equivalent on traces of n samples or less."""
 
@@ -322,8 +339,8 @@ def listed(instruction: Instruction) -> str:
     match instruction:
         case Load(variable):
             return f"LOAD {variable}"
-        case Const(value):
-            return f"CONST {number_text(value)}"
+        case Const(value, neutral):
+            return f"CONST {number_text(value)}{', neutral' if neutral else ''}"
         case Map(function, args):
             return " ".join(["MAP", function, *map(str, args)])
         case Window(fold, lo, hi, args):

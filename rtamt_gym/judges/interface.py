@@ -13,7 +13,12 @@ from rtamt_gym.checks.names import listing, nearest
 __all__ = ["STANDARD", "Interface", "InterfaceOptions", "Names", "Semantics"]
 
 Semantics = Literal[
-    "standard", "output-robustness", "input-vacuity", "input-robustness", "output-vacuity"
+    "standard",
+    "boolean",
+    "output-robustness",
+    "input-vacuity",
+    "input-robustness",
+    "output-vacuity",
 ]
 """How predicates count; `rtamt.Monitor` says what each means."""
 

@@ -1,5 +1,7 @@
 """Helpers of the tests of `EpisodeMonitor`."""
 
+import math
+
 from strategies import Trace, sample
 
 from rtamt import EpisodeMonitor, Verdict
@@ -17,6 +19,6 @@ def feed(monitor: EpisodeMonitor, trace: Trace, i: int) -> float:
 
 def verdict(lower: float, upper: float) -> Verdict:
     """The verdict that follows from the bounds."""
-    if upper < 0:
+    if math.copysign(1, upper) < 0:
         return Verdict.VIOLATED
-    return Verdict.SATISFIED if lower > 0 else Verdict.UNDECIDED
+    return Verdict.SATISFIED if math.copysign(1, lower) > 0 else Verdict.UNDECIDED

@@ -5,10 +5,7 @@ Shares no code with the library.
 
 from __future__ import annotations
 
-import math
-import operator
-
-from oracle import INF, Read, Trace, Value, predicate, term
+from oracle import INF, Read, Trace, Value, holds, predicate
 
 from rtamt.language.node import Node
 from rtamt.program.interface import Semantics
@@ -20,15 +17,6 @@ SEMANTICS: tuple[Semantics, ...] = (
     "input-robustness",
     "output-vacuity",
 )
-
-_COMPARISONS = {
-    ">=": operator.ge,
-    ">": operator.gt,
-    "<=": operator.le,
-    "<": operator.lt,
-    "==": operator.eq,
-    "!=": operator.ne,
-}
 
 
 def reader(semantics: str, inputs: frozenset[str], outputs: frozenset[str]) -> Read:
@@ -58,14 +46,3 @@ def reader(semantics: str, inputs: frozenset[str], outputs: frozenset[str]) -> R
         return value, value
 
     return read
-
-
-def holds(f: Node, trace: Trace, i: int) -> bool:
-    """Whether a predicate holds at a sample."""
-    assert f.op is not None
-    if f.op.name in ("true", "false"):
-        return f.op.name == "true"
-    x, *rest = (term(arg, trace, i) for arg in f.args)
-    y = rest[0] if rest else 0.0
-    assert not math.isnan(x + y) or math.isinf(x)
-    return bool(_COMPARISONS[f.op.name if rest else ">="](x, y))

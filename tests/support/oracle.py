@@ -30,7 +30,18 @@ def predicate(f: Node, trace: Trace, i: int | None) -> Value:
             return -INF, INF
         i = 0
     value = difference(f, trace, i)
+    if value == 0:
+        value = 0.0 if holds(f, trace, i) else -0.0
     return value, value
+
+
+def holds(f: Node, trace: Trace, i: int) -> bool:
+    """Whether a predicate holds at a sample, by the comparison that it is."""
+    assert f.op is not None
+    if f.op.name in ("true", "false"):
+        return f.op.name == "true"
+    x, *rest = (term(arg, trace, i) for arg in f.args)
+    return bool(_COMPARISONS[f.op.name if rest else ">="](x, rest[0] if rest else 0.0))
 
 
 def robustness(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[float]:
@@ -96,7 +107,12 @@ def all_(values: Iterable[Value]) -> Value:
     for value in values:
         low.append(value[0])
         high.append(value[1])
-    return min(low), min(high)
+    return min(low, key=order), min(high, key=order)
+
+
+def order(value: float) -> tuple[float, float]:
+    """The order of numbers, -0.0 below 0.0."""
+    return value, math.copysign(1.0, value)
 
 
 def any_(values: Iterable[Value]) -> Value:
@@ -228,6 +244,14 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
     "max": max,
     "pow": math.pow,
     "log": lambda x, base: _ieee(operator.truediv, _ieee(math.log, x), _ieee(math.log, base)),
+}
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    ">": operator.gt,
+    "<=": operator.le,
+    "<": operator.lt,
+    "==": operator.eq,
+    "!=": operator.ne,
 }
 _IEEE: dict[Callable[..., float], Callable[..., float]] = {
     math.sqrt: np.sqrt,

@@ -50,9 +50,9 @@ from rtamt.machines.episode.streams import (
     UnboundedPast,
 )
 from rtamt.machines.protocols import End
-from rtamt.machines.readout import Readout
+from rtamt.machines.readout import Readout, verdict_of
 from rtamt.machines.terms import PythonSampleMachine, Registers
-from rtamt.program.algebra import FOLDS
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.placement import place
 from rtamt.program.program import Const, Map, Program, Window
 
@@ -183,9 +183,9 @@ class PythonEpisodeMachine(PythonSampleMachine):
         if not isinstance(instruction, Map):
             msg = f"register {register} is not read at time 0"
             raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
-        choose = min if instruction.function == "min" else max
+        choose = FUNCTIONS[instruction.function].apply
         return [
-            choose(values) for values in zip(*(found[a] for a in instruction.args), strict=True)
+            choose(*values) for values in zip(*(found[a] for a in instruction.args), strict=True)
         ]
 
     def show_in(
@@ -201,7 +201,7 @@ class PythonEpisodeMachine(PythonSampleMachine):
     def finish(self, end: End = "complete") -> float:
         if self.samples == 0:
             refuse_finish()
-        if not self.finished and self.lower <= 0.0 <= self.upper:
+        if not self.finished and verdict_of(self.lower, self.upper) == 0:
             if end == "complete":
                 self.lower = self.upper = self.robustness
             elif end == "cut":

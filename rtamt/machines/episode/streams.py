@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers
 from rtamt.machines.windows import fold_all, padded, slide
-from rtamt.program.algebra import Arrays, LatticeFold
+from rtamt.program.algebra import Arrays, LatticeFold, greater, lesser
 
 __all__ = [
     "CUT",
@@ -50,7 +50,7 @@ _NOTHING: Array = np.zeros(0)
 def in_world(settled: Array, unknowns: Array) -> Array:
     """The settled values for given values of the unknowns."""
     for u in unknowns:
-        settled = np.maximum(settled[0], np.minimum(settled[1], u))
+        settled = greater(settled[0], lesser(settled[1], u))
     return settled
 
 
@@ -68,7 +68,7 @@ class Polynomials(StateFields):
     def substitute(self, axis: int, value: Array) -> None:
         """Write an unknown as a polynomial in what it is one sample later."""
         self.kept = tuple(
-            np.maximum(a.take([0], axis), np.minimum(a.take([1], axis), value[..., None]))
+            greater(a.take([0], axis), lesser(a.take([1], axis), value[..., None]))
             for a in self.kept
         )
 

@@ -8,10 +8,6 @@
 
 #include "core/folds.hpp"
 
-#if defined(__SSE2__) || defined(_M_X64)
-#include <emmintrin.h>
-#endif
-
 namespace rtamt {
 
 struct Elements {
@@ -76,7 +72,7 @@ template <class F>
 inline void prefixes(Elements in, std::size_t n, const ElementBuffer<F>& out) {
     auto total = F::identity;
     for (std::size_t i = 0; i < n; ++i) {
-        total = F::combine(total, get<F>(in.p, in.q, i));
+        total = F::combine_alone(total, get<F>(in.p, in.q, i));
         put<F>(out.p, out.q, i, total);
     }
 }
@@ -87,7 +83,7 @@ inline void suffixes(Elements in, std::size_t begin, std::size_t n, typename F::
                      const ElementBuffer<F>& out) {
     auto total = last;
     for (std::size_t i = n; i-- > begin;) {
-        total = F::combine(get<F>(in.p, in.q, i), total);
+        total = F::combine_alone(get<F>(in.p, in.q, i), total);
         put<F>(out.p, out.q, i, total);
     }
 }
@@ -101,24 +97,24 @@ inline void windows(Elements in, std::size_t n, std::size_t width, const Element
         const std::size_t next = block + width;
         auto older = F::identity;
         for (std::size_t i = next; i-- > block;) {
-            older = F::combine(get<F>(in.p, in.q, i), older);
+            older = F::combine_alone(get<F>(in.p, in.q, i), older);
             if (i < count) put<F>(out.p, out.q, i, older);
         }
         auto newer = F::identity;
         for (std::size_t i = block + 1; i < std::min(next, count); ++i) {
-            newer = F::combine(newer, get<F>(in.p, in.q, i + width - 1));
-            put<F>(out.p, out.q, i, F::combine(get<F>(out.p, out.q, i), newer));
+            newer = F::combine_alone(newer, get<F>(in.p, in.q, i + width - 1));
+            put<F>(out.p, out.q, i, F::combine_alone(get<F>(out.p, out.q, i), newer));
         }
     }
 }
 
-#if defined(__SSE2__) || defined(_M_X64)
+#ifdef RTAMT_SSE2
 template <class F>
 inline __m128d combine_packed(__m128d x, __m128d y) {
     if constexpr (F::identity > 0) {
-        return _mm_min_pd(y, x);
+        return _mm_or_pd(_mm_min_pd(x, y), _mm_min_pd(y, x));
     } else {
-        return _mm_max_pd(y, x);
+        return _mm_and_pd(_mm_max_pd(x, y), _mm_max_pd(y, x));
     }
 }
 #endif
@@ -127,7 +123,7 @@ inline __m128d combine_packed(__m128d x, __m128d y) {
 template <class F>
 inline typename F::Element fold(typename F::Element total, Elements in, std::size_t n) {
     std::size_t i = 0;
-#if defined(__SSE2__) || defined(_M_X64)
+#ifdef RTAMT_SSE2
     // Compilers do not vectorise this loop, as they may not reorder comparisons of doubles. For the
     // least and the greatest element the order does not matter.
     if constexpr (F::width == 1) {
@@ -141,12 +137,12 @@ inline typename F::Element fold(typename F::Element total, Elements in, std::siz
                 d = combine_packed<F>(d, _mm_loadu_pd(in.p + i + 6));
             }
             a = combine_packed<F>(combine_packed<F>(a, b), combine_packed<F>(c, d));
-            total = F::combine(total, _mm_cvtsd_f64(a));
-            total = F::combine(total, _mm_cvtsd_f64(_mm_unpackhi_pd(a, a)));
+            total = F::combine_alone(total, _mm_cvtsd_f64(a));
+            total = F::combine_alone(total, _mm_cvtsd_f64(_mm_unpackhi_pd(a, a)));
         }
     }
 #endif
-    for (; i < n; ++i) total = F::combine(total, get<F>(in.p, in.q, i));
+    for (; i < n; ++i) total = F::combine_alone(total, get<F>(in.p, in.q, i));
     return total;
 }
 

@@ -47,11 +47,11 @@ public:
     using Fold = F;
     using Element = typename F::Element;
 
-    Element push(Element x) { return total_ = F::combine(total_, x); }
+    Element push(Element x) { return total_ = F::combine_alone(total_, x); }
     void push(const double* a, const double* b, double* out, std::size_t n) {
         Element total = total_;
         for (std::size_t i = 0; i < n; ++i) {
-            total = F::combine(total, F::element(a[i], b[i]));
+            total = F::combine_alone(total, F::element(a[i], b[i]));
             out[i] = F::result(total);
         }
         total_ = total;
@@ -88,9 +88,9 @@ public:
         Element* back = back_ + (block_ - 1 - offset_);
         const Element oldest = front[ahead_];
         *front = x;
-        suffix_ = *back = F::combine(*back, suffix_);
-        prefix_ = F::combine(prefix_, x);
-        const Element result = F::combine(F::combine(oldest, middle_), prefix_);
+        suffix_ = *back = F::combine_alone(*back, suffix_);
+        prefix_ = F::combine_alone(prefix_, x);
+        const Element result = F::combine_alone(F::combine_alone(oldest, middle_), prefix_);
         if (++offset_ == block_) flip();
         return result;
     }
@@ -142,10 +142,10 @@ private:
             const Element x = F::element(a[i], b[i]);
             const Element oldest = front[i + ahead];
             front[i] = x;
-            suffix = *back = F::combine(*back, suffix);
+            suffix = *back = F::combine_alone(*back, suffix);
             --back;
-            prefix = F::combine(prefix, x);
-            out[i] = F::result(F::combine(F::combine(oldest, middle), prefix));
+            prefix = F::combine_alone(prefix, x);
+            out[i] = F::result(F::combine_alone(F::combine_alone(oldest, middle), prefix));
         }
         prefix_ = prefix;
         suffix_ = suffix;

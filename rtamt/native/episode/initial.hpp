@@ -77,7 +77,7 @@ public:
     }
 
 private:
-    void find(World w) { values_[w] = F::combine(a_.value(w), b_.value(w)); }
+    void find(World w) { values_[w] = F::combine_alone(a_.value(w), b_.value(w)); }
 
     const InitialValue& a_;
     const InitialValue& b_;
@@ -176,14 +176,14 @@ private:
     Element find(World w, Time t) const {
         Element x = total_.in_world(w, workspace_.unknowns);
         const Element tail = recorded(w) ? F::identity : in_.tail(w);
-        if (quiet_[w]) return F::combine(x, tail);
+        if (quiet_[w]) return F::combine_alone(x, tail);
         const Time last = recorded(w) ? t : in_.end(w, t);
         if (summary_ != nullptr) {
             if constexpr (F::width == 1) {
                 const Extremes open = summary_->extremes(w, t);
-                x = F::combine(x, F::identity > 0 ? open.least : open.greatest);
+                x = F::combine_alone(x, F::identity > 0 ? open.least : open.greatest);
                 // The last values of recorded times may be those of all later ones.
-                if (in_.end(w, t) < last) x = F::combine(x, in_.tail(w));
+                if (in_.end(w, t) < last) x = F::combine_alone(x, in_.tail(w));
             }
         } else {
             const Time begin = std::max(begin_, t - in_.latency() + 1);
@@ -192,7 +192,7 @@ private:
                 x = fold<F>(x, in_.values(w, begin, end, &workspace_.scratch[0]),
                             static_cast<std::size_t>(end - begin + 1));
         }
-        return end_ > std::max(last, begin_ - 1) ? F::combine(x, tail) : x;
+        return end_ > std::max(last, begin_ - 1) ? F::combine_alone(x, tail) : x;
     }
 
     Workspace& workspace_;

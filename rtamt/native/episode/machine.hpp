@@ -64,7 +64,7 @@ public:
     double lower() const { return values_[episode::kLower]; }
     double upper() const { return values_[episode::kUpper]; }
     // 1 if the bounds say that the specification is satisfied, -1 if violated, else 0.
-    int verdict() const { return upper() < 0.0 ? -1 : lower() > 0.0; }
+    int verdict() const { return negative(upper()) ? -1 : !negative(lower()); }
     bool finished() const { return finished_; }
     // Ends the trace, of at least one sample; a trace that has ended stays as it is.
     void finish(End end);

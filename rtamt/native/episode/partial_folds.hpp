@@ -78,7 +78,7 @@ public:
             while (low < high) {
                 const std::size_t middle = (low + high) / 2;
                 const double limit = lower(p[middle], tail.q);
-                if (upper(limit, q[middle]) == limit) {
+                if (same(upper(limit, q[middle]), limit)) {
                     high = middle;
                 } else {
                     low = middle + 1;
@@ -119,7 +119,7 @@ private:
         while (n > 0) {
             const std::size_t count = std::min(n, kChunk);
             double* last = p + (n - count);
-            const bool more = move(*last) != *last;
+            const bool more = !same(move(*last), *last);
             for (std::size_t i = 0; i < count; ++i) last[i] = move(last[i]);
             if (!more) return;
             n -= count;
@@ -137,7 +137,7 @@ private:
     // last results.
     void reach(double* p, double* q, Element x) {
         const std::size_t n = size();
-        while (decided_ < n && lower(p[decided_], x.q) == p[decided_]) {
+        while (decided_ < n && same(lower(p[decided_], x.q), p[decided_])) {
             q[decided_] = upper(q[decided_], p[decided_]);
             decided_results_.add(q[decided_++]);
         }

@@ -41,7 +41,7 @@ struct Unknowns {
             half /= 2;
             const double u = values[w][k];
             for (std::size_t c = 0; c < half; ++c)
-                corners[c] = greater(corners[c], lesser(corners[c + half], u));
+                corners[c] = alone::greater(corners[c], alone::lesser(corners[c + half], u));
         }
         return corners[0];
     }
@@ -99,7 +99,7 @@ public:
 
     std::size_t corners() const { return totals_.size(); }
     Element operator[](std::size_t corner) const { return totals_[corner]; }
-    void add(std::size_t corner, Element x) { totals_[corner] = F::combine(totals_[corner], x); }
+    void add(std::size_t corner, Element x) { totals_[corner] = F::combine_alone(totals_[corner], x); }
 
     Element in_world(World w, const Unknowns& unknowns) const {
         if (corners() == 1) return totals_[0];

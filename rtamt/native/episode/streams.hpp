@@ -31,8 +31,8 @@ struct Extremes {
     double greatest = -kInfinity;
 
     void add(double x) {
-        least = lesser(least, x);
-        greatest = greater(greatest, x);
+        least = alone::lesser(least, x);
+        greatest = alone::greater(greatest, x);
     }
 };
 
@@ -218,12 +218,12 @@ public:
     // all corners holds everywhere, as folds are lattice polynomials.
     bool absorbs(World w) const {
         return w != kNow && certain(w) && at_corners(w, [&](double, double folded) {
-                   return folded == tail_of_tails(w);
+                   return same(folded, tail_of_tails(w));
                });
     }
     // Whether the tail does not change the result of a fold.
     bool neutral(World w) const {
-        return certain(w) && at_corners(w, [](double q, double folded) { return folded == q; });
+        return certain(w) && at_corners(w, same);
     }
     double tail_of_tails(World w) const {
         const Element x = tail_at_rest(w);

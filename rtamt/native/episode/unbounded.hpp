@@ -48,11 +48,11 @@ public:
             const Elements in = in_.values(w, start + hi_, end + hi_, &workspace_.scratch[0]);
             out += start - first;
             for (std::size_t i = 0; i < static_cast<std::size_t>(end - start + 1); ++i) {
-                x = F::combine(x, get<F>(in.p, in.q, i));
+                x = F::combine_alone(x, get<F>(in.p, in.q, i));
                 out[i] = F::result(x);
             }
         }
-        if (!outlook_[w].certain) tail_[w] = F::result(F::combine(x, in_.tail(w)));
+        if (!outlook_[w].certain) tail_[w] = F::result(F::combine_alone(x, in_.tail(w)));
     }
 
     void substitute(std::size_t unknown, const double* value) override {
@@ -129,7 +129,7 @@ public:
             } else {
                 rest.q = u;
             }
-            value_[c] = F::result(F::combine(in_.settled(last_, c), rest));
+            value_[c] = F::result(F::combine_alone(in_.settled(last_, c), rest));
         }
     }
 
@@ -143,14 +143,14 @@ public:
 
     void find_open(World w, Time t) override {
         const Element tail = is_cut(w) ? F::identity : in_.tail(w);
-        if (!is_cut(w)) tail_[w] = F::result(F::combine(tail, tail));
+        if (!is_cut(w)) tail_[w] = F::result(F::combine_alone(tail, tail));
         const std::size_t count = open_count(w, t);
         double* out = open(w, count);
         Element x = tail;
         if (count > 0) {
             const Elements in = in_.values(w, last_ + 1, end(w, t), &workspace_.scratch[0]);
             for (std::size_t i = count; i-- > 0;) {
-                x = F::combine(get<F>(in.p, in.q, i), x);
+                x = F::combine_alone(get<F>(in.p, in.q, i), x);
                 out[i] = F::result(x);
             }
         }

@@ -212,7 +212,7 @@ public:
             values_.finished[lane] = 1;
             double& lower = values_.lower[lane];
             double& upper = values_.upper[lane];
-            if (lower <= 0.0 && upper >= 0.0) lower = upper = values_.now[lane];
+            if (negative(lower) && !negative(upper)) lower = upper = values_.now[lane];
         }
     }
 

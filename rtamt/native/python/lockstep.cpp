@@ -63,7 +63,7 @@ nb::object verdicts(const EpisodeObject& object) {
     const double* lower = object.machine.lower();
     const double* upper = object.machine.upper();
     return array.make<std::int8_t>(object.machine.num(), [=](std::size_t lane) {
-        return static_cast<std::int8_t>((lower[lane] > 0.0) - (upper[lane] < 0.0));
+        return static_cast<std::int8_t>(!negative(lower[lane]) - negative(upper[lane]));
     });
 }
 
@@ -195,7 +195,8 @@ void bind_banks(nb::module_& m) {
                      "The least robustness over all continuations.")
         .def_prop_ro("upper", of_lanes<&EpisodeBank::upper>,
                      "The greatest robustness over all continuations.")
-        .def_prop_ro("verdict", verdicts, "1 if lower is above 0, -1 if upper is below 0, else 0.")
+        .def_prop_ro("verdict", verdicts,
+                     "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")
         .def_prop_ro("finished", finished, "Whether the episodes have ended.")
         .def("finish", finish, nb::arg("mask").none() = nb::none(),
              "End the episodes that the mask chooses; return the robustness of all.");

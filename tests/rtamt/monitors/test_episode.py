@@ -3,8 +3,8 @@
 import math
 from typing import Literal, cast
 
-import numpy as np
 import pytest
+from bits import identical
 from episode_monitors import feed, offered, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -36,8 +36,8 @@ def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend)
         if n:
             assert feed(monitor, trace, n - 1) == monitor.robustness
         expected = episode(formula, trace, n)
-        assert np.array_equal(offered(monitor), expected, equal_nan=True), n
-        assert monitor.bounds() == expected[1:]
+        assert identical(offered(monitor), expected), n
+        assert identical(monitor.bounds(), expected[1:])
         assert monitor.verdict is verdict(*expected[1:])
         assert (monitor.samples, monitor.finished) == (n, False)
 
@@ -157,7 +157,8 @@ def test_robustness_is_the_offline_robustness_at_the_first_sample(
     monitor = EpisodeMonitor(formula, backend=backend)
     for i in range(length(trace)):
         seen = {name: values[: i + 1] for name, values in trace.items()}
-        assert feed(monitor, trace, i) == evaluate(formula, seen, n=i + 1, backend=backend)[0]
+        now = feed(monitor, trace, i)
+        assert identical([now], evaluate(formula, seen, n=i + 1, backend=backend)[:1])
 
 
 # The moment of the verdict. ----------------------------------------------------------------------
@@ -185,7 +186,14 @@ MOMENTS = [
     ("next(x > 0)", [-1, -1], [U, V]),
     ("next(next(x > 0))", [-1, -1, 1], [U, U, S]),
     ("x > 0", [-1, 1], [V, V]),
-    ("x > 0", [0, 1], [U, U]),
+    ("x > 0", [0, 1], [V, V]),
+    ("x >= 0", [0, -1], [S, S]),
+    ("always(x >= 0)", [0, 1, -1], [U, U, V]),
+    ("eventually[0:1](x == 0)", [1, 0], [U, S]),
+    ("eventually[0:1](x != 0)", [0, 0], [U, V]),
+    ("x", [0], [S]),
+    ("not x", [0], [V]),
+    ("x >= 0 until[0:1] x > 0", [0, 0], [U, V]),
     ("eventually[0:2](prev(x > 0))", [-1, 1, -1], [S, S, S]),
     ("eventually[1:2](s_prev(x > 0))", [-1, 1, -1], [U, S, S]),
     ("always(once(x > 0))", [1, -1], [S, S]),

@@ -69,7 +69,10 @@ def test_finish_closes_the_episode_once_and_keeps_what_was_decided(
     [
         ("always(x > 0)", 2.0, 2.0, S),
         ("eventually(x > 0)", -2.0, -2.0, V),
-        ("always(x > 0)", 0.0, 0.0, U),
+        ("always(x > 0)", 0.0, 0.0, V),
+        ("always(x >= 0)", 0.0, 0.0, S),
+        ("eventually[0:2](x == 0)", 0.0, 0.0, S),
+        ("eventually(x != 0)", 0.0, 0.0, V),
         ("always(x > 0)", -1.0, -1.0, V),
         ("eventually[5:9](x > 0)", 1.0, -INF, V),
         ("always[5:9](x > 0)", -1.0, INF, S),

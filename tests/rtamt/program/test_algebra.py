@@ -9,12 +9,19 @@ import numpy as np
 import pytest
 
 from rtamt import parse
-from rtamt.program.algebra import FOLDS, LatticeFold, _reads_one_number, _table
+from rtamt.program.algebra import (
+    FOLDS,
+    LatticeFold,
+    _reads_one_number,
+    _table,
+    greater,
+    lesser,
+)
 from rtamt.program.interface import STANDARD
 from rtamt.program.lowering import ProgramBuilder
 
 INF = math.inf
-NUMBERS = (-INF, -2.5, 0.0, 1.0, 7.0, INF)
+NUMBERS = (-INF, -2.5, -0.0, 0.0, 1.0, INF)
 WAY_OUT = (
     "; a mean or a sum needs a machine of its own, see 'What a fold must be' in CONTRIBUTING.md"
 )
@@ -39,13 +46,13 @@ def row(
 
 
 def least(x: Numbers, y: Numbers) -> Numbers:
-    return (np.minimum(x[0], y[0]),)
+    return (lesser(x[0], y[0]),)
 
 
 def agm(x: Any, y: Any) -> Any:  # noqa: ANN401 - numbers or arrays
     """The arithmetic-geometric mean robustness of a conjunction (Mehdipour et al., ACC 2019)."""
     positive = np.sqrt((1 + np.maximum(x, 0)) * (1 + np.maximum(y, 0))) - 1
-    negative = (np.minimum(x, 0) + np.minimum(y, 0)) / 2
+    negative = (np.where(x <= 0, x, 0.0) + np.where(y <= 0, y, 0.0)) / 2
     return np.where(np.minimum(x, y) > 0, positive, negative)
 
 
@@ -54,8 +61,8 @@ def test_a_fold_chooses_among_the_numbers_of_its_elements(name: str) -> None:
     fold = FOLDS[name]
     for numbers in itertools.product(NUMBERS, repeat=2 * fold.width):
         x, y = numbers[: fold.width], numbers[fold.width :]
-        assert set(fold.combine(x, y)) <= set(numbers)
-        assert fold.combine(x, x) == x
+        assert set(map(str, fold.combine(x, y))) <= set(map(str, numbers))
+        assert str(fold.combine(x, x)) == str(x)
 
 
 @pytest.mark.parametrize("name", FOLDS)
@@ -65,8 +72,8 @@ def test_the_dual_is_the_fold_of_the_negated_and_the_mirror_that_of_the_reversed
         x, y = numbers[: fold.width], numbers[fold.width :]
         made = fold.combine(x, y)
         negated = FOLDS[fold.dual].combine(tuple(-v for v in x), tuple(-v for v in y))
-        assert tuple(-v for v in negated) == made
-        assert FOLDS[fold.mirror].combine(y, x) == made
+        assert str(tuple(-v for v in negated)) == str(made)
+        assert str(FOLDS[fold.mirror].combine(y, x)) == str(made)
 
 
 @pytest.mark.parametrize(
@@ -106,11 +113,24 @@ def test_the_dual_is_the_fold_of_the_negated_and_the_mirror_that_of_the_reversed
             (0.0,),
             "it does not act on each threshold by itself (of 2.0 and -inf it makes -inf)",
         ),
+        # Without an order of zeros.
+        (
+            "min",
+            lambda x, y: (np.where(x[0] <= y[0], x[0], y[0]),),
+            (INF,),
+            "it does not act on each threshold by itself (of 0.0 and -0.0 it makes 0.0)",
+        ),
+        (
+            "max",
+            lambda x, y: (np.where(x[0] >= y[0], x[0], y[0]),),
+            (-INF,),
+            "it does not act on each threshold by itself (of -0.0 and 0.0 it makes -0.0)",
+        ),
         ("min", least, (0.0,), "(0.0,) is not its identity"),
         ("latest", lambda _, y: y, (INF,), "(inf,) is not its identity"),
         (
             "max",
-            lambda x, y: (np.maximum(x[0], y[0]), np.maximum(np.minimum(x[0], x[1]), y[1])),
+            lambda x, y: (greater(x[0], y[0]), greater(lesser(x[0], x[1]), y[1])),
             (-INF, -INF),
             "(-inf, -inf) is not its identity",
         ),

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Literal
 
 import boolean_oracle
-import interface_oracle
 import numpy as np
+import oracle
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -160,7 +160,7 @@ def test_a_positive_robustness_holds_and_a_negative_one_does_not(
     n = length(trace)
     for i, value in enumerate(offline(case, trace, backend)):
         if value != 0:
-            holds = boolean_oracle.holds(case[0].formula, trace, n, i, interface_oracle.holds)
+            holds = boolean_oracle.holds(case[0].formula, trace, n, i, oracle.holds)
             assert (value > 0) == holds
 
 
@@ -186,7 +186,7 @@ def test_vacuity_does_not_change_with_the_other_side_and_its_sign_is_that_of_eve
     assert same(offline(case, mixed, backend), vacuity)
     for i, value in enumerate(vacuity):
         if value != 0:
-            holds = boolean_oracle.holds(spec.formula, mixed, 8, i, interface_oracle.holds)
+            holds = boolean_oracle.holds(spec.formula, mixed, 8, i, oracle.holds)
             assert (value > 0) == holds
 
 

@@ -25,7 +25,10 @@ from rtamt.program.interface import STANDARD, Interface, as_interface
 PLAIN = "always(req >= 3 implies gnt >= 3)"
 DECLARED = f"input float req; output float gnt; {PLAIN}"
 FORMULA = "output float out; input float x; out = x > 0"
-CHOICES = "'standard', 'output-robustness', 'input-vacuity', 'input-robustness' or 'output-vacuity'"
+CHOICES = (
+    "'standard', 'boolean', 'output-robustness', 'input-vacuity', 'input-robustness' or "
+    "'output-vacuity'"
+)
 
 REFUSED: list[tuple[str, dict[str, Any], type[RtamtError], str]] = [
     (
