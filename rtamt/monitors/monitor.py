@@ -336,10 +336,20 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         return state if self._history is None else (state, self._history.tobytes())
 
     def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - that of the machine is its own
-        if self._history is not None:
-            state, samples = state
-            self._history[:] = array("d", samples)
+        if self._history is None:
+            super().__setstate__(state)
+            return
+        state, kept = state
+        history, before = array("d", kept), self._machine.state()
         super().__setstate__(state)
+        samples = self.samples
+        if len(history) != samples * len(self.variables):
+            super().__setstate__(before)
+            raise ValueError(
+                f"expected a history of {samples} samples of {', '.join(self.variables)}, "
+                f"got {len(history)} numbers"
+            )
+        self._history[:] = history
 
     def __repr__(self) -> str:
         return f"<EpisodeMonitor of {self.specification.formula}, {self.verdict.name}>"

@@ -42,6 +42,18 @@ public:
         if (count > 0) std::memcpy(values, rest_.data(), count * sizeof(T));
         rest_.remove_prefix(count * sizeof(T));
     }
+    // What consists of doubles, none of which is nan.
+    template <class T>
+    void numbers(T* values, std::size_t count) {
+        static_assert(sizeof(T) % sizeof(double) == 0);
+        const std::string_view bytes = rest_.substr(0, reads_ ? count * sizeof(T) : 0);
+        array(values, count);
+        for (std::size_t at = 0; at < bytes.size(); at += sizeof(double)) {
+            double number;
+            std::memcpy(&number, bytes.data() + at, sizeof number);
+            require(number == number);
+        }
+    }
     // A vector of any size, behind that size.
     template <class T>
     void sized(std::vector<T>& values) {
@@ -128,20 +140,26 @@ std::string state_of(M& machine) {
     return std::move(out).written();
 }
 
-// Throws std::invalid_argument on bytes that are no snapshot of a machine with this program: then
-// nothing changes; and on damaged ones: then the machine is reset.
+// Throws std::invalid_argument on bytes that are no snapshot of a machine with this program, or a
+// damaged one: then nothing changes.
 template <class M>
 void restore_from(M& machine, std::string_view bytes) {
     Snapshot in(bytes);
     std::uint64_t fingerprint = 0;
     if (bytes.size() >= sizeof fingerprint) in(fingerprint);
     if (fingerprint != machine.fingerprint()) throw std::invalid_argument(kForeign);
+    const std::string before = state_of(machine);
+    const auto read = [&machine](Snapshot& state) {
+        machine.reset();
+        machine.fields(state);
+        state.require(state.unread() == 0);
+    };
     try {
-        machine.reset();
-        machine.fields(in);
-        in.require(in.unread() == 0);
-    } catch (const std::invalid_argument&) {
-        machine.reset();
+        read(in);
+    } catch (...) {
+        Snapshot back(before);
+        back(fingerprint);
+        read(back);
         throw;
     }
 }

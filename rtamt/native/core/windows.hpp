@@ -57,7 +57,7 @@ public:
         total_ = total;
     }
     void reset() override { total_ = F::identity; }
-    void fields(Snapshot& s) override { s(total_); }
+    void fields(Snapshot& s) override { s.numbers(&total_, 1); }
 
 private:
     Element total_ = F::identity;
@@ -70,6 +70,9 @@ private:
 // whole last block (its fold is middle_) and the block being filled (its fold is prefix_). New
 // elements replace those of front_ that have left the window, and each push turns one more element
 // of back_, from its end on, into a suffix fold.
+//
+// The memory is large, and a new window is full of identities: they are written a few at a time
+// ahead of the pushes of the first block, so that what no sample reaches is never touched.
 template <class F>
 class SlidingWindow final : public Memory {
 public:
@@ -80,6 +83,7 @@ public:
         : block_(length / 2),
           ahead_(1 - length % 2),
           storage_(std::make_unique_for_overwrite<Element[]>(2 * (block_ + 1))) {
+        storage_[block_] = storage_[2 * block_ + 1] = F::identity;
         reset();
     }
 
@@ -91,20 +95,20 @@ public:
         suffix_ = *back = F::combine_alone(*back, suffix_);
         prefix_ = F::combine_alone(prefix_, x);
         const Element result = F::combine_alone(F::combine_alone(oldest, middle_), prefix_);
-        if (++offset_ == block_) flip();
+        if (++offset_ == limit_) go_on();
         return result;
     }
 
     void push(const double* a, const double* b, double* out, std::size_t n) {
         while (n > 0) {
-            const std::size_t count = std::min(n, block_ - offset_);
+            const std::size_t count = std::min(n, limit_ - offset_);
             push_within_block(a, b, out, count);
             a += count;
             b += count;
             out += count;
             n -= count;
             offset_ += count;
-            if (offset_ == block_) flip();
+            if (offset_ == limit_) go_on();
         }
     }
 
@@ -114,19 +118,23 @@ public:
         offset_ = 0;
         front_ = storage_.get();
         back_ = front_ + block_ + 1;
-        // This touches the memory too, so that no push waits for the operating system.
-        std::fill_n(front_, 2 * (block_ + 1), F::identity);
         middle_ = prefix_ = suffix_ = F::identity;
+        fill();
     }
 
     void fields(Snapshot& s) override {
         std::size_t offset = offset_;
-        s(offset);
-        s.require(offset < block_);
+        std::size_t limit = limit_;
+        s(offset, limit);
+        s.require(offset < limit && limit <= block_);
+        s.numbers(front_, limit);
+        s.numbers(back_ + (block_ - limit), limit);
+        front_[limit] = F::identity;
         offset_ = offset;
-        s.array(front_, block_);
-        s.array(back_, block_);
-        s(middle_, prefix_, suffix_);
+        limit_ = limit;
+        s.numbers(&middle_, 1);
+        s.numbers(&prefix_, 1);
+        s.numbers(&suffix_, 1);
     }
 
 private:
@@ -151,18 +159,30 @@ private:
         suffix_ = suffix;
     }
 
-    void flip() {
+    // Begins the next block, or goes on in the first one.
+    void go_on() {
+        if (offset_ < block_) return fill();
         std::swap(front_, back_);
         middle_ = prefix_;
         prefix_ = suffix_ = F::identity;
         offset_ = 0;
     }
 
+    // Writes the identities that the next pushes of the first block read.
+    void fill() {
+        limit_ = offset_ + std::min(kFilled, block_ - offset_);
+        std::fill(front_ + offset_, front_ + limit_ + 1, F::identity);
+        std::fill(back_ + (block_ - limit_), back_ + (block_ - offset_), F::identity);
+    }
+
+    static constexpr std::size_t kFilled = 16;
+
     // Both halves are one element longer than the block: an identity, which is the oldest element
     // when the block of an even window is full.
     Element* front_;
     Element* back_;
     std::size_t offset_;
+    std::size_t limit_;  // the offset at which a push has more to do: block_, but in the first block
     std::size_t block_;
     std::size_t ahead_;
     Element middle_;
@@ -171,48 +191,48 @@ private:
     std::unique_ptr<Element[]> storage_;
 };
 
-// The values of `length` samples ago; 0.0 at the first ones, which nobody reads.
+// The values of `length` samples ago; 0.0 at the first ones, which nobody reads. The memory is
+// written as in a SlidingWindow.
 class DelayLine final : public Memory {
 public:
     explicit DelayLine(std::size_t length)
-        : length_(length), ring_(std::make_unique<double[]>(length)) {}
+        : length_(length), ring_(std::make_unique_for_overwrite<double[]>(length)) {
+        reset();
+    }
 
     double push(double x) {
         const double late = ring_[place_];
         ring_[place_] = x;
-        if (++place_ == length_) place_ = 0;
+        if (++place_ == limit_) go_on();
         return late;
     }
 
     void push(const double* in, double* out, std::size_t n) {
-        if (n >= length_) {
-            double* start = ring_.get();
-            std::rotate(start, start + place_, start + length_);
-            std::copy_n(start, length_, out);
-            std::copy_n(in, n - length_, out + length_);
-            std::copy_n(in + (n - length_), length_, start);
-            place_ = 0;
-            return;
+        while (n > 0) {
+            const std::size_t count = std::min(n, limit_ - place_);
+            exchange(ring_.get() + place_, in, out, count);
+            in += count;
+            out += count;
+            n -= count;
+            place_ += count;
+            if (place_ == limit_) go_on();
         }
-        const std::size_t first = std::min(n, length_ - place_);
-        exchange(ring_.get() + place_, in, out, first);
-        exchange(ring_.get(), in + first, out + first, n - first);
-        place_ += n;
-        if (place_ >= length_) place_ -= length_;
     }
 
     std::size_t length() const { return length_; }
 
     void reset() override {
-        std::fill_n(ring_.get(), length_, 0.0);
         place_ = 0;
+        fill();
     }
     void fields(Snapshot& s) override {
         std::size_t place = place_;
-        s(place);
-        s.require(place < length_);
+        std::size_t limit = limit_;
+        s(place, limit);
+        s.require(place < limit && limit <= length_);
+        s.numbers(ring_.get(), limit);
         place_ = place;
-        s.array(ring_.get(), length_);
+        limit_ = limit;
     }
 
 private:
@@ -224,8 +244,20 @@ private:
         }
     }
 
+    void go_on() {
+        if (place_ < length_) return fill();
+        place_ = 0;
+    }
+    void fill() {
+        limit_ = place_ + std::min(kFilled, length_ - place_);
+        std::fill(ring_.get() + place_, ring_.get() + limit_, 0.0);
+    }
+
+    static constexpr std::size_t kFilled = 16;
+
     std::size_t length_;
-    std::size_t place_ = 0;
+    std::size_t place_;
+    std::size_t limit_;
     std::unique_ptr<double[]> ring_;
 };
 

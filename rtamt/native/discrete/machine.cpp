@@ -86,6 +86,7 @@ void DiscreteMachine::compile(const DiscreteRow& row, std::size_t terms) {
     }
     if (row.kind == "CONST") {
         initial_[row.slot] = row.value;
+        constants_.push_back(made.out);
         return;
     }
     if (row.kind == "MAP") {
@@ -158,8 +159,9 @@ void DiscreteMachine::reset() {
 
 void DiscreteMachine::fields(Snapshot& s) {
     s.counts(&samples_, 1);
-    s.array(inputs_, variables_);
-    s.array(registers_.data(), registers_.size());
+    s.numbers(inputs_, variables_);
+    s.numbers(registers_.data(), registers_.size());
+    for (const std::uint32_t slot : constants_) s.require(registers_[slot] == initial_[slot]);
     for (const auto& memory : memories_) memory->fields(s);
 }
 

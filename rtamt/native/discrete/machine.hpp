@@ -67,6 +67,7 @@ private:
     std::vector<double> initial_;
     std::size_t variables_;
     std::vector<Load> loads_;
+    std::vector<std::uint32_t> constants_;  // registers
     std::vector<Instruction> terms_;
     std::vector<Instruction> formulas_;
     std::vector<std::unique_ptr<Memory>> memories_;

@@ -79,11 +79,11 @@ public:
             const std::size_t count = std::min(kChunk, in.end - at);
             const double* x = in.a + at;
             const double total = fold<F>(total_, {x, x}, count);
-            if (std::memcmp(&total, &total_, sizeof total) == 0) {
+            if (same(total, total_)) {
                 std::fill_n(out + at, count, total_);
             } else {
                 for (std::size_t i = 0; i < count; ++i)
-                    out[at + i] = total_ = F::combine(total_, x[i]);
+                    out[at + i] = total_ = F::combine_alone(total_, x[i]);
             }
             at += count;
         }

@@ -3,6 +3,7 @@
 
 #include <nanobind/nanobind.h>
 
+#include <cstdint>
 #include <utility>
 #include <vector>
 
@@ -12,11 +13,18 @@ namespace rtamt {
 
 namespace nb = nanobind;
 
-// A contiguous 1-D array of n elements, whose memory stays where it is while the view exists.
+// A contiguous 1-D array of n elements, whose memory stays where it is while the view exists. An
+// array of misaligned elements, which no processor need be able to read, is copied.
 class ArrayView {
 public:
     ArrayView(nb::object array, std::size_t n, int flags) : array_(std::move(array)) {
         if (PyObject_GetBuffer(array_.ptr(), &view_, flags) != 0) nb::raise_python_error();
+        if (reinterpret_cast<std::uintptr_t>(view_.buf) % alignof(double) != 0 &&
+            view_.itemsize == sizeof(double)) {
+            PyBuffer_Release(&view_);
+            array_ = array_.attr("copy")();
+            if (PyObject_GetBuffer(array_.ptr(), &view_, flags) != 0) nb::raise_python_error();
+        }
         if (view_.ndim != 1 || static_cast<std::size_t>(view_.shape[0]) != n) {
             PyBuffer_Release(&view_);
             throw nb::value_error("expected 1-D columns of n values");

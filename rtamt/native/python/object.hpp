@@ -180,8 +180,8 @@ nb::class_<T> machine_class(nb::module_& m, const char* name, const char* doc,
         .def("restore", restore<T>, nb::arg("state").none(),
              "Continue from where a snapshot was taken.\n\n"
              "Raises:\n"
-             "    ValueError: If a machine of another program gave it (then nothing changes), or\n"
-             "        it is damaged (then the machine is reset).");
+             "    ValueError: If a machine of another program gave it, or it is damaged; then\n"
+             "        nothing changes.");
     return made;
 }
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import pickle
+import random
 import struct
 from collections.abc import Callable
 from typing import Any
@@ -9,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rtamt import EpisodeMonitor, Monitor, VectorEpisodeMonitor, VectorMonitor
+from rtamt import DenseMonitor, EpisodeMonitor, Monitor, VectorEpisodeMonitor, VectorMonitor
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -50,8 +54,6 @@ def test_a_count_of_samples_that_no_machine_reaches_is_refused(kind: str, sample
     state = monitor._machine.state()
     with pytest.raises(ValueError, match=DAMAGED):
         monitor._machine.restore(counting(state, samples))
-    assert np.all(monitor.samples == 0)
-    monitor._machine.restore(state)
     assert monitor._machine.state() == state
 
 
@@ -62,3 +64,107 @@ def test_the_greatest_count_of_samples_is_counted_on(kind: str) -> None:
     monitor._machine.restore(counting(monitor._machine.state(), LIMIT - 1))
     feed(kind, monitor, 60)
     assert np.all(monitor.samples == LIMIT + 59)
+
+
+CHANGED: dict[str, Callable[[], Any]] = {
+    "discrete": lambda: Monitor("y = once[0:40](x > 2); next(historically[3:9](x > 1)) and y"),
+    "discrete pairs": lambda: Monitor("(x > 0) until[2:30] (x > 1)"),
+    "episode": lambda: EpisodeMonitor("always((x > 0) implies eventually[0:5](x > 1))"),
+    "episode pairs": lambda: EpisodeMonitor("always((x > 0) until[3:9] (once[2:8](x > 1)))"),
+    "dense": lambda: DenseMonitor("(x > 0) until[1:3] (once[0:2](x > 1))"),
+    "discrete bank": lambda: VectorMonitor("always[0:9](x > 1) or prev(x > 2)", LANES),
+    "episode bank": lambda: VectorEpisodeMonitor("always(eventually[0:5](x > 1))", LANES),
+    "episode bank of machines": lambda: VectorEpisodeMonitor(
+        "always((x > 0) until[3:9] (once[2:8](x > 1)))", LANES
+    ),
+}
+
+
+def play(kind: str, monitor: Any, rng: random.Random, n: int) -> None:  # noqa: ANN401 - as feed
+    for _ in range(n):
+        if kind == "dense":
+            begin = max(0.0, monitor.settled) + 9.0
+            monitor.update({"x": [(begin + rng.random(), rng.gauss(0, 2))]})
+        else:
+            x = rng.gauss(0, 2)
+            monitor.update([[x], [1.0], [-x]] if "bank" in kind else x)
+
+
+@pytest.mark.parametrize("kind", CHANGED)
+def test_changed_bytes_are_refused_and_change_nothing_or_are_a_state(kind: str) -> None:
+    rng, refused = random.Random(7), 0
+    monitor = CHANGED[kind]()
+    play(kind, monitor, rng, 50)
+    machine = monitor._machine
+    state = machine.state()
+    for _ in range(500):
+        damaged = bytearray(state)
+        for _ in range(rng.choice((1, 1, 2, 8))):
+            damaged[rng.randrange(8, len(state))] = rng.choice((0, 1, 0x7F, 0x80, 0xF0, 0xFF))
+        whole = bytes(damaged[: len(state) - rng.choice((0, 0, 0, 8, 20))])
+        try:
+            machine.restore(whole)
+        except ValueError:
+            refused += 1
+            assert machine.state() == state
+            continue
+        with contextlib.suppress(ValueError, RuntimeError):  # any result will do
+            play(kind, monitor, rng, 3)
+        machine.restore(state)
+    assert refused > 100
+
+
+def test_a_constant_in_a_state_must_be_that_of_the_program() -> None:
+    monitor = Monitor("x > 17.25", backend="native")
+    monitor.update(1.0)
+    state = monitor._machine.state()
+    constant = struct.pack("=d", 17.25)
+    assert constant in state
+    for other in (math.nan, 18.0):
+        with pytest.raises(ValueError, match=DAMAGED):
+            monitor._machine.restore(state.replace(constant, struct.pack("=d", other)))
+        assert monitor._machine.state() == state
+
+
+@pytest.mark.parametrize(
+    "text", ["once[0:9](x > 0)", "next(x > 0)", "historically(x > 0)", "x > 0"]
+)
+def test_no_number_of_a_state_is_nan(text: str) -> None:
+    monitor = Monitor(text, backend="native")
+    monitor.update(0.1234567)
+    state, nan = monitor._machine.state(), struct.pack("=d", math.nan)
+    held = struct.pack("=d", 0.1234567)
+    at = state.find(held)
+    assert at > 0
+    while at > 0:
+        with pytest.raises(ValueError, match=DAMAGED):
+            monitor._machine.restore(state[:at] + nan + state[at + 8 :])
+        assert monitor._machine.state() == state
+        at = state.find(held, at + 1)
+
+
+@pytest.mark.parametrize("backend", ["native", "python"])
+def test_a_refused_state_changes_neither_the_machine_nor_its_history(backend: Any) -> None:  # noqa: ANN401 - a name
+    def made(*samples: float) -> EpisodeMonitor:
+        monitor = EpisodeMonitor("always(x > 1)", history=True, backend=backend)
+        for x in samples:
+            monitor.update(x)
+        return monitor
+
+    monitor, other = made(5.0, 0.0, 3.0), made(2.0, 7.0)
+    before = pickle.dumps(monitor)
+    state, history = other._state()  # type: ignore[misc]
+    refusals = [
+        ((state, history + bytes(8)), "expected a history of 2 samples of x, got 3 numbers"),
+        ((state, history[:-8]), "expected a history of 2 samples of x, got 1 numbers"),
+        ((state, history[:-1]), "bytes length not a multiple of item size"),
+    ]
+    if backend == "native":
+        refusals.append(((state[:-1], history), "expected a whole state, got a damaged one"))
+    for damaged, message in refusals:
+        with pytest.raises(ValueError, match=f"^{message}$"):
+            monitor.__setstate__(damaged)
+        assert pickle.dumps(monitor) == before
+        assert monitor.explain().causes[0].sample == 1
+    monitor.__setstate__((state, history))
+    assert monitor.explain().causes[0].sample == 0

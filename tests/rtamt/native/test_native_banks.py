@@ -53,13 +53,13 @@ def test_a_foreign_state_is_refused_and_changes_nothing(kind: type[Vector], stat
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_damaged_state_is_refused_and_leaves_new_lanes(kind: type[Vector]) -> None:
-    made, fresh = bank(kind), kind(TEXT, 2, backend="native")._machine.state()
+def test_a_damaged_state_is_refused_and_changes_nothing(kind: type[Vector]) -> None:
+    made = bank(kind)
     state = made.state()
     for damaged in (state[:-8], state[:24], state + bytes(8)):
         with pytest.raises(ValueError, match=r"^expected a whole state, got a damaged one$"):
             made.restore(damaged)
-        assert made.state() == fresh
+        assert made.state() == state
     made.restore(pickle.loads(pickle.dumps(state)))
     assert made.state() == state
 
