@@ -153,7 +153,8 @@ def test_a_refused_state_changes_neither_the_machine_nor_its_history(backend: An
 
     monitor, other = made(5.0, 0.0, 3.0), made(2.0, 7.0)
     before = pickle.dumps(monitor)
-    state, history = other._state()  # type: ignore[misc]
+    given: Any = other._state()
+    state, history = given
     refusals = [
         ((state, history + bytes(8)), "expected a history of 2 samples of x, got 3 numbers"),
         ((state, history[:-8]), "expected a history of 2 samples of x, got 1 numbers"),
