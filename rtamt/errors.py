@@ -13,6 +13,8 @@ __all__ = [
     "SpecificationError",
     "StateError",
     "alternatives",
+    "brief",
+    "is_one_of",
     "nearest",
 ]
 
@@ -83,7 +85,26 @@ def alternatives(names: Iterable[str]) -> str:
     return f"{', '.join(others)} or {last}"
 
 
+def is_one_of(value: object, names: Iterable[str]) -> bool:
+    """Whether a value is one of the names; an array or a list, which ``in`` cannot take, is not."""
+    return isinstance(value, str) and value in names
+
+
+def brief(value: object, most: int = 60) -> str:
+    """What was given, for an error: its repr in one line, cut to a length; its type if it has none.
+
+    An integer of 5,000 digits has none, and that of an object of the caller's may raise anything.
+    """
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # noqa: BLE001 - whatever the repr of an object raises
+        return f"<{type(value).__name__}>"
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def nearest(name: str, names: Iterable[str]) -> str:
     """A hint with the most similar name, or an empty string."""
-    close = difflib.get_close_matches(name, tuple(names), 1)
+    if len(name) > _CONTEXT:  # the search takes the square of the length
+        return ""
+    close = difflib.get_close_matches(name, [n for n in names if len(n) <= _CONTEXT], 1)
     return f"; did you mean '{close[0]}'?" if close else ""

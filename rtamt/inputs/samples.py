@@ -14,7 +14,7 @@ from typing import Literal, NoReturn, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError, InputTypeError, nearest
+from rtamt.errors import InputError, InputTypeError, brief, is_one_of, nearest
 from rtamt.inputs.messages import Field, Messages
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.program import Const, Load, Map, Program
@@ -56,8 +56,8 @@ class SampleReader:
     __slots__ = ("_known", "_messages", "_where", "nan", "program", "variables")
 
     def __init__(self, program: Program, nan: NanPolicy = "raise", lane: int | None = None) -> None:
-        if nan not in ("raise", "hold"):
-            raise InputError(f"expected nan='raise' or nan='hold', got {nan!r}")
+        if not is_one_of(nan, ("raise", "hold")):
+            raise InputError(f"expected nan='raise' or nan='hold', got {brief(nan)}")
         self.program = program
         self.variables = program.variables
         self.nan = nan
@@ -201,7 +201,7 @@ class SampleReader:
             columns = [np.ascontiguousarray(column) for column in table.T]
             n = table.shape[0]
         if n is not None and not _is_count(n):
-            raise InputError(f"expected a whole number of samples as n, got {n!r}")
+            raise InputError(f"expected a whole number of samples as n, got {brief(n)}")
         lengths = {len(c) for c in columns} | (set() if n is None else {n})
         if len(lengths) > 1:
             got = ", ".join(f"{v}: {len(c)}" for v, c in zip(self.variables, columns, strict=True))
@@ -363,6 +363,4 @@ def _is_count(n: object) -> bool:
 
 def kind_of(value: object) -> str:
     """Type and beginning of a value in one line, for errors."""
-    text = " ".join(repr(value).split())
-    shown = text if len(text) <= 40 else text[:37] + "..."
-    return f"{type(value).__name__} {shown}"
+    return f"{type(value).__name__} {brief(value, 40)}"

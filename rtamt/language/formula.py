@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterable
 from typing import cast
 
-from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.errors import InputTypeError, SpecificationError, brief
 from rtamt.language.interval import Exact, Interval
-from rtamt.language.node import Node, interned
+from rtamt.language.node import Node, interned, too_long
 from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text
 from rtamt.language.table import Operator
@@ -220,8 +220,10 @@ def variable(name: str) -> Term:
             name of a function, such as ``min``, may name a variable too.
     """
     if not isinstance(name, str):
-        msg = f"expected the name of a variable as text, got {type(name).__name__} {name!r}"
+        msg = f"expected the name of a variable as text, got {type(name).__name__} {brief(name)}"
         raise InputTypeError(msg)
+    if msg := too_long(name):
+        raise SpecificationError(msg)
     if not all(part.isidentifier() and part.isascii() for part in name.split(".")):
         msg = f"expected a name of letters, digits, '_' and dots, got '{name}'"
         raise SpecificationError(msg)
@@ -232,14 +234,25 @@ def variable(name: str) -> Term:
 
 def number(value: float) -> Term:
     """The term of a finite number."""
-    if isinstance(value, complex | str) or not hasattr(value, "__float__"):
-        msg = f"expected a real number, got {type(value).__name__} {value!r}"
+    given: object = value
+    wrong = isinstance(given, complex | str) or not hasattr(given, "__float__")
+    found = None if wrong or getattr(given, "ndim", None) else _float(value)
+    if found is None:
+        msg = f"expected a real number, got {type(value).__name__} {brief(value)}"
         raise InputTypeError(msg)
-    value = float(value)
-    if not math.isfinite(value):
-        msg = f"expected a finite number in a term, got {value!r}; write true or false for +-inf"
-        raise SpecificationError(msg)
-    return interned(Term, None, leaf=value)
+    if not math.isfinite(found):
+        msg = f"expected a finite number in a term, got {brief(value)}"
+        raise SpecificationError(f"{msg}; write true or false for +-inf")
+    return interned(Term, None, leaf=found)
+
+
+def _float(value: float) -> float | None:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+    except (TypeError, ValueError):
+        return None
 
 
 def conjunction(formulas: Iterable[Formula]) -> Formula:
@@ -311,7 +324,11 @@ def _as_kind(op: Operator, kind: type[Node], arg: Node) -> Node:
     if kind is Term and isinstance(arg, Formula) and arg.op is OPERATORS["value"]:
         return arg.args[0]
     if not isinstance(arg, kind):
-        got = f"the formula {arg}" if isinstance(arg, Formula) else f"{type(arg).__name__} {arg!r}"
+        got = (
+            f"the formula {arg}"
+            if isinstance(arg, Formula)
+            else f"{type(arg).__name__} {brief(arg)}"
+        )
         msg = f"expected a {kind.__name__.lower()} as operand of '{op.symbol}', got {got}"
         raise SpecificationError(msg)
     return arg

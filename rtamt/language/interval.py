@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from typing import cast
 
-from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.errors import InputTypeError, SpecificationError, brief, is_one_of
 
 __all__ = ["UNITS", "Exact", "Interval", "decimal_text", "exact", "no_unit"]
 
@@ -26,30 +27,52 @@ Exact = int | float | str | Decimal | Fraction
 
 def no_unit(text: object) -> str:
     """The reason to refuse what is not a unit."""
-    return f"expected one of the units {', '.join(UNITS)}, got {text!r}"
+    return f"expected one of the units {', '.join(UNITS)}, got {brief(text)}"
+
+
+MAX_DIGITS = 1000
+"""Characters of a number: more would take long to compute with."""
+
+_TEXT = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e([+-]?\d+)|/\d+)?", re.ASCII | re.IGNORECASE)
+_LARGEST = 10**300
 
 
 def exact(value: Exact, what: str) -> Fraction:
-    """The exact value of a finite number; a float means its shortest decimal text."""
+    """The exact value of a finite number; a float means its shortest decimal text.
+
+    Raises:
+        SpecificationError: If it is not a number between 1e-300 and 1e300 or 0, or has more than
+            `MAX_DIGITS` digits. The text is checked before it is computed with.
+        InputTypeError: If it is no number.
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str | Decimal | Fraction):
-        msg = f"expected a number for {what}, got {type(value).__name__} {value!r}"
+        msg = f"expected a number for {what}, got {type(value).__name__} {brief(value)}"
         raise InputTypeError(msg)
-    try:
-        if _is_short(value):
-            result = Fraction(repr(float(value)) if isinstance(value, float) else value)
-            if result == 0 or 1e-300 <= abs(result) <= 1e300:
-                return result
-    except (ValueError, OverflowError):
-        msg = f"expected a finite number for {what}, got {value!r}"
-        raise SpecificationError(msg) from None
-    msg = f"expected a number between 1e-300 and 1e300 for {what}, got {value}"
+    if isinstance(value, int | Fraction):
+        limit = _LARGEST if isinstance(value, int) else 10**MAX_DIGITS
+        number = None if max(abs(value.numerator), value.denominator) > limit else Fraction(value)
+    else:
+        number = _read(repr(float(value)) if isinstance(value, float) else str(value), value, what)
+    if number is not None and (number == 0 or Fraction(1, _LARGEST) <= abs(number) <= _LARGEST):
+        return number
+    shown = value if isinstance(value, str) and len(value) <= MAX_DIGITS else brief(value)
+    msg = f"expected a number between 1e-300 and 1e300 for {what}, got {shown}"
     raise SpecificationError(msg)
 
 
-def _is_short(value: Exact) -> bool:
-    """Whether the exponent is small enough to compute with: 1e999999999 is short text."""
-    exponent = str(value).lower().partition("e")[2] if isinstance(value, str | Decimal) else ""
-    return not exponent or abs(int(exponent)) <= 300
+def _read(text: str, value: object, what: str) -> Fraction | None:
+    """The number that a text writes; None if it is too large or too small to compute with."""
+    if len(text) > MAX_DIGITS:
+        msg = f"expected a number of at most {MAX_DIGITS} characters for {what}, got {len(text)}"
+        raise SpecificationError(msg)
+    match = _TEXT.fullmatch(text.strip())
+    try:
+        if match is not None:
+            return Fraction(text) if abs(int(match[4] or 0)) <= MAX_DIGITS else None
+    except ZeroDivisionError:
+        pass
+    msg = f"expected a finite number for {what}, got {brief(value)}"
+    raise SpecificationError(msg)
 
 
 def decimal_text(value: Fraction) -> str:
@@ -85,12 +108,16 @@ class Interval:
         Raises:
             SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.
         """
+        for bound in (self.begin, self.end):
+            if not isinstance(bound, Fraction | None):
+                msg = f"expected a Fraction as the bound of an interval, got {brief(bound)}"
+                raise InputTypeError(f"{msg}; Interval.of takes numbers")
         if self.begin < 0 or (self.end is not None and self.end < self.begin):
             least = "0" if self.begin < 0 else decimal_text(self.begin)
             wrong = self.begin if self.begin < 0 else cast("Fraction", self.end)
             msg = f"expected a bound of at least {least}, got {decimal_text(wrong)}"
             raise SpecificationError(msg)
-        if self.unit is not None and self.unit not in UNITS:
+        if self.unit is not None and not is_one_of(self.unit, UNITS):
             raise SpecificationError(no_unit(self.unit))
         decimal_text(self.begin)
         if self.end is not None:

@@ -15,13 +15,43 @@ from rtamt.errors import SpecificationError
 from rtamt.language.interval import Interval
 from rtamt.language.table import Operator
 
-__all__ = ["MAX_DEPTH", "MAX_SIZE", "Node", "interned", "too_deep"]
+__all__ = [
+    "MAX_DEPTH",
+    "MAX_NAME",
+    "MAX_OPERANDS",
+    "MAX_PARTS",
+    "MAX_SIZE",
+    "Node",
+    "interned",
+    "too_deep",
+    "too_long",
+]
 
 MAX_DEPTH = 200
 """Nodes on the longest path of a formula; also the most brackets that may stand inside another."""
 
 MAX_SIZE = 1_000_000
 """Nodes of a formula written out; a name used twice counts twice."""
+
+
+MAX_OPERANDS = 250_000
+"""Operands of all operators of a text; an ``and`` of an ``and`` has the operands of both."""
+
+MAX_PARTS = 32
+"""Parts of a dotted name: the message, its fields, their fields."""
+
+MAX_NAME = 255
+"""Characters of a name."""
+
+
+def too_long(name: str) -> str:
+    """The reason to refuse a name for its length or its parts; nothing if it has none."""
+    parts = name.count(".") + 1
+    if parts > MAX_PARTS:
+        return f"a dotted name has {parts} parts; the limit is {MAX_PARTS}"
+    if len(name) > MAX_NAME:
+        return f"a name has {len(name)} characters; the limit is {MAX_NAME}"
+    return ""
 
 
 def too_deep(what: str, depth: int) -> str:

@@ -12,12 +12,15 @@ from os import PathLike
 from types import SimpleNamespace
 from typing import cast
 
-from rtamt.errors import InputTypeError, SpecificationError, nearest
+from rtamt.errors import InputTypeError, SpecificationError, brief, is_one_of, nearest
 from rtamt.language.formula import Formula, Term, variable
 from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
 
-__all__ = ["as_specification", "load", "parse", "parse_as"]
+__all__ = ["MAX_TEXT", "as_specification", "load", "parse", "parse_as"]
+
+MAX_TEXT = 150_000
+"""Characters of a text."""
 
 Modules = Mapping[str, object] | Iterable[str]
 """Modules by name, or names of modules that may be imported."""
@@ -45,7 +48,8 @@ def parse(
 
     Raises:
         ParseError: If the text is not a specification, with line, column and the way out.
-        SpecificationError: If an argument is wrong, or the text has none of the constants.
+        SpecificationError: If an argument is wrong, the text has none of the constants, or it is
+            longer than 150,000 characters.
         ImportError: If a module that is named cannot be imported.
 
     Example:
@@ -93,9 +97,24 @@ def parse_as(
         SpecificationError: As `parse` does.
     """
     if not isinstance(text, str):
-        msg = f"expected the text of a specification, got {type(text).__name__} {text!r}"
+        msg = f"expected the text of a specification, got {type(text).__name__} {brief(text)}"
         raise InputTypeError(msg)
-    if unit not in UNITS:
+    if len(text) > MAX_TEXT:
+        msg = f"the text has {len(text)} characters; the limit is {MAX_TEXT}"
+        raise SpecificationError(f"{msg}; write several specifications")
+    return _parsed(text, unit, constants, modules, chains=chains)
+
+
+def _parsed(
+    text: str,
+    unit: str,
+    constants: Mapping[str, Exact],
+    modules: Mapping[str, object] | None,
+    *,
+    chains: bool,
+) -> Specification:
+    """What `parse_as` gives; a pickle of what was made in Python may be longer than a text."""
+    if not is_one_of(unit, UNITS):
         raise SpecificationError(no_unit(unit))
     for name in constants:
         variable(name)  # raises if the text could not have the name
@@ -151,11 +170,11 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
 
 
 def _term_from_text(text: str) -> Term:
-    return cast("Term", parse(text).formula.args[0])
+    return cast("Term", _formula_from_text(text).args[0])
 
 
 def _formula_from_text(text: str) -> Formula:
-    return parse(text).formula
+    return _parsed(text, "s", {}, None, chains=False).formula
 
 
 def _specification_from_text(
@@ -169,7 +188,7 @@ def _specification_from_text(
     for name, (module, kind) in imports.items():
         vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
     classes = any(kind is not None for _, kind in imports.values())
-    return parse_as(text, unit, given, modules if classes else None, chains=chains)
+    return _parsed(text, unit, given, modules if classes else None, chains=chains)
 
 
 def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[object, ...]]:

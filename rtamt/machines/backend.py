@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import MemberDescriptorType
 from typing import Final, Literal, get_args
 
-from rtamt.errors import InputError, alternatives
+from rtamt.errors import InputError, alternatives, brief, is_one_of
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
@@ -93,12 +93,12 @@ def choose(backend: Backend) -> BackendName:
     Raises:
         InputError: If it is unknown, or native and not built.
     """
+    known = get_args(Backend)
+    if not is_one_of(backend, known):
+        msg = f"expected backend={alternatives(known)}, got {brief(backend)}"
+        raise InputError(msg)
     if backend == "auto":
         return BACKEND
-    known = get_args(Backend)
-    if backend not in known:
-        msg = f"expected backend={alternatives(known)}, got {backend!r}"
-        raise InputError(msg)
     if backend not in BACKENDS:
         msg = f"backend={backend!r} was not built; reinstall rtamt where a C++20 compiler is found"
         raise InputError(msg)

@@ -17,7 +17,7 @@ from fractions import Fraction
 from numbers import Real
 from typing import NamedTuple, SupportsIndex, Unpack, cast
 
-from rtamt.errors import InputError, InputTypeError
+from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.inputs.samples import Columns, Floats, SampleReader, kind_of
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
@@ -276,10 +276,10 @@ def _place(sample: SupportsIndex, length: int) -> int:
         at = operator.index(sample)
     except TypeError:
         raise InputTypeError(
-            f"expected the number of a sample, got {type(sample).__name__} {sample!r}"
+            f"expected the number of a sample, got {type(sample).__name__} {brief(sample)}"
         ) from None
     if not 0 <= at < length:
-        raise InputError(f"expected a sample from 0 to {length - 1}, got {at}")
+        raise InputError(f"expected a sample from 0 to {length - 1}, got {brief(at)}")
     return at
 
 

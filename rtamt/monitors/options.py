@@ -7,7 +7,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, TypedDict, TypeVar, cast, get_args
 
-from rtamt.errors import InputError, alternatives, nearest
+from rtamt.errors import InputError, alternatives, brief, nearest
 from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula
 from rtamt.language.parser import as_specification
@@ -121,7 +121,7 @@ def checked_end(end: object) -> End:
     """
     known = get_args(End)
     if not isinstance(end, str) or end not in known:
-        msg = f"expected end={alternatives(known)}, got {end!r}"
+        msg = f"expected end={alternatives(known)}, got {brief(end)}"
         raise InputError(msg + nearest(str(end), known))
     return cast("End", end)
 

@@ -28,7 +28,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from rtamt.errors import InputError, InputTypeError, alternatives, nearest
+from rtamt.errors import InputError, InputTypeError, alternatives, brief, is_one_of, nearest
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
@@ -123,12 +123,12 @@ def as_interface(
         >>> as_interface(spec, "output-robustness").outputs
         ('gnt',)
     """
-    if semantics == "standard" and inputs is None and outputs is None:
+    if is_one_of(semantics, ("standard",)) and inputs is None and outputs is None:
         return STANDARD  # most monitors; some are made at every episode
     known = get_args(Semantics)
-    if semantics not in known:
-        msg = f"expected semantics={alternatives(known)}, got {semantics!r}"
-        raise InputError(msg + nearest(str(semantics), known))
+    if not is_one_of(semantics, known):
+        msg = f"expected semantics={alternatives(known)}, got {brief(semantics)}"
+        raise InputError(msg + nearest(brief(semantics), known))
     reads = _declared(spec, "input") if inputs is None else _checked(spec, "inputs", inputs)
     sets = _declared(spec, "output") if outputs is None else _checked(spec, "outputs", outputs)
     for name in (name for name in reads if name in sets):
@@ -159,7 +159,7 @@ def _declared(spec: Specification, role: Role) -> tuple[str, ...]:
 def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...]:
     given: object = names
     if isinstance(given, str) or not isinstance(given, Iterable):
-        msg = f"expected names of variables as {argument}, got {given!r}"
+        msg = f"expected names of variables as {argument}, got {brief(given)}"
         hint = f"; write {argument}=('{given}',)" if isinstance(given, str) else ""
         raise InputTypeError(msg + hint)
     known = {n for v in spec.variables for n in _with_messages(v)}
@@ -167,7 +167,7 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
     checked = tuple(dict.fromkeys(names))
     for name in checked:
         if not isinstance(name, str):
-            msg = f"expected names of variables as {argument}, got {name!r} among them"
+            msg = f"expected names of variables as {argument}, got {brief(name)} among them"
             raise InputTypeError(msg)
         if name not in known:
             listed = "; the formula has no variables"

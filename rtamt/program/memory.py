@@ -7,7 +7,7 @@ from collections import Counter
 from typing import assert_never
 
 from rtamt import limits
-from rtamt.errors import InputError
+from rtamt.errors import InputError, brief
 from rtamt.program.algebra import FOLDS
 from rtamt.program.placement import Placement, place
 from rtamt.program.program import Const, Load, Map, Program, Window
@@ -105,7 +105,7 @@ def _episode_needs(program: Program) -> int:
 def _limit(program: Program, numbers: int, lanes: int) -> None:
     limit: object = limits.window_bytes  # which anybody may set
     if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit >= 0:
-        msg = f"expected a number of bytes as rtamt.limits.window_bytes, got {limit!r}"
+        msg = f"expected a number of bytes as rtamt.limits.window_bytes, got {brief(limit)}"
         raise InputError(msg)
     needed = numbers * lanes * _DOUBLE
     if needed <= limit:

@@ -253,8 +253,9 @@ class Program:
         The instruction does not tell: that of ``eventually[0:0](eventually p)`` is the same.
         """
         formula = self.specification.formula
-        op, bounds = formula.op, self.specification.bounds(formula.interval)
-        return op is not None and op.future and len(formula.args) == 1 and bounds == (0, None)
+        op, (begin, end) = formula.op, self.specification.bounds(formula.interval)
+        single = op is not None and op.future and len(formula.args) == 1
+        return single and begin == 0 and end is None
 
     def pruned(self) -> Program:
         """The program without registers that neither the result nor an output needs."""

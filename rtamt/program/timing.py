@@ -10,8 +10,16 @@ from typing import Literal, cast, get_args
 
 import numpy as np
 
-from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, alternatives
-from rtamt.language.interval import UNITS, Interval, decimal_text
+from rtamt.errors import (
+    InputError,
+    InputTypeError,
+    RtamtError,
+    SpecificationError,
+    alternatives,
+    brief,
+    is_one_of,
+)
+from rtamt.language.interval import UNITS, Interval, decimal_text, exact
 from rtamt.language.table import Bounds
 
 __all__ = [
@@ -39,6 +47,7 @@ Align = Literal["outward", "inward", "nearest"]
 """
 
 _TOLERANCE = Fraction(1, 10**12)
+_LEAST, _GREATEST = Fraction(1, 10**300), Fraction(10**300)
 _DOUBLE = np.dtype(np.float64).itemsize
 
 
@@ -49,7 +58,8 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
     ``0.1`` are exact; a numpy float of less precision, for the simplest within that precision.
 
     Raises:
-        SpecificationError: If it is not a positive, finite time.
+        SpecificationError: If it is no time from 1e-300 to 1e300 s. A text is checked before it is
+            computed with.
         InputTypeError: If it is neither a number nor text.
 
     Example:
@@ -58,31 +68,34 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
     """
     if period is None:
         return None
-    wrong = SpecificationError(
-        f'expected a {what} greater than 0, in seconds or as text such as "100ms", got {period!r}'
-    )
     if isinstance(period, str):
         digits = period.strip().rstrip("abcdefghijklmnopqrstuvwxyz")
         unit = period.strip()[len(digits) :] or "s"
         try:
-            value = Fraction(digits.strip()) * UNITS[unit]
-        except (ValueError, KeyError, ZeroDivisionError):
-            raise wrong from None
+            value = exact(digits, f"a {what}") * UNITS[unit]
+        except (SpecificationError, KeyError):
+            raise _no_period(period, what) from None
     elif isinstance(period, numbers.Rational) and not isinstance(period, bool):
-        value = Fraction(period)
+        value = Fraction(int(period.numerator), int(period.denominator))  # of numpy's, maybe
     elif isinstance(period, numbers.Real) and not isinstance(period, bool):
-        if not math.isfinite(period) or period <= 0:
-            raise wrong
+        if not math.isfinite(period):
+            raise _no_period(period, what)
         near, within = Fraction(float(period)), _TOLERANCE
         if isinstance(period, np.floating) and period.itemsize < _DOUBLE:
             within = Fraction(float(np.finfo(type(period)).eps))
-        value = _simplest(near * (1 - within), near * (1 + within))
+        value = near if near <= 0 else _simplest(near * (1 - within), near * (1 + within))
     else:
-        msg = f'expected a {what} in seconds or as text such as "100ms", got {period!r}'
+        msg = f'expected a {what} in seconds or as text such as "100ms", got {brief(period)}'
         raise InputTypeError(msg)
-    if value <= 0:
-        raise wrong
+    if not _LEAST <= value <= _GREATEST:
+        raise _no_period(period, what)
     return value
+
+
+def _no_period(period: object, what: str) -> SpecificationError:
+    return SpecificationError(
+        f'expected a {what} from 1e-300 to 1e300 s, or text such as "100ms", got {brief(period)}'
+    )
 
 
 def _simplest(low: Fraction, high: Fraction) -> Fraction:
@@ -101,8 +114,8 @@ def as_align(align: object) -> Align | None:
         InputError: If it is unknown.
     """
     known = get_args(Align)
-    if align is not None and not (isinstance(align, str) and align in known):
-        msg = f"expected align=None, {alternatives(known)}, got {align!r}"
+    if align is not None and not is_one_of(align, known):
+        msg = f"expected align=None, {alternatives(known)}, got {brief(align)}"
         raise InputError(msg)
     return cast("Align | None", align)
 

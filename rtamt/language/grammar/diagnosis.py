@@ -12,7 +12,7 @@ from antlr4.Token import Token as AntlrToken
 
 from rtamt.errors import ParseError, SpecificationError, nearest
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.interval import UNITS, exact
+from rtamt.language.interval import MAX_DIGITS, UNITS, exact
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES
 from rtamt.language.table import Notation, Operator
@@ -143,6 +143,8 @@ def exact_number(text: str, token: Token, digits: str, what: str) -> Fraction:
         return exact(digits, what)
     except SpecificationError:
         reason = f"expected a {what} between 1e-300 and 1e300, got {shown(digits)}"
+        if len(digits) > MAX_DIGITS:
+            reason = f"expected a {what} of at most {MAX_DIGITS} digits, got {len(digits)}"
         raise fail(text, token, reason) from None
 
 

@@ -19,7 +19,7 @@ from rtamt.language.grammar.diagnosis import (
 )
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import UNITS, Interval, decimal_text, no_unit
-from rtamt.language.node import MAX_DEPTH, Node
+from rtamt.language.node import MAX_DEPTH, MAX_OPERANDS, Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Operator
 
@@ -78,6 +78,7 @@ class TreeBuilder:
         self.positions: dict[Node, tuple[int, int]] = {}
         self._values: list[Node] = []
         self._frames: list[_Frame] = []
+        self._operands = 0
 
     def build(self, first: int, last: int) -> Node:
         """The tree of the tokens from first to last: a term or a formula.
@@ -156,6 +157,10 @@ class TreeBuilder:
             node = make(row.name, args, frame.interval)
         except SpecificationError as error:
             raise self._fail(token, str(error), _way_out(row, args)) from None
+        self._operands += len(node.args)
+        if self._operands > MAX_OPERANDS:
+            reason = f"the operators have more than {MAX_OPERANDS} operands together"
+            raise self._fail(token, reason, "write the formulas as several specifications")
         if frame.interval is not None:
             token = self.tokens[token.tokenIndex + 1]
         self._values.append(self._place(node, token))

@@ -22,7 +22,7 @@ from rtamt.errors import ParseError
 from rtamt.language.grammar.diagnosis import Token, diagnose, fail, misspelt
 from rtamt.language.grammar.generated.StlLexer import StlLexer
 from rtamt.language.grammar.generated.StlParser import StlParser
-from rtamt.language.node import MAX_DEPTH, too_deep
+from rtamt.language.node import MAX_DEPTH, too_deep, too_long
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Notation
 
@@ -136,6 +136,8 @@ class _Scanner:
     def _type(self, token: Token) -> int:
         text = self.text[token.start : token.stop + 1]
         if token.type == StlParser.NAME:
+            if reason := too_long(text):
+                raise fail(self.text, token, reason, "write a shorter name")
             row = OPERATORS.words.get(text)
             return token.type if row is None else _TYPES[row.notation, row.timed]
         rows = OPERATORS.spellings

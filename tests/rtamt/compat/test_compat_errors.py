@@ -31,7 +31,7 @@ def test_every_error_is_the_released_exception() -> None:
             lambda: spec.set_sampling_period(1, "h")
         ),
         "expected a tolerance between 0 and 1, got 2": lambda: spec.set_sampling_period(1, "s", 2),
-        'expected a period greater than 0, in seconds or as text such as "100ms", got -1': (
+        'expected a period from 1e-300 to 1e300 s, or text such as "100ms", got -1': (
             lambda: spec.set_sampling_period(-1)
         ),
         "no variable and no formula is named 'z'": lambda: spec.get_value("z"),

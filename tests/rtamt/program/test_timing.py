@@ -150,7 +150,7 @@ def test_a_period_is_a_positive_time(period: Period) -> None:
     with pytest.raises(SpecificationError) as caught:
         Monitor("x > 0", period)
     assert str(caught.value) == (
-        f'expected a period greater than 0, in seconds or as text such as "100ms", got {period!r}'
+        f'expected a period from 1e-300 to 1e300 s, or text such as "100ms", got {period!r}'
     )
 
 

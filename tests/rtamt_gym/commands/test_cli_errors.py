@@ -145,7 +145,7 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         (
             "monitor spec.stl trace.csv --period 0",
-            "expected a period greater than 0, in seconds or as text such as \"100ms\", got '0'",
+            "expected a period from 1e-300 to 1e300 s, or text such as \"100ms\", got '0'",
         ),
         (
             "run CartPol-v1 --spec always(x<1) --signal x=obs[0]",
