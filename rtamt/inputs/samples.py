@@ -358,7 +358,7 @@ def _count(variables: Sequence[str]) -> str:
 
 
 def _is_count(n: object) -> bool:
-    return isinstance(n, int | np.integer) and not isinstance(n, bool) and int(n) >= 0
+    return isinstance(n, int | np.integer) and not isinstance(n, bool) and 0 <= int(n) <= 2**48
 
 
 def kind_of(value: object) -> str:
