@@ -4,7 +4,8 @@ Text becomes a formula, a formula becomes a program of four instructions, and sm
 on samples as they come (`Monitor`), on an episode with bounds from the first sample on
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
 recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`DenseMonitor`,
-`evaluate_dense`). `explain` finds the samples that decided a robustness.
+`evaluate_dense`). `judge` gives the verdict on a recorded trace; `explain` finds the samples that
+decided a robustness.
 """
 
 import importlib
@@ -28,6 +29,7 @@ from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.evaluation import evaluate
 from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.judgement import Judgement, judge
 from rtamt.monitors.many import evaluate_many
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
 from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
@@ -47,6 +49,7 @@ __all__ = [
     "InputError",
     "InputTypeError",
     "Interval",
+    "Judgement",
     "Monitor",
     "ParseError",
     "RtamtError",
@@ -64,6 +67,7 @@ __all__ = [
     "evaluate_dense",
     "evaluate_many",
     "explain",
+    "judge",
     "limits",
     "load",
     "number",

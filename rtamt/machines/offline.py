@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +19,8 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
-from rtamt.program.program import Load, Program, Window, latencies_of
+from rtamt.program.passes import Folded, folded_apart
+from rtamt.program.program import Program, Window
 
 __all__ = ["Passes", "result_alone", "run_offline", "run_outputs"]
 
@@ -34,13 +34,12 @@ class _Plan(NamedTuple):
     """The programs of the passes over a trace.
 
     Attributes:
-        cut: For each window without end that is cut out the program of its operands, and the
-            program that folds them backwards.
+        cut: The windows without end that are cut out.
         last: The program that has a variable in place of each of these windows.
         backwards: Whether the last program runs backwards.
     """
 
-    cut: tuple[tuple[Program, Program], ...]
+    cut: tuple[Folded, ...]
     last: Program
     backwards: bool
 
@@ -62,7 +61,7 @@ class Passes:
             return machine(part, SampleReader(part, reader.nan), tuple(part.outputs.values()))
 
         plan = _planned(program, min(n, _greatest_bound(program)))
-        self._cut = [(made(operands), made(fold)) for operands, fold in plan.cut]
+        self._cut = [(made(window.operands), made(window.fold)) for window in plan.cut]
         self._last = made(plan.last)
         self._backwards = plan.backwards
         self._names = tuple(program.outputs)
@@ -128,18 +127,9 @@ def _planned(program: Program, n: int) -> _Plan:
     if all(window.lo is not None for window in windows):
         backwards = any(window.hi is None for window in windows)
         return _Plan((), program.mirrored() if backwards else program, backwards)
-    cuts = []
-    while None in program.latencies:
-        # Everything before the first window without end has a latency.
-        unbounded = ((r, i) for r, i in enumerate(program.instructions) if isinstance(i, Window))
-        cut, window = next((r, window) for r, window in unbounded if window.hi is None)
-        operands = {str(i): register for i, register in enumerate(window.args)}
-        part = program.restricted(window.args[0], operands)
-        cuts.append((part, _folding(program, window)))
-        # A variable of a specification cannot have such a name.
-        program = _with_variable(program, cut, f"#{len(program.variables)}")
+    cut, program = folded_apart(program)
     first = next(iter(program.outputs.values()))
-    return _Plan(tuple(cuts), program.restricted(first, program.outputs), backwards=False)
+    return _Plan(cut, program.restricted(first, program.outputs), backwards=False)
 
 
 @functools.lru_cache(maxsize=512)
@@ -147,34 +137,3 @@ def _greatest_bound(program: Program) -> int:
     """The number of samples by which a window reaches back or ahead at most."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     return max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)
-
-
-def _folding(program: Program, window: Window) -> Program:
-    """The program that folds the operands of a window without end backwards."""
-    width = len(window.args)
-    names = tuple(str(i) for i in range(width))
-    mirrored = replace(window, args=tuple(range(width))).mirrored()
-    return replace(
-        program,
-        instructions=(*map(Load, names), mirrored),
-        terms=width,
-        latencies=(0,) * (width + 1),
-        result=width,
-        outputs={"": width},
-        variables=names,
-        sources=program.sources[-1:] * (width + 1),
-    )
-
-
-def _with_variable(program: Program, cut: int, name: str) -> Program:
-    """The program with a window replaced by a variable, which becomes its first register."""
-    instructions = list(program.instructions)
-    instructions[cut] = Load(name)
-    loaded = replace(
-        program,
-        instructions=tuple(instructions),
-        latencies=latencies_of(instructions),
-        variables=(*program.variables, name),
-    )
-    others = (r for r in range(len(instructions)) if r != cut)
-    return loaded.reordered([cut, *others], program.terms + 1)

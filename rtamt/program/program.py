@@ -140,6 +140,14 @@ class Program:
             raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
         return instruction
 
+    def window(self, register: int) -> Window:
+        """The instruction of a register that is a window."""
+        instruction = self.instructions[register]
+        if not isinstance(instruction, Window):
+            msg = f"register {register} is no window"
+            raise AssertionError(msg)  # noqa: TRY004 - a bug of ours, not a type of the caller's
+        return instruction
+
     def delay(self, register: int, operand: int) -> int:
         """Samples by which ``register`` must delay what it reads from ``operand``."""
         instruction = self.instructions[register]

@@ -1,0 +1,269 @@
+"""The verdict on a whole trace."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, Unpack
+
+from rtamt.inputs.samples import Columns, SampleReader
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.outlook import Foresight
+from rtamt.machines.protocols import End
+from rtamt.machines.readout import verdict_of
+from rtamt.monitors.evaluation import whole_trace
+from rtamt.monitors.monitor import Verdict
+from rtamt.monitors.options import (
+    SampleOptions,
+    Spec,
+    checked_end,
+    compiled,
+    listed_in_signature,
+)
+from rtamt.monitors.untested import Untested, found_untested
+from rtamt.program.timing import Period
+
+__all__ = ["Judgement", "judge"]
+
+_T = TypeVar("_T")
+
+
+class _Once(Generic[_T]):
+    """A value that is found when it is first asked for."""
+
+    __slots__ = ("_find", "_value")
+
+    def __init__(self, find: Callable[[], _T]) -> None:
+        self._find: Callable[[], _T] | None = find
+        self._value: _T
+
+    def __call__(self) -> _T:
+        if self._find is not None:
+            self._value, self._find = self._find(), None
+        return self._value
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _found, (self(),)
+
+
+def _found(value: _T) -> _Once[_T]:
+    return _Once(lambda: value)
+
+
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class Judgement:
+    """The verdict on a whole trace, and what it rests on; made by `judge`.
+
+    ``str`` gives a text of at most 80 columns, which says what was not recorded, and the way out.
+    A trace in dense time is judged by the same class: its times are seconds, not samples.
+
+    Attributes:
+        robustness: The robustness at the first sample if the trace is all there is: `evaluate`'s.
+        lower: The least robustness that the reading of the end leaves possible.
+        upper: The greatest.
+        verdict: VIOLATED if ``upper`` is below 0 or -0.0, SATISFIED if ``lower`` is above 0 or
+            +0.0, else UNDECIDED.
+        end: The reading of the end: ``"complete"``, ``"cut"`` or ``"open"``.
+        formula: The formula as text.
+        complete: The verdict of the complete reading.
+    """
+
+    robustness: float
+    lower: float
+    upper: float
+    verdict: Verdict
+    end: End
+    formula: str
+    complete: Verdict
+    _untested: Callable[[], tuple[Untested, ...]]
+    _decided_at: Callable[[], float | None]
+
+    @staticmethod
+    def of(
+        bounds: tuple[float, float, float],
+        end: End,
+        formula: str,
+        complete: Verdict,
+        untested: Callable[[], tuple[Untested, ...]],
+        decided_at: Callable[[], float | None],
+    ) -> Judgement:
+        """The judgement for robustness, lower and upper bound.
+
+        Args:
+            bounds: Robustness, lower and upper bound.
+            end: The reading of the end.
+            formula: The formula as text.
+            complete: The verdict of the complete reading.
+            untested: Finds what was not recorded, when that is first asked for.
+            decided_at: Finds when the open reading was decided, when that is first asked for.
+        """
+        verdict = _verdict(*bounds[1:])
+        return Judgement(
+            *bounds, verdict, end, formula, complete, _Once(untested), _Once(decided_at)
+        )
+
+    @property
+    def untested(self) -> tuple[Untested, ...]:
+        """What the verdict needs and the trace does not have; empty if the verdict is decided.
+
+        It is found when it is first asked for.
+        """
+        return self._untested()
+
+    @property
+    def decided_at(self) -> float | None:
+        """The first sample after which no continuation could change the verdict; None: no such.
+
+        It is the sample at which `EpisodeMonitor` decides, found when it is first asked for.
+        """
+        return self._decided_at()
+
+    def _values(self) -> tuple[object, ...]:
+        return (
+            *(self.robustness, self.lower, self.upper, self.verdict, self.end, self.formula),
+            *(self.complete, self.untested, self.decided_at),
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Judgement):
+            return NotImplemented
+        return self._values() == other._values()
+
+    def __hash__(self) -> int:
+        return hash((self.robustness, self.lower, self.upper, self.end, self.formula))
+
+    def __repr__(self) -> str:
+        values = f"robustness={self.robustness}, lower={self.lower}, upper={self.upper}"
+        return f"<Judgement {self.verdict.name}, {values}, end={self.end!r}>"
+
+    def __str__(self) -> str:
+        lines = _wrapped(f"{self.verdict.name}: {self.formula}")
+        bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
+        lines.append(f'robustness {_number(self.robustness)}, {bounds} under end="{self.end}"')
+        for part in self.untested:
+            lines += _wrapped(str(part))
+        if self.verdict is Verdict.UNDECIDED:
+            if self.complete is Verdict.UNDECIDED:
+                way = "no reading of the end decides it: it hangs on a predicate that counts 0"
+            else:
+                way = f'if the trace is all there is, end="complete" says {self.complete.name}'
+            lines += _wrapped(way)
+        return "\n".join(lines)
+
+
+def _verdict(lower: float, upper: float) -> Verdict:
+    return Verdict(verdict_of(lower, upper))
+
+
+@listed_in_signature(SampleOptions)
+def judge(
+    spec: Spec,
+    signals: Columns,
+    period: Period | None = None,
+    end: End = "cut",
+    *,
+    n: int | None = None,
+    **options: Unpack[SampleOptions],
+) -> Judgement:
+    """The verdict on a whole trace, by what its end means.
+
+    It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, at the speed of
+    `evaluate`: about the first sample; invariants are written ``always(...)``.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: As for `evaluate`.
+        period: As for `Monitor`.
+        end: What lies behind the last sample. ``"complete"``: nothing, windows are cut to the
+            trace. ``"cut"``: the trace is a recording; what bounded windows need of the time after
+            it is unknown, and future operators without an end speak of the recorded time.
+            ``"open"``: the trace is a beginning, of which nothing may be said that a continuation
+            could change. See `EpisodeMonitor.finish`.
+        n: The length, for a formula without variables.
+        **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
+            for `Monitor`.
+
+    Raises:
+        SpecificationError: As for `evaluate`.
+        InputError: As for `evaluate`, and on another reading of the end.
+        InputTypeError: As for `evaluate`.
+
+    Example:
+        >>> trace = {"req": [0, 4, 0, 0, 4], "gnt": [0, 0, 5, 0, 0]}
+        >>> spec = "always(req >= 3 implies eventually[0:2](gnt >= 3))"
+        >>> print(judge(spec, trace, period=1))
+        UNDECIDED: always(req >= 3 implies eventually[0:2](gnt >= 3))
+        robustness -1, bounds -1 to 2 under end="cut"
+        eventually[0:2](gnt >= 3) at 4 s: not recorded: 5 s to 6 s
+        if the trace is all there is, end="complete" says VIOLATED
+        >>> judge(spec, trace, period=1, end="complete").verdict.name
+        'VIOLATED'
+    """
+    reading = checked_end(end)
+    specification, _, backend, nan, seconds, program = compiled(
+        judge, spec, period, options, online=False
+    )
+    reader = SampleReader(program, nan)
+    columns, length = whole_trace(reader, signals, n)
+    machine = BACKENDS[backend].discrete_machine
+    foresight = Foresight.of(program, reader, machine, columns, length)
+    worst, robustness = foresight.robustness()
+    lower, upper = foresight.bounds(cut=False)
+    decided = _verdict(lower, upper) is not Verdict.UNDECIDED
+    if not decided and reading == "complete":
+        lower, upper = worst, robustness
+    elif not decided and reading == "cut":
+        lower, upper = foresight.bounds(cut=True)
+
+    # Without what its passes have found so far, which is as long as the trace.
+    kept = foresight.until(foresight.n)
+
+    def untested() -> tuple[Untested, ...]:
+        if reading == "complete" or _verdict(lower, upper) is not Verdict.UNDECIDED:
+            return ()
+        return found_untested(kept, seconds, cut=reading == "cut")
+
+    return Judgement.of(
+        (robustness, lower, upper),
+        reading,
+        str(specification.formula),
+        _verdict(worst, robustness),
+        untested,
+        lambda: _first_decided(kept) if decided else None,
+    )
+
+
+def _first_decided(foresight: Foresight) -> int:
+    """The first sample at which the open reading is decided; it is so at the last one."""
+    low, high = 0, 1  # undecided after low samples, or none; decided after high samples
+
+    def decided(n: int) -> bool:
+        bounds = foresight.until(n).bounds(cut=False)
+        return _verdict(*bounds) is not Verdict.UNDECIDED
+
+    while high < foresight.n and not decided(high):
+        low, high = high, 2 * high
+    high = min(high, foresight.n)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if decided(middle) else (middle, high)
+    return high - 1
+
+
+def _number(value: float) -> str:
+    if value == 0.0:
+        return "0 (violated)" if math.copysign(1.0, value) < 0.0 else "0 (holds)"
+    return f"{value:.6g}"
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width=80,
+        subsequent_indent="    ",
+        break_on_hyphens=False,
+        max_lines=3,
+        placeholder=" ...",
+    )

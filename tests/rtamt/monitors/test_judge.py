@@ -1,0 +1,275 @@
+"""`judge`: the verdict on a whole trace, against `EpisodeMonitor` and against its definition."""
+
+import copy
+import inspect
+import pickle
+from typing import Literal
+
+import numpy as np
+import pytest
+from bits import identical
+from end_oracle import ended
+from episode_monitors import feed, offered
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import INFINITIES, Trace, formulas, length, traces
+
+from rtamt import (
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    Judgement,
+    SpecificationError,
+    Verdict,
+    evaluate,
+    judge,
+    parse,
+)
+
+Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
+
+
+def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
+    """Compare with the definition and with the monitor that has seen the same samples."""
+    n = length(trace)
+    now = evaluate(formula, trace, n=n, backend=backend)[0]
+    seen = EpisodeMonitor(formula, backend=backend)
+    decided = None
+    for i in range(n):
+        feed(seen, trace, i)
+        if decided is None and seen.verdict is not U:
+            decided = i
+    for end in ENDS:
+        found = judge(formula, trace, end=end, n=n, backend=backend)
+        monitor = copy.copy(seen)
+        monitor.finish(end)
+        values = (found.robustness, found.lower, found.upper)
+        assert identical(values, offered(monitor)), end
+        assert identical(values, ended(formula, trace, n, end)), end
+        assert (found.verdict, found.decided_at) == (monitor.verdict, decided)
+        assert identical([found.robustness], [now])
+        assert bool(found.untested) == (found.verdict is U)
+
+
+@settings(max_examples=150)
+@given(formula=formulas(depth=2, endless=True), trace=traces(most=10))
+def test_it_says_what_the_monitor_says_of_the_same_samples(
+    formula: Formula, trace: Trace, backend: Backend
+) -> None:
+    agrees(formula, trace, backend)
+
+
+@settings(max_examples=80)
+@given(formula=formulas(depth=1, endless=True), data=st.data(), trace=traces(most=8))
+def test_endless_operators_inside_others_and_late_operands(
+    formula: Formula, data: st.DataObject, trace: Trace, backend: Backend
+) -> None:
+    inner = data.draw(st.sampled_from([formula.always(), formula.eventually(2), formula.once()]))
+    outer = [inner.eventually(), inner.always(1, 3), inner.always(2), inner.historically(1, 2)]
+    outer += [(inner.next() & formula).always(), inner.once(0, 4).eventually(0, 3)]
+    agrees(data.draw(st.sampled_from(outer)), trace, backend)
+
+
+@settings(max_examples=15)
+@given(
+    inner=formulas(depth=1),
+    begin=st.integers(0, 40),
+    width=st.integers(0, 40),
+    past=st.integers(0, 40),
+    trace=traces(most=12),
+)
+def test_windows_longer_than_the_trace(
+    inner: Formula, begin: int, width: int, past: int, trace: Trace, backend: Backend
+) -> None:
+    agrees(inner.once(0, past).eventually(begin, begin + width).always(0, 50), trace, backend)
+    agrees(inner.eventually(begin, begin + width).always(), trace, backend)
+    agrees(inner.historically(past, past + width).always(), trace, backend)
+
+
+@settings(max_examples=40)
+@given(formula=formulas(depth=2, endless=True, total=False), trace=traces(values=INFINITIES))
+def test_infinite_samples(formula: Formula, trace: Trace, backend: Backend) -> None:
+    agrees(formula, trace, backend)
+
+
+def test_a_trace_of_many_blocks(backend: Backend) -> None:
+    n = 20_000
+    for place in (0, 3615, 3616, 11_807, 11_808, n - 5):
+        x = np.linspace(2.0, 1.0, n)
+        x[place] = -1.0
+        found = judge("always(eventually[0:3](x > 0))", {"x": x}, backend=backend)
+        assert (found.verdict, found.robustness) == (S, x[-1])
+        broken = judge("always[0:inf](x > 0)", {"x": x}, backend=backend)
+        assert (broken.verdict, broken.robustness, broken.decided_at) == (V, -1.0, place)
+        until = judge("x > 0 until x < 0", {"x": x}, backend=backend)
+        assert (until.verdict, until.decided_at) == (S, place)
+    x = np.ones(n)
+    x[12_345] = -2.0
+    found = judge("always(historically[0:2](x > 0))", {"x": x}, end="open", backend=backend)
+    assert (found.verdict, found.upper, found.decided_at) == (V, -2.0, 12_345)
+
+
+@pytest.mark.parametrize(
+    ("text", "trace", "period", "end", "untested"),
+    [
+        (
+            "always[20:30](x > 5)",
+            {"x": [9] * 10},
+            1,
+            "cut",
+            ["always[20:30](x > 5): not recorded: 20 s to 30 s"],
+        ),
+        (
+            "always(req implies eventually[0:5] gnt)",
+            {"req": [-1, 1, -1, -1, 1, -1], "gnt": [-1, -1, 1, -1, -1, -1]},
+            "500ms",
+            "cut",
+            ["eventually[0:5](gnt) at 2 s: not recorded: 3 s to 7 s"],
+        ),
+        (
+            "always(req implies eventually[0:5] gnt)",
+            {"req": [-1, 1, -1, -1, 1, -1], "gnt": [-1, -1, 1, -1, -1, -1]},
+            None,
+            "open",
+            [
+                "always(req implies eventually[0:5](gnt)): not recorded: sample 6 and later",
+                "eventually[0:5](gnt) at sample 4: not recorded: samples 6 to 9",
+            ],
+        ),
+        (
+            "always(always[0:2](x > 0))",
+            {"x": [1] * 10},
+            None,
+            "cut",
+            ["always[0:2](x > 0) at sample 8: not recorded: sample 10"],
+        ),
+        (
+            "always[5:inf](x > 0) and next(x > 8)",
+            {"x": [1]},
+            0.1,
+            "cut",
+            [
+                "next(x > 8): not recorded: 0.1 s",
+                "always[5:inf](x > 0): not recorded: 5 s and later",
+            ],
+        ),
+        (
+            "x > 0 until[2:30] x > 5",
+            {"x": [1] * 9},
+            1,
+            "cut",
+            ["x > 0 until[2:30] x > 5: not recorded: 9 s to 30 s"],
+        ),
+        ("always(x > 0)", {"x": [1]}, None, "cut", []),
+        ("always[0:9](x > 0)", {"x": [1]}, None, "complete", []),
+        ("always[0:9](x > 0)", {"x": [-1]}, None, "cut", []),
+    ],
+)
+def test_what_was_not_recorded_is_said_in_words_and_numbers(
+    text: str,
+    trace: dict[str, list[float]],
+    period: float | str | None,
+    end: End,
+    untested: list[str],
+    backend: Backend,
+) -> None:
+    found = judge(text, trace, period, end, backend=backend)
+    assert [str(part) for part in found.untested] == untested
+    for part in found.untested:
+        assert (part.unit == "samples") == (period is None)
+        assert part.end is None or part.begin <= part.end
+
+
+def test_the_text_names_what_is_missing_and_the_way_out() -> None:
+    text = str(judge("always(always[0:2](x > 0))", {"x": [2] * 10}, 0.1))
+    assert text == inspect.cleandoc("""
+        UNDECIDED: always always[0:2](x > 0)
+        robustness 2, bounds -inf to 2 under end="cut"
+        always[0:2](x > 0): not recorded: 1 s to 2 s
+        if the trace is all there is, end="complete" says SATISFIED
+        """)
+    assert str(judge("x >= 0", {"x": [0]})) == inspect.cleandoc("""
+        SATISFIED: x >= 0
+        robustness 0 (holds), bounds 0 (holds) to 0 (holds) under end="cut"
+        """)
+    long = " and ".join(f"eventually[0:{k}](signal_{k} > {k})" for k in range(1, 30))
+    trace = {f"signal_{k}": [0] for k in range(1, 30)}
+    lines = str(judge(f"always({long})", trace)).splitlines()
+    assert max(map(len, lines)) <= 80
+
+
+def test_a_judgement_is_a_value() -> None:
+    trace = {"x": [2.0, 1.0, 0.5]}
+    found = judge("always[0:5](x > 0)", trace)
+    assert found == judge("always[0:5](x > 0)", trace) != judge("always[0:6](x > 0)", trace)
+    for twin in (copy.copy(found), copy.deepcopy(found), pickle.loads(pickle.dumps(found))):
+        assert twin == found
+        assert (twin.untested, twin.decided_at) == (found.untested, found.decided_at)
+        assert hash(twin) == hash(found)
+    assert repr(found) == (
+        "<Judgement UNDECIDED, robustness=0.5, lower=-inf, upper=0.5, end='cut'>"
+    )
+    with pytest.raises(AttributeError):
+        found.lower = 1.0  # type: ignore[misc]
+
+
+def test_what_is_found_late_does_not_read_the_callers_arrays(backend: Backend) -> None:
+    x = np.array([2.0, -1.0, 1.0])
+    violated = judge("always(x > 0)", {"x": x}, backend=backend)
+    short = judge("always[1:5](x > -3)", {"x": x}, backend=backend)
+    x[:] = np.nan
+    assert violated.decided_at == 1
+    assert [str(part) for part in short.untested] == [
+        "always[1:5](x > -3): not recorded: samples 3 to 5"
+    ]
+
+
+def test_errors_are_those_of_evaluate(backend: Backend) -> None:
+    calls: list[tuple[str, dict[str, list[float]]]] = [
+        ("always(x > 0)", {"y": [1.0]}),
+        ("always(x > 0)", {"x": []}),
+        ("always(x > 0)", {"x": [1.0, np.nan]}),
+        ("always(sqrt(x) > 0)", {"x": [1.0, -1.0]}),
+        ("next(sqrt(x) > 0)", {"x": [1.0, 1.0, 1.0, -1.0]}),
+        ("always(x > )", {"x": [1.0]}),
+    ]
+    for text, trace in calls:
+        errors = []
+        for function in (evaluate, judge):
+            with pytest.raises((InputError, SpecificationError)) as caught:
+                function(text, trace, backend=backend)
+            errors.append((type(caught.value), str(caught.value)))
+        assert errors[0] == errors[1], text
+    with pytest.raises(InputError) as other:
+        judge("x > 0", {"x": [1.0]}, end="cute", backend=backend)  # type: ignore[arg-type]
+    text = "expected end='complete', 'cut' or 'open', got 'cute'; did you mean 'cut'?"
+    assert str(other.value) == text
+
+
+def test_options_are_those_of_evaluate(backend: Backend) -> None:
+    held = judge("always(x > 0)", {"x": [1, np.nan, 2]}, nan="hold", backend=backend)
+    assert held.verdict is S
+    spec = parse("input float req; output float gnt; always(req > 3 implies gnt > 3)")
+    trace = {"req": [5.0, 5.0], "gnt": [9.0, 1.0]}
+    found = judge(spec, trace, semantics="output-robustness", backend=backend)
+    assert (found.verdict, found.robustness) == (V, -2.0)
+    rounded = judge("always[0:0.25](x > 0)", {"x": [1.0]}, 0.1, align="outward", backend=backend)
+    assert [str(part) for part in rounded.untested] == [
+        "always[0:0.25](x > 0): not recorded: 0.1 s to 0.3 s"
+    ]
+    assert judge("true", {}, n=3, backend=backend).verdict is S
+
+
+def test_more_endless_operators_than_a_monitor_takes(backend: Backend) -> None:
+    text = "x > 0"
+    for _ in range(9):
+        text = f"always eventually ({text})"
+    found = judge(text, {"x": [1.0, 2.0]}, backend=backend)
+    assert (found.verdict, found.robustness, found.decided_at) == (S, 2.0, None)
+
+
+def test_judgements_are_made_by_judge_alone() -> None:
+    assert isinstance(judge("x > 0", {"x": [1]}), Judgement)
