@@ -15,6 +15,7 @@ __all__ = [
     "alternatives",
     "brief",
     "is_one_of",
+    "name_text",
     "nearest",
 ]
 
@@ -102,9 +103,16 @@ def brief(value: object, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
+def name_text(name: object) -> str:
+    """The text of a name, which may be anything that a mapping takes: a column may be a number."""
+    return name if isinstance(name, str) else brief(name)
+
+
+def nearest(name: str, names: Iterable[object]) -> str:
     """A hint with the most similar name, or an empty string."""
     if len(name) > _CONTEXT:  # the search takes the square of the length
         return ""
-    close = difflib.get_close_matches(name, [n for n in names if len(n) <= _CONTEXT], 1)
+    # Names of columns may be numbers, or anything else that a mapping takes.
+    known = [n for n in names if isinstance(n, str) and len(n) <= _CONTEXT]
+    close = difflib.get_close_matches(name, known, 1)
     return f"; did you mean '{close[0]}'?" if close else ""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, M
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from rtamt.errors import InputError, InputTypeError, nearest
+from rtamt.errors import InputError, InputTypeError, name_text, nearest
 from rtamt.language.specification import Specification
 
 __all__ = ["Field", "Messages", "write_fields"]
@@ -76,7 +76,7 @@ class Field:
         name, step = ".".join((self.message, *self.path[:depth])), self.path[depth]
         known: list[str] = []
         if isinstance(holder, Mapping):
-            known = [str(key) for key in holder]
+            known = [name_text(key) for key in holder]
         elif not hasattr(holder, "__float__"):
             methods = {n for n in dir(type(holder)) if callable(getattr(type(holder), n, None))}
             known = [n for n in dir(holder) if n not in methods and not n.startswith("_")]
@@ -175,10 +175,11 @@ def write_fields(
     for name, message in {**(messages or {}), **named}.items():
         here = [(field, field.holder(message)) for field in fields.under(name)]
         if not here:
-            known = f"; write {name}.value = FORMULA"
+            shown = name_text(name)
+            known = f"; write {shown}.value = FORMULA"
             if fields.names:
                 known = f"; they name fields of {', '.join(sorted(fields.names))}"
-            raise InputError(f"no formula names a field of '{name}'{known}")
+            raise InputError(f"no formula names a field of '{shown}'{known}")
         targets += here
     for field, holder in targets:
         try:

@@ -14,7 +14,7 @@ from typing import Literal, NoReturn, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError, InputTypeError, brief, is_one_of, nearest
+from rtamt.errors import InputError, InputTypeError, brief, is_one_of, name_text, nearest
 from rtamt.inputs.messages import Field, Messages
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.program import Const, Load, Map, Program
@@ -187,7 +187,7 @@ class SampleReader:
         """What `block` returns, with every nan still in it."""
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
-            names: AbstractSet[str] = dict.fromkeys(map(str, named.keys())).keys()
+            names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
             if not self._known <= names and self._messages.names & names:
                 named = self._with_fields(named, names, sample)
                 names = named.keys()
@@ -228,12 +228,14 @@ class SampleReader:
         def column(field: Field, messages: object) -> object:
             if isinstance(messages, Mapping):  # a message of columns
                 return field.of(messages, sample)
-            if isinstance(messages, str | bytes) or not isinstance(messages, Iterable):
+            several = isinstance(messages, Iterable) and not isinstance(messages, str | bytes)
+            if not several or getattr(messages, "ndim", 1) == 0:
                 got = kind_of(messages)
                 raise InputTypeError(
                     f"expected a message for every sample as '{field.message}', got {got}"
                 )
-            return [field.of(message, sample + i) for i, message in enumerate(messages)]
+            each = enumerate(cast("Iterable[object]", messages))
+            return [field.of(message, sample + i) for i, message in each]
 
         columns = {name: named[name] for name in names}
         for name in self._messages.names & names:
@@ -265,8 +267,9 @@ class SampleReader:
 
 def unknown_variable(name: object, variables: Sequence[str], messages: Messages) -> InputError:
     """The error that refuses a name that is neither a variable nor a message with one."""
-    near = nearest(str(name), (*variables, *sorted(messages.names)))
-    return InputError(f"unknown variable '{name}'{near or listed(variables)}")
+    shown = name_text(name)
+    near = nearest(shown, (*variables, *sorted(messages.names)))
+    return InputError(f"unknown variable '{shown}'{near or listed(variables)}")
 
 
 def listed(variables: Sequence[str]) -> str:
@@ -358,7 +361,9 @@ def _count(variables: Sequence[str]) -> str:
 
 
 def _is_count(n: object) -> bool:
-    return isinstance(n, int | np.integer) and not isinstance(n, bool) and 0 <= int(n) <= 2**48
+    if isinstance(n, bool | np.timedelta64):
+        return False
+    return isinstance(n, int | np.integer) and 0 <= int(n) <= 2**48
 
 
 def kind_of(value: object) -> str:

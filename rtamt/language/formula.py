@@ -257,12 +257,12 @@ def _float(value: float) -> float | None:
 
 def conjunction(formulas: Iterable[Formula]) -> Formula:
     """The ``and`` of one formula or more, as one node."""
-    return _junction("and", tuple(formulas))
+    return _junction("and", formulas)
 
 
 def disjunction(formulas: Iterable[Formula]) -> Formula:
     """The ``or`` of one formula or more, as one node."""
-    return _junction("or", tuple(formulas))
+    return _junction("or", formulas)
 
 
 def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) -> Term | Formula:
@@ -299,7 +299,12 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
     return interned(result, op, args, interval)
 
 
-def _junction(name: str, formulas: tuple[Formula, ...]) -> Formula:
+def _junction(name: str, several: Iterable[Formula]) -> Formula:
+    given: object = several
+    if not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
+        msg = f"expected formulas in a list or the like for '{name}', got {brief(given)}"
+        raise InputTypeError(msg)
+    formulas = tuple(several)
     if len(formulas) == 1:
         return cast("Formula", _as_kind(OPERATORS[name], Formula, formulas[0]))
     return cast("Formula", make(name, formulas))

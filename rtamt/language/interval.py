@@ -108,8 +108,9 @@ class Interval:
         Raises:
             SpecificationError: On a negative bound, ``end < begin`` or an unknown unit.
         """
-        for bound in (self.begin, self.end):
-            if not isinstance(bound, Fraction | None):
+        bounds: tuple[object, ...] = (self.begin,) if self.end is None else (self.begin, self.end)
+        for bound in bounds:
+            if not isinstance(bound, Fraction):
                 msg = f"expected a Fraction as the bound of an interval, got {brief(bound)}"
                 raise InputTypeError(f"{msg}; Interval.of takes numbers")
         if self.begin < 0 or (self.end is not None and self.end < self.begin):

@@ -59,11 +59,14 @@ def parse(
         >>> spec.variables, spec.horizon
         (('req', 'gnt'), inf)
     """
+    if not isinstance(constants, Mapping | None):
+        msg = f"expected values of constants by name, got {brief(constants)}"
+        raise InputTypeError(f'{msg}; write constants={{"limit": 0.3}}')
     if isinstance(modules, str):
         msg = f"expected modules by name or names of modules, got {modules!r}; write [{modules!r}]"
         raise InputTypeError(msg)
     if modules is not None and not isinstance(modules, Mapping):
-        modules = {name: importlib.import_module(name) for name in modules}
+        modules = {name: importlib.import_module(name) for name in _module_names(modules)}
     spec = parse_as(text, unit, constants or {}, modules, chains=False)
     for name in constants or {}:
         if name not in spec.given:
@@ -72,6 +75,17 @@ def parse(
             msg = f"the text has no constant '{name}'{near or known}"
             raise SpecificationError(msg)
     return spec
+
+
+def _module_names(modules: Iterable[str]) -> list[str]:
+    given: object = modules
+    names: list[object] = [None]
+    if isinstance(given, Iterable) and getattr(given, "ndim", None) != 0:
+        names = list(given)
+    if not all(isinstance(name, str) for name in names):
+        msg = f"expected modules by name or names of modules, got {brief(modules)}"
+        raise InputTypeError(msg)
+    return cast("list[str]", names)
 
 
 def parse_as(
@@ -139,6 +153,8 @@ def load(
     """
     from pathlib import Path  # 5 ms of every import of the package
 
+    if not isinstance(path, str | PathLike):
+        raise InputTypeError(f"expected the path of a file as text or a Path, got {brief(path)}")
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
         return parse(text, unit=unit, constants=constants, modules=modules)

@@ -17,6 +17,8 @@ from fractions import Fraction
 from numbers import Real
 from typing import NamedTuple, SupportsIndex, Unpack, cast
 
+import numpy as np
+
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.inputs.samples import Columns, Floats, SampleReader, kind_of
 from rtamt.language.formula import Formula
@@ -262,13 +264,17 @@ def explain(
 
 
 def _time(start: float) -> float:
-    if not isinstance(start, Real):
+    if not isinstance(start, Real) or isinstance(start, np.timedelta64):
         raise InputTypeError(
             f"expected the time of the first sample in seconds as start, got {kind_of(start)}"
         )
-    if not math.isfinite(start):
-        raise InputError(f"expected a finite time of the first sample as start, got {start!r}")
-    return float(start)
+    try:
+        time = float(start)
+    except OverflowError:
+        time = math.inf
+    if not math.isfinite(time):
+        raise InputError(f"expected a finite time of the first sample as start, got {brief(start)}")
+    return time
 
 
 def _place(sample: SupportsIndex, length: int) -> int:

@@ -8,7 +8,7 @@ from typing import Unpack, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rtamt.errors import InputError, InputTypeError, RtamtError, nearest
+from rtamt.errors import InputError, InputTypeError, RtamtError, brief, nearest
 from rtamt.inputs.samples import Columns, Floats, SampleReader, array_of_numbers, wrong_shape
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import Passes, result_alone
@@ -124,7 +124,12 @@ def _ends(lengths: ArrayLike | None, shape: tuple[int, int]) -> Sequence[int]:
     traces, samples = shape
     if lengths is None:
         return [samples] * traces
-    ends = np.asarray(lengths)
+    try:
+        ends = np.asarray(lengths)
+    except ValueError:
+        raise InputTypeError(
+            f"expected a whole number for each trace as lengths, got {brief(lengths)}"
+        ) from None
     if ends.dtype.kind not in "iu":
         raise InputTypeError(f"expected whole numbers as lengths, got dtype {ends.dtype}")
     if ends.shape != (traces,):

@@ -122,7 +122,7 @@ def checked_end(end: object) -> End:
     known = get_args(End)
     if not isinstance(end, str) or end not in known:
         msg = f"expected end={alternatives(known)}, got {brief(end)}"
-        raise InputError(msg + nearest(str(end), known))
+        raise InputError(msg + nearest(brief(end), known))
     return cast("End", end)
 
 

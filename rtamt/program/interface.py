@@ -164,7 +164,12 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
         raise InputTypeError(msg + hint)
     known = {n for v in spec.variables for n in _with_messages(v)}
     known |= spec.declarations.keys() - spec.formulas.keys()
-    checked = tuple(dict.fromkeys(names))
+    try:
+        checked = tuple(given)
+    except TypeError:  # an array without an axis
+        raise InputTypeError(
+            f"expected names of variables as {argument}, got {brief(given)}"
+        ) from None
     for name in checked:
         if not isinstance(name, str):
             msg = f"expected names of variables as {argument}, got {brief(name)} among them"
@@ -176,7 +181,7 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
             what = "names a formula, not a variable" if name in spec.formulas else "is no variable"
             msg = f"'{name}' in {argument} {what}{nearest(name, known) or listed}"
             raise InputError(msg)
-    return checked
+    return tuple(dict.fromkeys(checked))
 
 
 def _with_messages(variable: str) -> Iterator[str]:

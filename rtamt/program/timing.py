@@ -75,9 +75,9 @@ def as_period(period: Period | None, what: str = "period") -> Fraction | None:
             value = exact(digits, f"a {what}") * UNITS[unit]
         except (SpecificationError, KeyError):
             raise _no_period(period, what) from None
-    elif isinstance(period, numbers.Rational) and not isinstance(period, bool):
+    elif isinstance(period, numbers.Rational) and not isinstance(period, bool | np.timedelta64):
         value = Fraction(int(period.numerator), int(period.denominator))  # of numpy's, maybe
-    elif isinstance(period, numbers.Real) and not isinstance(period, bool):
+    elif isinstance(period, numbers.Real) and not isinstance(period, bool | np.timedelta64):
         if not math.isfinite(period):
             raise _no_period(period, what)
         near, within = Fraction(float(period)), _TOLERANCE
