@@ -16,6 +16,7 @@ from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeMachine
+from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
 from rtamt.machines.protocols import (
     DenseMachine,
     DiscreteBank,
@@ -57,10 +58,10 @@ class Factories:
 BACKENDS: Final[dict[BackendName, Factories]] = {
     "python": Factories(
         PythonDiscreteMachine,
-        PythonEpisodeMachine,
+        machine_with_neutrals(PythonEpisodeMachine),
         PythonDenseMachine,
         PythonDiscreteBank,
-        PythonEpisodeBank,
+        bank_with_neutrals(PythonEpisodeBank),
     )
 }
 """The back-ends that are built, by name."""
@@ -76,10 +77,12 @@ except ModuleNotFoundError as absent:  # a module that is there but does not loa
 else:
     BACKENDS["native"] = Factories(
         native.discrete_machine,
-        native.episode_machine,
+        machine_with_neutrals(native.episode_machine),
         native.dense_machine,
         native.discrete_bank,
-        native.episode_bank,  # type: ignore[arg-type] # until it reads the end of a trace
+        bank_with_neutrals(
+            native.episode_bank  # type: ignore[arg-type] # until it reads the end of a trace
+        ),
     )
     read_only = native.read_only
 

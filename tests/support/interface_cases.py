@@ -15,6 +15,8 @@ Case = tuple[Specification, Semantics]
 AWARE: st.SearchStrategy[Semantics] = st.sampled_from(SEMANTICS[1:])
 RELATIVE: st.SearchStrategy[Semantics] = st.sampled_from(("output-robustness", "input-robustness"))
 VACUITY: st.SearchStrategy[Semantics] = st.sampled_from(("input-vacuity", "output-vacuity"))
+NEUTRAL = frozenset(SEMANTICS) - {"standard", "boolean"}
+"""Semantics under which a predicate may count 0 and neither hold nor fail."""
 ROLES = st.permutations(["input", "output", "input", "output", ""]).map(
     lambda roles: dict(zip(VARIABLES, roles, strict=False))
 )
@@ -33,7 +35,7 @@ def cases(
     formula = draw(formulas(endless=endless, total=total, dense=dense))
     wanted = draw(semantics)
     role = wanted.partition("-")[0]
-    roles = draw(ROLES.filter(lambda roles: role in roles.values()))
+    roles = draw(ROLES.filter(lambda roles: wanted == "boolean" or role in roles.values()))
     declarations = "".join(f"{io} float {name};\n" for name, io in roles.items())
     return rtamt.parse(f"{declarations}{formula}"), wanted
 

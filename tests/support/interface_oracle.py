@@ -12,6 +12,7 @@ from rtamt.program.interface import Semantics
 
 SEMANTICS: tuple[Semantics, ...] = (
     "standard",
+    "boolean",
     "output-robustness",
     "input-vacuity",
     "input-robustness",
@@ -23,7 +24,8 @@ def reader(semantics: str, inputs: frozenset[str], outputs: frozenset[str]) -> R
     """How predicates are read: their robustness with respect to U, relative to V.
 
     A predicate has its usual value if one of its variables is in U and the others are in U or V.
-    It is infinite, with the sign of its truth, if all are in V, and 0 if one is in neither.
+    It is infinite, with the sign of its truth, if all are in V. If one is in neither it is 0, and
+    nobody knows which.
     """
 
     def read(f: Node, trace: Trace, i: int | None) -> Value:
@@ -31,13 +33,14 @@ def reader(semantics: str, inputs: frozenset[str], outputs: frozenset[str]) -> R
         everything = set(trace) | y
         u, v = {
             "standard": (everything, set()),
+            "boolean": (set(), everything),
             "output-robustness": (outputs, everything - outputs),
             "input-robustness": (inputs, everything - inputs),
             "input-vacuity": (inputs, set()),
             "output-vacuity": (outputs, set()),
         }[semantics]
         if not y <= u | v:
-            return 0.0, 0.0
+            return -0.0, 0.0
         if not y <= v or semantics == "standard":
             return predicate(f, trace, i)
         if i is None and y:

@@ -47,7 +47,7 @@ def holds(f: Node, trace: Trace, i: int) -> bool:
 def robustness(formula: Node, trace: Trace, n: int, read: Read = predicate) -> list[float]:
     """The robustness at every sample of a trace of n samples."""
     at = _meaning(trace, n, n - 1, read, open_end=False)
-    return [at(formula, i)[0] for i in range(n)]
+    return [at(formula, i)[1] for i in range(n)]
 
 
 def episode(

@@ -83,10 +83,15 @@ private:
             range.greatest =
                 range.window ? map(is_min, a->greatest, b->greatest) : range.least;
             ranges_[r] = range;
-        } else if (!a->window && f.lo && f.hi && *f.lo == 0 && *f.hi > 0) {
+        } else if (!a->window && f.lo && f.hi && *f.lo == 0 && *f.hi > 0 && unknown(f.a)) {
             numbers_ += 6.0 * static_cast<double>(*f.hi) * static_cast<double>(num_);
             if (numbers_ <= kMaxNumbers) ranges_[r] = Range{minus_, plus_, r};
         }
+    }
+
+    // Whether nothing is known of a register at unseen samples: it is no constant, and none bounds it.
+    bool unknown(std::size_t r) const {
+        return tails_[r][kLower] == -kInfinity && tails_[r][kUpper] == kInfinity;
     }
 
     std::size_t map(bool is_min, std::size_t a, std::size_t b) {

@@ -1,0 +1,208 @@
+"""Episodes whose formula has neutral predicates: each is a pair of episodes.
+
+A predicate that counts 0 under interface-aware semantics neither holds nor fails. In one episode it
+is -0.0, which gives the lower bound; in the other it is 0.0, which gives the upper bound and the
+robustness. Programs of episodes are monotone in their predicates (`rtamt.program.polarity`), so
+every other reading lies between these two. What hangs on such a predicate stays undecided: -0.0 is
+its lower bound, and 0.0 its upper.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from types import MemberDescriptorType
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import SampleReader
+from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, Snapshot, Stateful
+from rtamt.machines.readout import Readout, verdict_of
+from rtamt.program.polarity import positive
+from rtamt.program.program import Program
+
+__all__ = ["bank_with_neutrals", "machine_with_neutrals"]
+
+Floats = NDArray[np.float64]
+MakeMachine = Callable[[Program, SampleReader], EpisodeMachine]
+MakeBank = Callable[[Program, int, LaneReader], EpisodeBank]
+
+_S = TypeVar("_S", bound=Stateful)
+
+
+def machine_with_neutrals(make: MakeMachine) -> MakeMachine:
+    """The function that makes a machine of a back-end, for programs with neutral predicates too."""
+
+    def made(program: Program, reader: SampleReader) -> EpisodeMachine:
+        if not program.neutral:
+            return make(program, reader)
+        worst, best = _readings(program)
+        return _NeutralMachine(make(worst, reader), make(best, reader))
+
+    return made
+
+
+def bank_with_neutrals(make: MakeBank) -> MakeBank:
+    """The function that makes a bank of a back-end, for programs with neutral predicates too."""
+
+    def made(program: Program, num: int, reader: LaneReader) -> EpisodeBank:
+        if not program.neutral:
+            return make(program, num, reader)
+        worst, best = _readings(program)
+        return _NeutralBank(make(worst, num, reader), make(best, num, reader))
+
+    return made
+
+
+@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
+def _readings(program: Program) -> tuple[Program, Program]:
+    program = positive(program)  # a negated one is as neutral, and its worst reading is -0.0 too
+    return program.reading(-0.0), program.reading(0.0)
+
+
+def _restore(pairs: Sequence[tuple[_S, Snapshot]]) -> None:
+    """Restore all machines, or none."""
+    before = [machine.state() for machine, _ in pairs]
+    try:
+        for machine, state in pairs:
+            machine.restore(state)
+    except Exception:
+        for (machine, _), state in zip(pairs, before, strict=True):
+            machine.restore(state)
+        raise
+
+
+class _NeutralMachine:
+    """A machine that bounds an episode, from the two readings of its neutral predicates."""
+
+    def __init__(self, worst: EpisodeMachine, best: EpisodeMachine) -> None:
+        self._worst, self._best = worst, best
+        self._complete = False  # whether the end decided: the bounds are the robustnesses
+        self._readout: Readout | None = None
+
+    @property
+    def samples(self) -> int:
+        return self._best.samples
+
+    @property
+    def inputs(self) -> Sequence[float]:
+        return self._best.inputs
+
+    @property
+    def finished(self) -> bool:
+        return self._best.finished
+
+    @property
+    def robustness(self) -> float:
+        return self._best.robustness
+
+    @property
+    def lower(self) -> float:
+        return self._worst.robustness if self._complete else self._worst.lower
+
+    @property
+    def upper(self) -> float:
+        return self._best.robustness if self._complete else self._best.upper
+
+    def update(self, *args: object, **named: object) -> float:
+        robustness = self._best.update(*args, **named)
+        self._worst.update(list(self._best.inputs))
+        self._show()
+        return robustness
+
+    def finish(self, end: End = "complete") -> float:
+        is_open = not self.finished and verdict_of(self.lower, self.upper) == 0
+        robustness = self._best.finish(end)
+        self._worst.finish(end)
+        self._complete |= is_open and end == "complete"
+        self._show()
+        return robustness
+
+    def reset(self) -> None:
+        for machine in (self._worst, self._best):
+            machine.reset()
+        self._complete = False
+        self._show()
+
+    def state(self) -> Snapshot:
+        return self._worst.state(), self._best.state(), self._complete
+
+    def restore(self, state: Snapshot) -> None:
+        worst, best, complete = state
+        _restore([(self._worst, worst), (self._best, best)])
+        self._complete = complete
+        self._show()
+
+    def show_in(
+        self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
+    ) -> None:
+        self._readout = Readout(monitor, slots, verdicts)
+        self._show()
+
+    def _show(self) -> None:
+        if self._readout is not None:
+            self._readout.show(self.robustness, self.lower, self.upper)
+
+
+class _NeutralBank:
+    """A bank of machines that bound episodes, from the two readings of neutral predicates."""
+
+    def __init__(self, worst: EpisodeBank, best: EpisodeBank) -> None:
+        self._worst, self._best = worst, best
+        self._complete = np.zeros(len(best.samples), dtype=np.bool_)
+
+    @property
+    def samples(self) -> NDArray[np.int64]:
+        return self._best.samples
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        return self._best.finished
+
+    @property
+    def robustness(self) -> Floats:
+        return self._best.robustness
+
+    @property
+    def lower(self) -> Floats:
+        return np.where(self._complete, self._worst.robustness, self._worst.lower)
+
+    @property
+    def upper(self) -> Floats:
+        return np.where(self._complete, self._best.robustness, self._best.upper)
+
+    @property
+    def verdict(self) -> NDArray[np.int8]:
+        satisfied, violated = ~np.signbit(self.lower), np.signbit(self.upper)
+        return np.subtract(satisfied, violated, dtype=np.int8)
+
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
+        results = self._best.update(values, mask)
+        self._worst.update(values, mask)
+        return results
+
+    def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
+        is_open = ~self.finished & (self.verdict == 0)
+        # Not all banks take another end yet.
+        reading = () if end == "complete" else (end,)
+        results = self._best.finish(mask, *reading)
+        self._worst.finish(mask, *reading)
+        if end == "complete":
+            self._complete |= is_open & self.finished
+        return results
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        for bank in (self._worst, self._best):
+            bank.reset(mask)
+        self._complete &= self.finished
+
+    def state(self) -> Snapshot:
+        return self._worst.state(), self._best.state(), self._complete.copy()
+
+    def restore(self, state: Snapshot) -> None:
+        worst, best, complete = state
+        _restore([(self._worst, worst), (self._best, best)])
+        self._complete = complete.copy()
