@@ -4,8 +4,8 @@ Text becomes a formula, a formula becomes a program of four instructions, and sm
 on samples as they come (`Monitor`), on an episode with bounds from the first sample on
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
 recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`DenseMonitor`,
-`evaluate_dense`). `judge` gives the verdict on a recorded trace; `explain` finds the samples that
-decided a robustness.
+`evaluate_dense`). `judge` gives the verdict on a recorded trace; `holds` tells from a robustness
+whether the formula holds, and `explain` which samples decided it.
 """
 
 import importlib
@@ -29,6 +29,7 @@ from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.evaluation import evaluate
 from rtamt.monitors.explanation import Explanation, explain
+from rtamt.monitors.holds import holds
 from rtamt.monitors.judgement import Judgement, judge
 from rtamt.monitors.many import evaluate_many
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
@@ -67,6 +68,7 @@ __all__ = [
     "evaluate_dense",
     "evaluate_many",
     "explain",
+    "holds",
     "judge",
     "limits",
     "load",

@@ -333,7 +333,8 @@ class OnlineSpecification(AbstractSpecification, Generic[_M]):
         return monitor
 
     def _now(self, formula: str) -> float:
-        return self._robustness if formula == self._result else self._running().values[formula]
+        now = self._robustness if formula == self._result else self._running().values[formula]
+        return now + 0.0  # programs print it, and know no -0.0
 
     def _forget(self) -> None:
         super()._forget()

@@ -82,6 +82,17 @@ def _last_of_each_tick(needed: EventLists, clock: Clock) -> EventLists:
     }
 
 
+def _without_signs(breakpoints: Sequence[tuple[float, float]], before: float = math.nan) -> Pairs:
+    """The breakpoints with 0.0 for -0.0, which programs do not know: no step between these two."""
+    pairs = []
+    for time, value in breakpoints:
+        crosses = math.copysign(1.0, value) != math.copysign(1.0, before)
+        if not (value == before == 0.0 and crosses):
+            pairs.append([time, value + 0.0])
+        before = value
+    return pairs
+
+
 class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense):
     """Robustness as events arrive.
 
@@ -171,10 +182,11 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _late(self, breakpoints: Sequence[tuple[float, float]]) -> Pairs:
         program = self._running().program
         late = program.program.latencies[program.program.result] or 0
+        pairs = _without_signs(breakpoints, self._robustness)
         if breakpoints:
             self._robustness = breakpoints[-1][1]
         clock = self._clock
-        return [[clock.time(clock.nearest(time) + late), value] for time, value in breakpoints]
+        return [[clock.time(clock.nearest(time) + late), value] for time, value in pairs]
 
     def _start(self) -> DenseMonitor:
         spec, options = self._specification(), self._options()
@@ -218,7 +230,7 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
         return pairs
 
     def _robustness_of(self, spec: Specification, trace: EventLists) -> Pairs:
-        return [[*pair] for pair in evaluate_dense(spec, trace, **self._options())]
+        return _without_signs(evaluate_dense(spec, trace, **self._options()))
 
 
 class StlDenseTimeSpecification(StlDenseTimeOfflineSpecification, StlDenseTimeOnlineSpecification):

@@ -168,6 +168,7 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
             robustness = self._episode.update(*sample)
             if monitor.samples == monitor.latency:
                 self._episode = None
+        robustness += 0.0  # programs print it, and know no -0.0
         self.var_object_dict = values
         self._time = timestamp
         self._robustness = robustness
@@ -267,7 +268,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
     def _robustness_of(self, spec: Specification, trace: _Trace) -> list[Any]:
         columns, time = trace
         values = evaluate(spec, columns, self._period(), n=len(time), **self._options())
-        return cast("list[Any]", values.tolist())
+        return cast("list[Any]", (values + 0.0).tolist())
 
 
 class StlDiscreteTimeSpecification(

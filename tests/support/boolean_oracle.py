@@ -1,34 +1,21 @@
-"""Whether a formula holds at a sample of a finite trace: STL read as logic, without numbers.
-
-Only the atoms are shared with the oracle of robustness: positive holds, negative does not.
-"""
+"""Whether a formula holds at a sample of a finite trace: STL read as logic, without numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
-from oracle import Trace, bounds, predicate
+import oracle
+from oracle import Trace, bounds
 
 from rtamt.language.node import Node
 
 
-def positive(f: Node, trace: Trace, i: int) -> bool:
-    """Whether the robustness of an atom is above 0."""
-    return predicate(f, trace, i)[0] > 0
-
-
-Atom = Callable[[Node, Trace, int], bool]
-
-
-def holds(  # noqa: C901 - a table
-    f: Node, trace: Trace, n: int, i: int, atom: Atom = positive
-) -> bool:
+def holds(f: Node, trace: Trace, n: int, i: int) -> bool:  # noqa: C901 - a table
     """Whether the formula is true at sample i; a window that the trace cuts away is empty."""
     assert f.op is not None
     if f.op.operands == "term":
-        return atom(f, trace, i)
-    p, q = (partial(holds, g, trace, n, atom=atom) for g in (f.args[0], f.args[-1]))
+        return oracle.holds(f, trace, i)
+    p, q = (partial(holds, g, trace, n) for g in (f.args[0], f.args[-1]))
     a, b = bounds(f)
     ahead = [j for j in range(i, n) if a <= j - i <= b]
     back = [j for j in range(i + 1) if a <= i - j <= b]
@@ -36,9 +23,9 @@ def holds(  # noqa: C901 - a table
         case "not":
             return not p(i)
         case "and":
-            return all(holds(g, trace, n, i, atom) for g in f.args)
+            return all(holds(g, trace, n, i) for g in f.args)
         case "or":
-            return any(holds(g, trace, n, i, atom) for g in f.args)
+            return any(holds(g, trace, n, i) for g in f.args)
         case "implies":
             return not p(i) or q(i)
         case "iff":

@@ -31,6 +31,9 @@ ATOMS = tuple(name for name in OPERATORS if name not in (*TERMS, *FORMULAS))
 QUARTERS = tuple(sign * i / 4 for i in range(25) for sign in (1, -1))
 """Numbers whose sums and differences are exact, the simplest first."""
 
+INTEGERS = (0.0, 0.0, 0.0, -0.0, 1.0, -1.0, 2.0, -2.0, 3.0, 1.0, -1.0)
+"""Numbers that differ by 0 again and again."""
+
 INFINITIES = (*QUARTERS, math.inf, -math.inf)
 """Values for atoms that are not ``total``: a difference of two of them may be nan."""
 

@@ -110,13 +110,12 @@ def test_infinite_samples_are_legal(formula: Formula, trace: Trace, backend: Bac
 
 
 @given(formula=formulas(endless=True), trace=traces())
-def test_a_positive_robustness_holds_and_a_negative_one_does_not(
+def test_the_sign_of_the_robustness_says_whether_the_formula_holds(
     formula: Formula, trace: Trace, backend: Backend
 ) -> None:
     n = length(trace)
     for i, value in enumerate(evaluate(formula, trace, n=n, backend=backend)):
-        if value != 0:
-            assert (value > 0) == holds(formula, trace, n, i)
+        assert (math.copysign(1, value) > 0) == holds(formula, trace, n, i)
 
 
 # Online. -----------------------------------------------------------------------------------------
