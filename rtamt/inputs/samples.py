@@ -279,7 +279,11 @@ def listed(variables: Sequence[str]) -> str:
 
 
 def refuse_term(program: Program, values: Sequence[float], place: str) -> NoReturn:
-    """Raise the error that names the first term which is nan for values of the variables."""
+    """Raise the error that names the first term which is nan for values of the variables.
+
+    The machine found one. If none is nan any more, another thread has written to the caller's array
+    between the machine's look at it and this one.
+    """
     registers: list[float] = []
     for instruction in program.instructions[: program.terms]:
         match instruction:
@@ -297,7 +301,10 @@ def refuse_term(program: Program, values: Sequence[float], place: str) -> NoRetu
                 if v in source.variables
             )
             raise InputError(f"'{source}' is not a number at {place}, where {where}")
-    raise AssertionError(f"no term is nan at {place}")
+    raise InputError(
+        f"a term was not a number at {place} and is one now: the array was written to while it was "
+        "read; copy it, or write to it after the call"
+    )
 
 
 def array_of_numbers(values: object, what: str) -> Floats:
