@@ -11,7 +11,7 @@ import numpy as np
 import rtamt
 from rtamt import RtamtError, SpecificationError
 from rtamt_gym.judges.interface import Interface, InterfaceOptions
-from rtamt_gym.judges.specs import Nan, View
+from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 from rtamt_gym.tables import shorten
 
@@ -39,11 +39,12 @@ class InstantMonitor:
         spec: rtamt.Specification,
         period: Period,
         nan: Nan,
+        align: Align | None = None,
         **interface: Unpack[InterfaceOptions],
     ) -> None:
-        self._instant = rtamt.Monitor(spec, period, nan=nan, **interface)
-        self._sofar = rtamt.EpisodeMonitor(spec, period, nan=nan, **interface)
-        self.judge = rtamt.EpisodeMonitor(spec.always(), period, nan=nan, **interface)
+        self._instant = rtamt.Monitor(spec, period, nan=nan, align=align, **interface)
+        self._sofar = rtamt.EpisodeMonitor(spec, period, nan=nan, align=align, **interface)
+        self.judge = rtamt.EpisodeMonitor(spec.always(), period, nan=nan, align=align, **interface)
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:
@@ -80,11 +81,16 @@ class VectorInstantMonitor:
         num: int,
         period: Period,
         nan: Nan,
+        align: Align | None = None,
         **interface: Unpack[InterfaceOptions],
     ) -> None:
-        self._instant = rtamt.VectorMonitor(spec, num, period, nan=nan, **interface)
-        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, period, nan=nan, **interface)
-        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, period, nan=nan, **interface)
+        self._instant = rtamt.VectorMonitor(spec, num, period, nan=nan, align=align, **interface)
+        self._sofar = rtamt.VectorEpisodeMonitor(
+            spec, num, period, nan=nan, align=align, **interface
+        )
+        self.judge = rtamt.VectorEpisodeMonitor(
+            spec.always(), num, period, nan=nan, align=align, **interface
+        )
         self.robustness = np.full(num, np.nan)
 
     def update(self, values: Floats, mask: Lanes | None = None) -> Floats:

@@ -14,7 +14,7 @@ from rtamt import EpisodeMonitor, InputError
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judges.interface import STANDARD, Interface
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
-from rtamt_gym.judges.specs import Nan, View
+from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.signals.signals import Read
 
 __all__ = ["Assessment", "Feed", "Monitors", "Panel"]
@@ -46,6 +46,7 @@ class Panel:
         view: Whether formulas are evaluated at sample 0 or at every instant.
         nan: Whether a signal that is nan is refused, or keeps its last value.
         interface: How predicates count.
+        align: How bounds that are no multiple of the period become samples; None refuses them.
 
     Raises:
         SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` does.
@@ -59,13 +60,14 @@ class Panel:
         view: View,
         nan: Nan = "raise",
         interface: Interface = STANDARD,
+        align: Align | None = None,
     ) -> None:
         self.monitors: Monitors = make_monitors(
             specs,
             view,
             interface,
-            of_episode=partial(EpisodeMonitor, period=period, nan=nan),
-            of_instants=partial(InstantMonitor, period=period, nan=nan),
+            of_episode=partial(EpisodeMonitor, period=period, nan=nan, align=align),
+            of_instants=partial(InstantMonitor, period=period, nan=nan, align=align),
         )
         self.variables = {name: spec.variables for name, spec in specs.items()}
         self._specs = specs

@@ -18,6 +18,7 @@ import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
 
 __all__ = [
+    "Align",
     "Nan",
     "SpecLike",
     "SpecsLike",
@@ -40,6 +41,9 @@ View = Literal["episode", "step"]
 
 Nan = Literal["raise", "hold"]
 """Whether a signal that is nan is refused, or keeps its last value."""
+
+Align = Literal["outward", "inward", "nearest"]
+"""How a bound that is no whole number of periods becomes samples; `rtamt.Monitor` says more."""
 
 Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""

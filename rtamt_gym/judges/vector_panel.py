@@ -15,7 +15,7 @@ from rtamt import VectorEpisodeMonitor
 from rtamt_gym.judges.infos import VERDICTS, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
-from rtamt_gym.judges.specs import Nan, View
+from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["MonitorValues", "VectorMonitors", "VectorPanel"]
@@ -73,13 +73,14 @@ class VectorPanel:
         nan: Nan,
         columns: Sequence[str],
         interface: Interface,
+        align: Align | None = None,
     ) -> None:
         self.monitors: VectorMonitors = make_monitors(
             specs,
             view,
             interface,
-            of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan),
-            of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan),
+            of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan, align=align),
+            of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan, align=align),
         )
         self._judges = [judge for _, judge in self.monitors.values()]
         # The columns that each specification reads; None: all of them, in their order.

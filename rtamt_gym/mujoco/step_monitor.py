@@ -13,7 +13,7 @@ from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, load_specs
+from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import Clock
 from rtamt_gym.mujoco.values import PanelValues
@@ -67,6 +67,8 @@ class StepMonitor(PanelValues):
             ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
         view: ``"episode"`` evaluates a formula at sample 0, ``"step"`` at every instant.
         nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value.
+        align: How a bound that is no multiple of the time step becomes samples, as for
+            `rtamt.Monitor`.
         semantics: How predicates count, as for `rtamt.Monitor`.
         inputs: Variables that the system reads, for interface-aware semantics; None: those that the
             texts declare ``input``.
@@ -105,6 +107,7 @@ class StepMonitor(PanelValues):
         period: float | str | None = None,
         view: View = "episode",
         nan: Nan = "raise",
+        align: Align | None = None,
         semantics: Semantics = "standard",
         inputs: Names | None = None,
         outputs: Names | None = None,
@@ -112,6 +115,7 @@ class StepMonitor(PanelValues):
     ) -> None:
         check_choice("view", view, get_args(View))
         check_choice("nan", nan, get_args(Nan))
+        check_choice("align", align, (None, *get_args(Align)))
         check_pair(model, data)
         self.model, self.data = model, data
         loaded = load_specs(specs)
@@ -130,6 +134,7 @@ class StepMonitor(PanelValues):
             view,
             nan,
             Interface(semantics, inputs, outputs),
+            align,
         )
         self.forward = forward
         self._bind_signals()

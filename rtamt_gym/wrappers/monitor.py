@@ -17,7 +17,7 @@ from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.infos import Cost, last_info, present, step_cost, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, read_period, recordable
+from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
 from rtamt_gym.wrappers.substeps import SubSteps, read_substep_period
@@ -116,6 +116,7 @@ class StlMonitor(
         on_violation: OnViolation = "terminate",
         view: View = "episode",
         nan: Nan = "raise",
+        align: Align | None = None,
         semantics: Semantics = "standard",
         inputs: Names | None = None,
         outputs: Names | None = None,
@@ -141,6 +142,8 @@ class StlMonitor(
             view: ``"episode"`` evaluates a formula at sample 0 of the episode, ``"step"`` at
                 every instant
             nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value
+            align: How a bound that is no multiple of the period becomes samples: ``None`` refuses
+                it; ``"outward"``, ``"inward"`` and ``"nearest"`` are as for ``rtamt.Monitor``
             semantics: How predicates count, as for ``rtamt.Monitor``: ``"standard"``;
                 ``"boolean"``, where each is +inf or -inf; or interface-aware, such as
                 ``"output-robustness"``
@@ -168,6 +171,7 @@ class StlMonitor(
             on_violation=on_violation,
             view=view,
             nan=nan,
+            align=align,
             semantics=semantics,
             inputs=interface.inputs,
             outputs=interface.outputs,
@@ -183,7 +187,7 @@ class StlMonitor(
         loaded = self._set_up(env, specs, signals, options, find_period)
         self.stl_episodes: deque[dict[str, Any]] = deque(maxlen=buffer_length)
         try:
-            self._panel = Panel(loaded, self._period, view, nan, interface)
+            self._panel = Panel(loaded, self._period, view, nan, interface, align)
         except SpecificationError as error:
             inner = None if substeps else read_substep_period(env)
             if inner is not None and period is None and _fits(loaded, inner, view):

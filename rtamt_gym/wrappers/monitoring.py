@@ -11,7 +11,7 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.infos import Cost
 from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
@@ -21,10 +21,11 @@ __all__ = ["MonitorOptions", "Monitoring", "OnViolation"]
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
 
-_CHOICES: dict[Literal["on_violation", "view", "nan", "cost"], tuple[object, ...]] = {
+_CHOICES: dict[Literal["on_violation", "view", "nan", "align", "cost"], tuple[object, ...]] = {
     "on_violation": get_args(OnViolation),
     "view": get_args(View),
     "nan": get_args(Nan),
+    "align": (None, *get_args(Align)),
     "cost": (None, *get_args(Cost)),
 }
 
@@ -36,6 +37,7 @@ class MonitorOptions(TypedDict, total=False):
     on_violation: OnViolation
     view: View
     nan: Nan
+    align: Align | None
     semantics: Semantics
     inputs: Names | None
     outputs: Names | None

@@ -15,7 +15,15 @@ from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.judges.episodes import EpisodeRecords, record
 from rtamt_gym.judges.infos import Cost, last_info, step_cost, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, autoreset_mode, read_period, recordable
+from rtamt_gym.judges.specs import (
+    Align,
+    Nan,
+    SpecsLike,
+    View,
+    autoreset_mode,
+    read_period,
+    recordable,
+)
 from rtamt_gym.judges.vector_infos import (
     final_infos,
     final_observations,
@@ -101,6 +109,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         on_violation: OnViolation = "report",
         view: View = "episode",
         nan: Nan = "raise",
+        align: Align | None = None,
         semantics: Semantics = "standard",
         inputs: Names | None = None,
         outputs: Names | None = None,
@@ -126,6 +135,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             on_violation=on_violation,
             view=view,
             nan=nan,
+            align=align,
             semantics=semantics,
             inputs=interface.inputs,
             outputs=interface.outputs,
@@ -145,7 +155,9 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
                 "take on_violation='report'"
             )
         names = [signal.name for signal in self._signals]
-        self._panel = VectorPanel(loaded, env.num_envs, self._period, view, nan, names, interface)
+        self._panel = VectorPanel(
+            loaded, env.num_envs, self._period, view, nan, names, interface, align
+        )
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
         self._charged = np.zeros(env.num_envs, np.bool_)
