@@ -7,5 +7,5 @@ window_bytes: float = 2**30
 
 `Monitor`, `EpisodeMonitor` and their vector twins (all lanes together) refuse a formula that needs
 more when they are made. Evaluations of whole traces are not limited: there a window is cut to the
-trace.
+trace. `judge` refuses a past window inside a future one that goes on so far behind the trace.
 """

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine
+from rtamt.machines.readout import verdict_of
 from rtamt.machines.signals import (
+    BOUNDS,
     ENDED,
     LOWER,
     UNSEEN,
@@ -31,6 +33,7 @@ from rtamt.machines.signals import (
 )
 from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import FOLDS, FUNCTIONS, Element
+from rtamt.program.memory import limit_beyond
 from rtamt.program.outlook import (
     Outlook,
     look_out,
@@ -148,6 +151,7 @@ class Foresight:
             n: Length of the trace, 1 or more.
         """
         bound = sufficient(program, n)
+        limit_beyond(program.clamped(bound), n)
         worst = look_out(program, bound, best=False)
         best = look_out(program, bound, best=True) if program.neutral else worst
         needed = min(n, worst.needed or n)
@@ -169,7 +173,18 @@ class Foresight:
 
     def bounds(self, *, cut: bool) -> tuple[float, float]:
         """The least and the greatest robustness if the trace was cut, or goes on for ever."""
-        return self._worst.at_zero(LOWER, cut=cut), self._best.at_zero(UPPER, cut=cut)
+        pair = self._worst, self._best
+        if cut and self._worst is not self._best:
+            # Each is an episode of its own (`rtamt.machines.neutral`): what it decided stands.
+            going_on = [[its.at_zero(world, cut=False) for world in BOUNDS] for its in pair]
+            cuts = [verdict_of(*bounds) == 0 for bounds in going_on]
+        else:
+            cuts = [cut, cut]
+        lower, upper = (
+            its.at_zero(world, cut=its_cut)
+            for its, world, its_cut in zip(pair, BOUNDS, cuts, strict=True)
+        )
+        return lower, upper
 
     def undecided(self, registers: tuple[int, ...], *, cut: bool) -> list[Flags]:
         """Where some registers of the formulas may be of either sign."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -253,9 +252,7 @@ def _first_decided(foresight: Foresight) -> int:
 
 
 def _number(value: float) -> str:
-    if value == 0.0:
-        return "0 (violated)" if math.copysign(1.0, value) < 0.0 else "0 (holds)"
-    return f"{value:.6g}"
+    return f"{value + 0.0:.6g}"  # no -0: the verdict stands above
 
 
 def _wrapped(text: str) -> list[str]:

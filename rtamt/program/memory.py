@@ -13,7 +13,13 @@ from rtamt.program.placement import Placement, place
 from rtamt.program.program import Const, Load, Map, Program, Window
 from rtamt.program.schedule import Delay, schedule
 
-__all__ = ["discrete_numbers", "episode_numbers", "limit_discrete", "limit_episode"]
+__all__ = [
+    "discrete_numbers",
+    "episode_numbers",
+    "limit_beyond",
+    "limit_discrete",
+    "limit_episode",
+]
 
 _DOUBLE = 8
 _WORLDS = 3
@@ -35,6 +41,23 @@ def limit_episode(program: Program, lanes: int = 1) -> None:
     It raises the errors of `limit_discrete`.
     """
     _limit(place(program).program, _episode_needs(program), lanes)
+
+
+def limit_beyond(program: Program, n: int) -> None:
+    """Refuse a program whose windows go further behind a trace than `limits.window_bytes` allow.
+
+    Args:
+        program: The program, whose bounds are cut as far as the trace allows.
+        n: Length of the trace.
+
+    Raises:
+        SpecificationError: With the formula that needs most, the bytes and the limit.
+        InputError: If the limit is no number.
+    """
+    windows = [i for i in program.instructions if isinstance(i, Window)]
+    beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
+    # Of every variable and window, in either world.
+    _limit(program, 2 * beyond * (len(program.variables) + len(windows)), 1)
 
 
 def discrete_numbers(program: Program) -> Counter[int]:

@@ -85,8 +85,14 @@ def look_out(program: Program, n: int, *, best: bool) -> Outlook:
 def _memory_and_bound(program: Program) -> tuple[int, int]:
     """For how long unseen samples may differ from one another at most, and the greatest bound."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
-    past = sum(max(0, -_begin(window)) for window in windows)
-    return past, max((abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0)
+    before = [max(0, -_begin(window)) for window in windows]
+    if not any(window.hi is None for window in windows):
+        # No time after this one is read, so that no window reaches back further than it.
+        last = sum(max(0, window.hi or 0) for window in windows)
+        before = [min(last + 1, reach) for reach in before]
+    return sum(before), max(
+        (abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0
+    )
 
 
 def sufficient(program: Program, n: int) -> int:

@@ -12,13 +12,14 @@ from end_oracle import ended
 from episode_monitors import feed, offered
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from interface_cases import Case, cases
+from interface_oracle import SEMANTICS
 from strategies import INFINITIES, Trace, formulas, length, traces
 
 from rtamt import (
     EpisodeMonitor,
     Formula,
     InputError,
-    Judgement,
     SpecificationError,
     Verdict,
     evaluate,
@@ -193,7 +194,7 @@ def test_the_text_names_what_is_missing_and_the_way_out() -> None:
         """)
     assert str(judge("x >= 0", {"x": [0]})) == inspect.cleandoc("""
         SATISFIED: x >= 0
-        robustness 0 (holds), bounds 0 (holds) to 0 (holds) under end="cut"
+        robustness 0, bounds 0 to 0 under end="cut"
         """)
     long = " and ".join(f"eventually[0:{k}](signal_{k} > {k})" for k in range(1, 30))
     trace = {f"signal_{k}": [0] for k in range(1, 30)}
@@ -271,5 +272,61 @@ def test_more_endless_operators_than_a_monitor_takes(backend: Backend) -> None:
     assert (found.verdict, found.robustness, found.decided_at) == (S, 2.0, None)
 
 
-def test_judgements_are_made_by_judge_alone() -> None:
-    assert isinstance(judge("x > 0", {"x": [1]}), Judgement)
+@settings(max_examples=60)
+@given(case=cases(st.sampled_from(SEMANTICS), endless=True), trace=traces(most=8))
+def test_every_semantics_is_that_of_the_monitor(case: Case, trace: Trace, backend: Backend) -> None:
+    spec, semantics = case
+    seen = EpisodeMonitor(spec, semantics=semantics, backend=backend)
+    for i in range(length(trace)):
+        feed(seen, trace, i)
+    for end in ENDS:
+        monitor = copy.copy(seen)
+        monitor.finish(end)
+        n = length(trace)
+        found = judge(spec, trace, end=end, n=n, semantics=semantics, backend=backend)
+        assert identical((found.robustness, found.lower, found.upper), offered(monitor))
+        assert found.verdict is monitor.verdict
+
+
+def test_no_way_out_is_promised_for_a_predicate_that_counts_0(backend: Backend) -> None:
+    found = judge(
+        parse("input float req; output float gnt; always(req > 3)"),
+        {"req": [5.0], "gnt": [5.0]},
+        semantics="output-vacuity",
+        backend=backend,
+    )
+    assert (found.verdict, found.untested, found.decided_at) == (U, (), None)
+    assert str(found) == inspect.cleandoc("""
+        UNDECIDED: always(req > 3)
+        robustness 0, bounds 0 to 0 under end="cut"
+        no reading of the end decides it: it hangs on a predicate that counts 0
+        """)
+
+
+@pytest.mark.parametrize(
+    ("text", "verdict"),
+    [
+        ("always[0:2e9](x > 0)", U),
+        ("always(eventually[0:2e9](x > 0))", S),
+        ("always[2e9:inf](x > 0)", U),
+        ("historically[0:2e9](x > 0)", S),
+        ("always[0:1](once[1e9:2e9](x > 0))", V),
+    ],
+)
+def test_windows_of_years_cost_what_the_trace_costs(
+    text: str, verdict: Verdict, backend: Backend
+) -> None:
+    assert judge(text, {"x": [1.0, 2.0, 3.0]}, backend=backend).verdict is verdict
+
+
+def test_a_past_that_goes_on_for_years_behind_the_trace_is_refused(backend: Backend) -> None:
+    with pytest.raises(SpecificationError) as caught:
+        judge("always(once[0:1e8](x > 0))", {"x": [1.0, 2.0]}, backend=backend)
+    assert str(caught.value) == inspect.cleandoc("""
+        STL:1:12: the windows need 4799999904 bytes, and this one is the longest; the limit is \
+        1073741824
+          always(once[0:1e8](x > 0))
+                     ^
+          hint: write shorter windows, take samples further apart, or raise \
+        rtamt.limits.window_bytes
+        """)
