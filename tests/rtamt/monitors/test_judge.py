@@ -322,11 +322,10 @@ def test_windows_of_years_cost_what_the_trace_costs(
 def test_a_past_that_goes_on_for_years_behind_the_trace_is_refused(backend: Backend) -> None:
     with pytest.raises(SpecificationError) as caught:
         judge("always(once[0:1e8](x > 0))", {"x": [1.0, 2.0]}, backend=backend)
-    assert str(caught.value) == inspect.cleandoc("""
-        STL:1:12: the windows need 4799999904 bytes, and this one is the longest; the limit is \
-        1073741824
-          always(once[0:1e8](x > 0))
-                     ^
-          hint: write shorter windows, take samples further apart, or raise \
-        rtamt.limits.window_bytes
-        """)
+    first, *rest = str(caught.value).splitlines()
+    assert first == (
+        "STL:1:12: the windows need 4799999904 bytes, and this one is the longest; "
+        "the limit is 1073741824"
+    )
+    way = "write shorter windows, take samples further apart, or raise rtamt.limits.window_bytes"
+    assert rest == ["  always(once[0:1e8](x > 0))", "             ^", f"  hint: {way}"]
