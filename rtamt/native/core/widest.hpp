@@ -2,7 +2,21 @@
 // the loop runs. The numbers are the same.
 #pragma once
 
+#include <cstddef>
+#include <memory>
+#include <new>
+
 namespace rtamt {
+
+// Memory for columns. The widest vectors lie within one line of the cache each.
+constexpr std::align_val_t kCacheLine{64};
+struct FreeColumns {
+    void operator()(double* p) const { ::operator delete[](p, kCacheLine); }
+};
+using ColumnMemory = std::unique_ptr<double[], FreeColumns>;
+inline ColumnMemory column_memory(std::size_t n) {
+    return ColumnMemory(static_cast<double*>(::operator new[](n * sizeof(double), kCacheLine)));
+}
 
 #if defined(__GNUC__) && defined(__x86_64__)
 

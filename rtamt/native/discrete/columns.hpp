@@ -16,12 +16,25 @@ public:
     RegisterColumns(const DiscreteMachine& program, std::size_t size)
         : program_(program),
           size_(size),
-          memory_(std::make_unique_for_overwrite<double[]>(program.initial_.size() * size)),
+          memory_(column_memory(program.initial_.size() * size)),
           at_(program.initial_.size()) {
         for (std::size_t slot = 0; slot < at_.size(); ++slot) {
             at_[slot] = out(slot);
             std::fill_n(out(slot), size, program.initial_[slot]);
         }
+        // A nan goes through all functions but pow: it is looked for where no other term reads it.
+        std::vector<bool> passed_on(at_.size());
+        for (const Instruction& term : program.terms_)
+            if (term.opcode != Opcode::map_pow) passed_on[term.a] = passed_on[term.b] = true;
+        std::vector<bool> read(program.variables());
+        for (const Load& load : program.loads_) {
+            read[load.variable] = true;
+            if (!passed_on[load.out]) checked_.push_back(load.out);
+        }
+        for (const Instruction& term : program.terms_)
+            if (!passed_on[term.out]) checked_.push_back(term.out);
+        for (std::size_t v = 0; v < read.size(); ++v)
+            if (!read[v]) unread_.push_back(v);
     }
 
     std::size_t size() const { return size_; }
@@ -42,11 +55,14 @@ public:
     // Evaluates the terms of samples that are columns of their own. Returns the index of the first
     // nan, of a variable or a term, or count.
     std::size_t terms(const double* const* columns, std::size_t from, std::size_t count) {
-        std::size_t first = count;
-        for (std::size_t v = 0; v < program_.variables(); ++v)
-            first = columns::first_nan(columns[v] + from, first);
         for (const Load& load : program_.loads_) point(load.out, columns[load.variable] + from);
-        return std::min(first, terms(count));
+        return terms(first_unread(columns, from, count));
+    }
+    // The index of the first nan of a variable that no term reads, or count.
+    std::size_t first_unread(const double* const* columns, std::size_t from,
+                             std::size_t count) const {
+        for (const std::size_t v : unread_) count = columns::first_nan(columns[v] + from, count);
+        return count;
     }
     // The index of the first of n samples with a nan, or n.
     std::size_t first_refused(const double* const* columns, std::size_t n) {
@@ -61,18 +77,17 @@ public:
     // Evaluates the terms from the variables. Returns the index of the first nan, or count.
     std::size_t terms(std::size_t count) {
         for (const Instruction& term : program_.terms_) map(term, count);
-        std::size_t first = count;
-        for (const Load& load : program_.loads_) first = columns::first_nan(at(load.out), first);
-        for (const Instruction& term : program_.terms_)
-            first = columns::first_nan(at(term.out), first);
-        return first;
+        for (const std::size_t slot : checked_) count = columns::first_nan(at(slot), count);
+        return count;
     }
 
 private:
     const DiscreteMachine& program_;
     std::size_t size_;
-    std::unique_ptr<double[]> memory_;
+    ColumnMemory memory_;
     std::vector<const double*> at_;
+    std::vector<std::size_t> checked_;  // registers
+    std::vector<std::size_t> unread_;   // variables
 };
 
 }  // namespace rtamt

@@ -8,8 +8,8 @@
 namespace rtamt {
 namespace {
 
-constexpr std::size_t kBlockSize = 1024;
-constexpr std::size_t kDoubled = 256;  // longer windows are pushed
+constexpr std::size_t kBlockSize = 4096;  // far more than most windows reach back
+constexpr std::size_t kDoubled = 2048;    // longer windows are pushed
 
 // What an instruction remembers between the blocks; nothing if it is a function.
 std::unique_ptr<trace::Memory> memory_of(const Instruction& instruction, std::size_t most) {
@@ -53,13 +53,12 @@ public:
 
     // Evaluates the terms at the times from `time` on. Returns false if one is nan.
     bool terms(std::size_t time, std::size_t count) {
-        if (!backwards_) return registers_.terms(columns_, time, count) == count;
-        for (std::size_t v = 0; v < machine_.variables_; ++v)
-            if (columns::first_nan(columns_[v] + place(time, count), count) < count) return false;
+        const std::size_t from = place(time, count);
+        if (!backwards_) return registers_.terms(columns_, from, count) == count;
         for (const Load& load : machine_.loads_)
-            columns::reverse(columns_[load.variable] + place(time, count),
-                             registers_.out(load.out), count);
-        return registers_.terms(count) == count;
+            columns::reverse(columns_[load.variable] + from, registers_.out(load.out), count);
+        return registers_.first_unread(columns_, from, count) == count &&
+               registers_.terms(count) == count;
     }
     // Behind the trace the registers of terms keep some values, which no window takes in.
     void end() {

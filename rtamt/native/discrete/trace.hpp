@@ -112,7 +112,25 @@ RTAMT_LOOP void combine_results(const double* __restrict xp, const double* __res
         out[i] = F::result(F::combine(get<F>(xp, xq, i), get<F>(yp, yq, i)));
 }
 
-// A window of a few elements, 2 or more: windows of 2, 4, 8, ... elements are made from two of half
+// The least or greatest of elements among which there is no -0.0: one comparison for each.
+template <class F>
+struct WithoutMinusZero : F {
+    static double combine(double x, double y) {
+        if constexpr (F::identity > 0) {
+            return y < x ? y : x;
+        } else {
+            return y > x ? y : x;
+        }
+    }
+};
+
+RTAMT_LOOP void find_minus_zero(const double* values, std::size_t n, bool* found) {
+    std::uint64_t zeros = 0;
+    for (std::size_t i = 0; i < n; ++i) zeros |= bits_of(values[i]) == bits_of(-0.0) ? 1u : 0u;
+    *found = zeros != 0;
+}
+
+// A window of 2 elements or more, but not very many: windows of 2, 4, 8, ... elements are made from two of half
 // that length, and the last from two that overlap, as folding an element twice changes nothing.
 template <class F>
 class Doubled final : public Memory {
@@ -127,18 +145,11 @@ public:
         const std::size_t before = length_ - 1;
         Line& raw = lines_[0];
         take(in, raw.p() + before, raw.q() + before);
-        std::size_t size = 1;
-        std::size_t n = before + in.n;
-        Elements from = raw.elements();
-        int to = 1;
-        for (; 2 * size < length_; size *= 2, to = 3 - to) {
-            n -= size;
-            const Elements next = from + size;
-            widest<combine<F>>(from.p, from.q, next.p, next.q, lines_[to].p(), lines_[to].q(), n);
-            from = lines_[to].elements();
-        }
-        const Elements last = from + (length_ - size);
-        widest<combine_results<F>>(from.p, from.q, last.p, last.q, out, in.n);
+        bool minus_zero = true;
+        if constexpr (F::width == 1) widest<find_minus_zero>(raw.p(), before + in.n, &minus_zero);
+        if constexpr (F::width == 1)
+            if (!minus_zero) fold<WithoutMinusZero<F>>(out, in.n);
+        if (minus_zero) fold<F>(out, in.n);
         raw.keep(in.n, before);
     }
 
@@ -146,7 +157,7 @@ private:
     class Line {
     public:
         explicit Line(std::size_t n)
-            : size_(n), memory_(std::make_unique_for_overwrite<double[]>(F::width * n)) {}
+            : size_((n + 7) / 8 * 8), memory_(column_memory(F::width * size_)) {}
         double* p() { return memory_.get(); }
         double* q() { return memory_.get() + (F::width - 1) * size_; }
         Elements elements() { return {p(), q()}; }
@@ -158,8 +169,25 @@ private:
 
     private:
         std::size_t size_;
-        std::unique_ptr<double[]> memory_;
+        ColumnMemory memory_;
     };
+
+    // Writes the folds of the n windows of the first line.
+    template <class G>
+    void fold(double* out, std::size_t n) {
+        std::size_t size = 1;
+        std::size_t count = length_ - 1 + n;
+        Elements from = lines_[0].elements();
+        for (int to = 1; 2 * size < length_; size *= 2, to = 3 - to) {
+            count -= size;
+            const Elements next = from + size;
+            widest<combine<G>>(from.p, from.q, next.p, next.q, lines_[to].p(), lines_[to].q(),
+                               count);
+            from = lines_[to].elements();
+        }
+        const Elements last = from + (length_ - size);
+        widest<combine_results<G>>(from.p, from.q, last.p, last.q, out, n);
+    }
 
     static void take(const Operands& in, double* p, double* q) {
         const auto identities = [&](std::size_t from, std::size_t to) {
