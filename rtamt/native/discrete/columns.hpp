@@ -17,9 +17,10 @@ public:
         : program_(program),
           size_(size),
           memory_(column_memory(program.initial_.size() * size)),
-          at_(program.initial_.size()) {
+          at_(program.initial_.size()),
+          out_(program.initial_.size()) {
         for (std::size_t slot = 0; slot < at_.size(); ++slot) {
-            at_[slot] = out(slot);
+            write_to(slot, nullptr);
             std::fill_n(out(slot), size, program.initial_[slot]);
         }
         // A nan goes through all functions but pow: it is looked for where no other term reads it.
@@ -39,7 +40,11 @@ public:
 
     std::size_t size() const { return size_; }
     const double* at(std::size_t slot) const { return at_[slot]; }
-    double* out(std::size_t slot) { return memory_.get() + slot * size_; }
+    double* out(std::size_t slot) { return out_[slot]; }
+    // Writes a register to a column elsewhere; nullptr: to its own again.
+    void write_to(std::size_t slot, double* column) {
+        at_[slot] = out_[slot] = column != nullptr ? column : memory_.get() + slot * size_;
+    }
     // Reads a register from a column elsewhere.
     void point(std::size_t slot, const double* column) { at_[slot] = column; }
 
@@ -86,6 +91,7 @@ private:
     std::size_t size_;
     ColumnMemory memory_;
     std::vector<const double*> at_;
+    std::vector<double*> out_;
     std::vector<std::size_t> checked_;  // registers
     std::vector<std::size_t> unread_;   // variables
 };

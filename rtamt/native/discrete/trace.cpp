@@ -90,11 +90,18 @@ public:
         return backwards_ ? n_ - time - count : time;
     }
 
-    // Writes values of the times from `time` on.
+    // Has formulas write their values of the times from `time` on to an output at once.
+    void aim(std::size_t slot, double* output) {
+        const auto writes = [slot](const Instruction& i) { return i.out == slot; };
+        const auto& formulas = machine_.formulas_;
+        if (std::any_of(formulas.begin(), formulas.end(), writes)) registers_.write_to(slot, output);
+    }
+
+    // Writes values of the times from `time` on, if they are not there.
     void write(const double* values, std::size_t time, std::size_t count, double* output) const {
         if (backwards_) {
             columns::reverse(values, output + place(time, count), count);
-        } else {
+        } else if (values != output + time) {
             std::copy_n(values, count, output + time);
         }
     }
@@ -120,6 +127,11 @@ std::size_t DiscreteMachine::evaluate(const double* const* columns, std::size_t 
             trace.end();
         } else if (!trace.terms(time, count)) {
             return trace.first_refused();
+        }
+        for (std::size_t i = 1; i < observed_.size() && !backwards; ++i) {
+            const auto late = static_cast<std::size_t>(observed_[i].latency);
+            const bool inside = time >= late && time + count <= n + late;
+            trace.aim(observed_[i].slot, inside ? outputs[i - 1] + (time - late) : nullptr);
         }
         trace.formulas(time, count);
         for (std::size_t i = 1; i < observed_.size(); ++i) {

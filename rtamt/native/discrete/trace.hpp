@@ -104,6 +104,18 @@ RTAMT_LOOP void combine(const double* __restrict xp, const double* __restrict xq
         put<F>(p, q, i, F::combine(get<F>(xp, xq, i), get<F>(yp, yq, i)));
 }
 
+// What two calls of combine would do, the second of which combines elements twice as far apart.
+template <class F>
+RTAMT_LOOP void combine_four(const double* __restrict xp, const double* __restrict xq,
+                             std::size_t apart, double* __restrict p, double* __restrict q,
+                             std::size_t n) {
+    const auto pair = [=](std::size_t i) {
+        return F::combine(get<F>(xp, xq, i), get<F>(xp, xq, i + apart));
+    };
+    for (std::size_t i = 0; i < n; ++i)
+        put<F>(p, q, i, F::combine(pair(i), pair(i + 2 * apart)));
+}
+
 template <class F>
 RTAMT_LOOP void combine_results(const double* __restrict xp, const double* __restrict xq,
                                 const double* __restrict yp, const double* __restrict yq,
@@ -124,9 +136,13 @@ struct WithoutMinusZero : F {
     }
 };
 
-RTAMT_LOOP void find_minus_zero(const double* values, std::size_t n, bool* found) {
+RTAMT_LOOP void copy_and_find_minus_zero(const double* __restrict in, double* __restrict out,
+                                         std::size_t n, bool* found) {
     std::uint64_t zeros = 0;
-    for (std::size_t i = 0; i < n; ++i) zeros |= bits_of(values[i]) == bits_of(-0.0) ? 1u : 0u;
+    for (std::size_t i = 0; i < n; ++i) {
+        out[i] = in[i];
+        zeros |= bits_of(in[i]) == bits_of(-0.0) ? 1u : 0u;
+    }
     *found = zeros != 0;
 }
 
@@ -136,7 +152,9 @@ template <class F>
 class Doubled final : public Memory {
 public:
     Doubled(std::size_t length, std::size_t most)
-        : length_(length), lines_{Line(length + most), Line(length + most), Line(length + most)} {
+        : length_(length),
+          clean_(length - 1),
+          lines_{Line(length + most), Line(length + most), Line(length + most)} {
         Line& raw = lines_[0];
         for (std::size_t i = 0; i + 1 < length; ++i) put<F>(raw.p(), raw.q(), i, F::identity);
     }
@@ -145,11 +163,15 @@ public:
         const std::size_t before = length_ - 1;
         Line& raw = lines_[0];
         take(in, raw.p() + before, raw.q() + before);
-        bool minus_zero = true;
-        if constexpr (F::width == 1) widest<find_minus_zero>(raw.p(), before + in.n, &minus_zero);
-        if constexpr (F::width == 1)
-            if (!minus_zero) fold<WithoutMinusZero<F>>(out, in.n);
-        if (minus_zero) fold<F>(out, in.n);
+        if constexpr (F::width == 1) {
+            if (clean_ >= length_ - 1 + in.n) {
+                fold<WithoutMinusZero<F>>(out, in.n);
+            } else {
+                fold<F>(out, in.n);
+            }
+        } else {
+            fold<F>(out, in.n);
+        }
         raw.keep(in.n, before);
     }
 
@@ -178,7 +200,13 @@ private:
         std::size_t size = 1;
         std::size_t count = length_ - 1 + n;
         Elements from = lines_[0].elements();
-        for (int to = 1; 2 * size < length_; size *= 2, to = 3 - to) {
+        int to = 1;
+        for (; 4 * size < length_; size *= 4, to = 3 - to) {
+            count -= 3 * size;
+            widest<combine_four<G>>(from.p, from.q, size, lines_[to].p(), lines_[to].q(), count);
+            from = lines_[to].elements();
+        }
+        for (; 2 * size < length_; size *= 2, to = 3 - to) {
             count -= size;
             const Elements next = from + size;
             widest<combine<G>>(from.p, from.q, next.p, next.q, lines_[to].p(), lines_[to].q(),
@@ -189,19 +217,28 @@ private:
         widest<combine_results<G>>(from.p, from.q, last.p, last.q, out, n);
     }
 
-    static void take(const Operands& in, double* p, double* q) {
+    void take(const Operands& in, double* p, double* q) {
         const auto identities = [&](std::size_t from, std::size_t to) {
             for (; from < to; ++from) put<F>(p, q, from, F::identity);
         };
         identities(0, in.begin);
+        bool minus_zero = false;
         if (in.end > in.begin) {
-            std::copy_n(in.a + in.begin, in.end - in.begin, p + in.begin);
-            if (F::width == 2) std::copy_n(in.b + in.begin, in.end - in.begin, q + in.begin);
+            const std::size_t inside = in.end - in.begin;
+            if constexpr (F::width == 1) {
+                widest<copy_and_find_minus_zero>(in.a + in.begin, p + in.begin, inside,
+                                                 &minus_zero);
+            } else {
+                std::copy_n(in.a + in.begin, inside, p + in.begin);
+                std::copy_n(in.b + in.begin, inside, q + in.begin);
+            }
         }
+        clean_ = minus_zero ? 0 : clean_ + in.n;
         identities(std::max(in.begin, in.end), in.n);
     }
 
     std::size_t length_;
+    std::size_t clean_;  // at least as many of the last elements are not -0.0
     Line lines_[3];
 };
 
