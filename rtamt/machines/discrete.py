@@ -137,6 +137,10 @@ class PythonDiscreteMachine(PythonSampleMachine):
     ) -> list[tuple[Registers, list[float]]]:
         """The terms and the variables of n samples; changes nothing."""
         rows = [list(row) for row in zip(*(c.tolist() for c in columns), strict=True)] or [[]] * n
+        missing = np.any([np.isnan(c) for c in columns], axis=0) if columns else np.zeros(n)
+        if missing.any():
+            first = int(missing.argmax())
+            self.reader.refuse(rows[first], self.samples + first)
         return [(self._terms(row, self.samples + i), row) for i, row in enumerate(rows)]
 
     def reset(self) -> None:
