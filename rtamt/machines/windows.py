@@ -81,7 +81,8 @@ class SlidingWindow(FoldedWindow):
     that is being filled. ``_front`` has the suffix folds of the first, ``_middle`` is the fold of
     the second and ``_prefix`` that of the third. New elements are written into the places of
     ``_front`` that are used up; meanwhile the last block, in ``_back``, is turned into suffix folds
-    from its end, one a push.
+    from its end, one a push. A block that is not there yet is empty and stands for identities, so
+    that a window takes memory for the elements that it has seen.
     """
 
     STATE = ("_offset", "_front", "_back", "_middle", "_prefix", "_suffix")
@@ -96,24 +97,26 @@ class SlidingWindow(FoldedWindow):
 
     def reset(self) -> None:
         self._offset = 0
-        self._front: list[Element] = [self._identity] * self._block
-        self._back: list[Element] = [self._identity] * self._block
+        self._front: list[Element] = []
+        self._back: list[Element] = []
         self._middle = self._prefix = self._suffix = self._identity
 
     def push(self, x: Element) -> Element:
-        combine, front, offset = self._combine, self._front, self._offset
+        combine, front, back, offset = self._combine, self._front, self._back, self._offset
         last = self._block - 1
-        if self._odd:
-            oldest = front[offset]
+        ahead = offset if self._odd else offset + 1
+        oldest = front[ahead] if ahead < len(front) else self._identity
+        if offset < len(front):
+            front[offset] = x
         else:
-            oldest = self._identity if offset == last else front[offset + 1]
-        front[offset] = x
-        place = last - offset
-        self._suffix = self._back[place] = combine(self._back[place], self._suffix)
+            front.append(x)
+        if back:
+            place = last - offset
+            self._suffix = back[place] = combine(back[place], self._suffix)
         self._prefix = combine(self._prefix, x)
         result = combine(combine(oldest, self._middle), self._prefix)
         if offset == last:
-            self._front, self._back = self._back, front
+            self._front, self._back = back, front
             self._middle = self._prefix
             self._prefix = self._suffix = self._identity
             self._offset = 0
@@ -133,14 +136,17 @@ class DelayLine(StateFields):
         self.reset()
 
     def reset(self) -> None:
-        self._ring = [0.0] * self._length
+        self._ring: list[float] = []
         self._place = 0
 
     def push(self, x: float) -> float:
         """Take in x and return the value of ``length`` pushes ago, 0.0 before there is one."""
         place = self._place
-        late = self._ring[place]
-        self._ring[place] = x
+        late = 0.0
+        if place < len(self._ring):
+            late, self._ring[place] = self._ring[place], x
+        else:
+            self._ring.append(x)
         self._place = (place + 1) % self._length
         return late
 

@@ -189,3 +189,18 @@ def test_a_formula_made_in_python_is_named() -> None:
         "the windows need 80 bytes, and this one is the longest; the limit is 0",
         "  in once[0:9](z > 0)",
     ]
+
+
+@pytest.mark.parametrize(
+    "text", ["once[0:9999999](x > 0)", "x > 0 and next(once[9999999:9999999] y)"]
+)
+def test_a_window_takes_memory_for_what_it_has_seen(text: str, backend: Any) -> None:  # noqa: ANN401
+    tracemalloc.start()
+    try:
+        monitor = rtamt.Monitor(text, backend=backend)
+        for i in range(100):
+            monitor.update(*[float(i)] * len(monitor.variables))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 2**20
