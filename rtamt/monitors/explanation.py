@@ -24,7 +24,7 @@ from rtamt.inputs.samples import Columns, Floats, SampleReader, kind_of
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
-from rtamt.language.printing import node_text
+from rtamt.language.printing import node_text, number_text
 from rtamt.language.specification import Specification
 from rtamt.language.table import Operator
 from rtamt.machines.backend import BACKENDS
@@ -33,6 +33,7 @@ from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.monitors.provenance import Origin, origin_of
 from rtamt.program.interface import Interface, Reading
+from rtamt.program.program import Map, Program, operands
 from rtamt.program.timing import Align, Period, alignment, samples
 
 __all__ = ["Cause", "Explanation", "ExplanationStep", "explain"]
@@ -153,7 +154,7 @@ class Explanation:
                 window = f"from {first} on"
             yield f"its window lies outside the trace: {window}"
         if step.reading == "sign":
-            yield "given: counts only whether it holds"
+            yield "counts only whether it holds"
         elif step.reading == "zero":
             yield "of no concern: counts 0"
 
@@ -162,8 +163,14 @@ class Explanation:
             return f"sample {sample}"
         time = self.start + sample * self.period
         # As many digits as tell two samples apart.
-        digits = int(math.log10(max(abs(time) / self.period, 1.0))) + 3
-        return f"{time:.{max(digits, 6)}g} s"
+        count = max(abs(time) / self.period, 1.0)
+        if count > _MOST:
+            return f"{number_text(time)} s"
+        return f"{time:.{max(int(math.log10(count)) + 3, 6)}g} s"
+
+
+_MOST = 1e14
+"""Doubles have too few digits to tell the times of so many samples apart."""
 
 
 def _number(value: float) -> str:
@@ -249,10 +256,13 @@ def explain(
     reader = SampleReader(program, nan)
     columns, length = whole_trace(reader, data, n)
     at = _place(sample, length)
-    program = program.restricted(program.result, {n: program.outputs[n] for n in names})
+    # What the result does not need decides nothing, and may have no value.
+    idle, unknown = _idle(program), np.full(length, math.nan)
+    outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in idle}
+    program = program.restricted(program.result, outputs)
     machine = BACKENDS[backend].discrete_machine
     values = run_outputs(program, reader, machine, columns, length)
-    robustness: dict[Node, Floats] = {f: values[name] for name, f in names.items()}
+    robustness: dict[Node, Floats] = {f: values.get(name, unknown) for name, f in names.items()}
     align = options.get("align")
     steps = tuple(_steps(specification, interface, robustness, at, seconds, start, align))
     formula, at = steps[-1].formula, steps[-1].sample
@@ -261,6 +271,17 @@ def explain(
         columns_of = dict(zip(program.variables, columns, strict=True))
         causes = tuple(Cause(v, at, float(columns_of[v][at])) for v in formula.variables)
     return Explanation(steps, causes, None if seconds is None else float(seconds), start)
+
+
+def _idle(program: Program) -> set[int]:
+    """The registers with a term that the result does not need, and that may thus be nan."""
+    needed = program.needed(program.result)
+    found: set[int] = set()
+    for register, instruction in enumerate(program.instructions):
+        term = register < program.terms and isinstance(instruction, Map)
+        if (term and register not in needed) or not found.isdisjoint(operands(instruction)):
+            found.add(register)
+    return found
 
 
 def _time(start: float) -> float:
@@ -313,8 +334,8 @@ def _steps(
                 unit = specification.unit
                 bounds = samples(formula.interval, period, unit, error, align)
                 aligned = alignment(formula.interval, period, unit, bounds)
-            operands = [robustness[a] for a in formula.args]
-            origin = origin_of(row, bounds, operands, sample)
+            values = [robustness[a] for a in formula.args]
+            origin = origin_of(row, bounds, values, sample)
         yield ExplanationStep(
             formula,
             names.get(formula),

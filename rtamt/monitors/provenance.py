@@ -8,12 +8,11 @@ sample from which they were taken, it shows which one it chose: no other code ex
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Self, cast
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rtamt.inputs.samples import Floats
 from rtamt.language.table import Bounds, Operator
@@ -22,7 +21,7 @@ from rtamt.program.algebra import FOLDS, FUNCTIONS, ordered
 __all__ = ["Origin", "origin_of"]
 
 INF = math.inf
-Ordered = NDArray[np.int64]
+_T = TypeVar("_T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +77,10 @@ class _Value(float):
         return _Value.of(-float(self), self.origin)
 
 
-@dataclass(frozen=True, slots=True)
-class _Signal:
-    """A signal of such numbers: the one at a sample, and the plain values in a range of samples."""
-
-    at: Callable[[int], _Value]
-    values: Callable[[range], Floats]
+# Finds the value of a register at a sample: it asks for values of other registers, by number and
+# sample, is sent them, and returns its own. So no call waits for another one, and the number of
+# operands is not limited by the depth of calls.
+_Finding = Generator[tuple[int, int], Any, _T]
 
 
 class _Definition:
@@ -91,78 +88,123 @@ class _Definition:
 
     def __init__(self, operands: Sequence[Floats]) -> None:
         self._samples = len(operands[0])
-        self._signals = [_operand(i, values) for i, values in enumerate(operands)]
+        self._operands = operands
+        self._findings: list[Callable[[int], _Finding[_Value]]] = []
 
     def at(self, register: int, sample: int) -> _Value:
-        return self._signals[register].at(sample)
+        """The value of a register at a sample."""
+        asked: list[_Finding[_Value]] = []
+        while True:
+            if register < len(self._operands):
+                value = _Value.of(self._operands[register][sample], Origin(register, sample))
+            else:
+                asked.append(self._findings[register - len(self._operands)](sample))
+                value = None
+            while asked:
+                try:
+                    register, sample = asked[-1].send(value)
+                    break
+                except StopIteration as found:
+                    value = found.value
+                    asked.pop()
+            else:
+                return cast("_Value", value)
+
+    def _values(self, register: int, span: range) -> _Finding[Floats]:
+        if register < len(self._operands):
+            return self._operands[register][span.start : span.stop : span.step]
+        values: list[float] = []
+        for i in span:
+            values.append((yield register, i))  # noqa: PERF401 - no comprehension may yield
+        return np.array(values, dtype=np.float64)
 
     def constant(self, value: float) -> int:
-        return self._new(lambda _: _Value.of(value, Origin()))
+        def finding(_: int) -> _Finding[_Value]:
+            yield from ()
+            return _Value.of(value, Origin())
+
+        return self._new(finding)
 
     def map(self, function: str, *args: int) -> int:
         apply = cast("Callable[..., _Value]", FUNCTIONS[function].apply)
-        signals = [self._signals[a] for a in args]
-        return self._new(lambda i: apply(*(s.at(i) for s in signals)))
+
+        def finding(i: int) -> _Finding[_Value]:
+            values = []
+            for a in args:
+                values.append((yield a, i))  # noqa: PERF401 - no comprehension may yield
+            return apply(*values)
+
+        return self._new(finding)
 
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
-        (p,) = (self._signals[a] for a in args)
+        (p,) = args
         first_best = _FIRST_BEST[fold]
         (empty,) = FOLDS[fold].identity
 
-        def at(i: int) -> _Value:
+        def finding(i: int) -> _Finding[_Value]:
             window = self._inside(i, lo, hi)
             if not window:
                 return self._outside(empty, i, lo, hi)
-            return p.at(window[first_best(p.values(window))])
+            values = yield from self._values(p, window)
+            return cast("_Value", (yield p, window[first_best(values)]))
 
-        return self._new(at)
+        return self._new(finding)
 
     def until(self, bounds: Bounds, p: int, q: int) -> int:
         begin, end = bounds
 
-        def held(i: int, reached: range) -> Ordered:
-            return self._least(p, range(i, reached[-1]))[begin:]
+        def way(i: int, reached: range) -> tuple[range, slice]:
+            return range(i, reached[-1]), slice(begin, None)
 
-        return self._reaching((begin, end), p, q, held, range)
+        return self._reaching((begin, end), p, q, way, range)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         begin, end = bounds
         past = None if end is None else -end, -begin
 
-        def held(i: int, reached: range) -> Ordered:
-            return self._least(p, range(i, reached[0], -1))[begin:][::-1]
+        def way(i: int, reached: range) -> tuple[range, slice]:
+            return range(i, reached[0], -1), slice(None, begin - 1 if begin else None, -1)
 
-        return self._reaching(past, p, q, held, lambda i, j: range(j + 1, i + 1))
+        return self._reaching(past, p, q, way, lambda i, j: range(j + 1, i + 1))
 
     def _reaching(
         self,
         offsets: tuple[int | None, int | None],
         p: int,
         q: int,
-        held: Callable[[int, range], Ordered],
+        way: Callable[[int, range], tuple[range, slice]],
         between: Callable[[int, int], range],
     ) -> int:
-        """The greatest q of a window, each q cut to the least p between now and there."""
-        before, goal = self._signals[p], self._signals[q]
+        """The greatest q of a window, each q cut to the least p between now and there.
 
-        def at(i: int) -> _Value:
+        Args:
+            offsets: The window.
+            p: What must hold on the way.
+            q: What must be reached.
+            way: The samples on the way to the farthest of the window, outwards from now; which of
+                the least p of the first 0, 1, 2, ... of them belong to the samples of the window.
+            between: The samples between two.
+        """
+
+        def finding(i: int) -> _Finding[_Value]:
             window = self._inside(i, *offsets)
             if not window:
                 return self._outside(-INF, i, *offsets)
-            way = held(i, window)
-            reached = np.minimum(way, ordered(goal.values(window)))
-            witness = window[int(reached.argmax())]
-            value, stretch = goal.at(witness), between(i, witness)
-            if stretch and way[witness - window[0]] == reached.max():
-                value = before.at(stretch[_FIRST_BEST["min"](before.values(stretch))])
+            stretch, inside = way(i, window)
+            passed = yield from self._values(p, stretch)
+            held = np.minimum.accumulate(ordered(np.concatenate(([INF], passed))))[inside]
+            goals = yield from self._values(q, window)
+            reached = np.minimum(held, ordered(goals))
+            place = int(reached.argmax())
+            witness = window[place]
+            value: _Value = yield q, witness
+            stretch = between(i, witness)
+            if stretch and held[place] == reached[place]:
+                least = yield from self._values(p, stretch)
+                value = yield p, stretch[_FIRST_BEST["min"](least)]
             return _Value.of(value, replace(value.origin, witness=witness))
 
-        return self._new(at)
-
-    def _least(self, p: int, stretch: range) -> Ordered:
-        """The least p among the first 0, 1, 2, ... samples of a stretch."""
-        values = np.concatenate(([INF], self._signals[p].values(stretch)))
-        return np.minimum.accumulate(ordered(values))
+        return self._new(finding)
 
     def _inside(self, i: int, lo: int | None, hi: int | None) -> range:
         first = 0 if lo is None else max(0, i + lo)
@@ -173,19 +215,12 @@ class _Definition:
         first, last = (None if offset is None else i + offset for offset in (lo, hi))
         return _Value.of(value, Origin(outside=(first, last)))
 
-    def _new(self, at: Callable[[int], _Value]) -> int:
-        self._signals.append(_Signal(at, lambda span: np.array([float(at(i)) for i in span])))
-        return len(self._signals) - 1
+    def _new(self, finding: Callable[[int], _Finding[_Value]]) -> int:
+        self._findings.append(finding)
+        return len(self._operands) + len(self._findings) - 1
 
 
 _FIRST_BEST: Mapping[str, Callable[[Floats], int]] = {
     "min": lambda values: int(ordered(values).argmin()),
     "max": lambda values: int(ordered(values).argmax()),
 }
-
-
-def _operand(number: int, values: Floats) -> _Signal:
-    return _Signal(
-        at=lambda i: _Value.of(values[i], Origin(number, i)),
-        values=lambda span: values[span.start : span.stop : span.step],
-    )

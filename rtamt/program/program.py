@@ -36,6 +36,7 @@ __all__ = [
     "latencies_of",
     "latency_of",
     "listed",
+    "operands",
 ]
 
 
@@ -271,16 +272,20 @@ class Program:
 
     def restricted(self, result: int, outputs: Mapping[str, int]) -> Program:
         """The part of the program that computes this result and these outputs."""
+        kept = sorted(self.needed(result, *outputs.values()))
+        part = replace(self, result=result, outputs=outputs)
+        return part.reordered(kept, sum(r < self.terms for r in kept))
+
+    def needed(self, *registers: int) -> set[int]:
+        """The registers that these are computed from, themselves included."""
         needed: set[int] = set()
-        stack = [result, *outputs.values()]
+        stack = [*registers]
         while stack:
             register = stack.pop()
             if register not in needed:
                 needed.add(register)
                 stack.extend(operands(self.instructions[register]))
-        kept = sorted(needed)
-        part = replace(self, result=result, outputs=outputs)
-        return part.reordered(kept, sum(r < self.terms for r in kept))
+        return needed
 
     def reordered(self, kept: list[int], terms: int) -> Program:
         """The program of these registers in this order, of which the first ``terms`` are terms."""

@@ -269,27 +269,6 @@ def test_of_two_names_of_a_formula_the_first_is_shown() -> None:
     assert str(explanation).splitlines()[3] == "sample 0     -1  always(p)"
 
 
-def test_of_a_zero_it_is_said_whether_the_formula_holds() -> None:
-    assert str(explain("not (a > 3) and a >= -0.0", {"a": [3]})) == (
-        "robustness 0, holds, at sample 0, decided by a > 3 at sample 0\n"
-        "\n"
-        "      at        value  formula\n"
-        "sample 0     0, holds  not (a > 3) and a >= -0\n"
-        "sample 0     0, holds  not (a > 3)\n"
-        "sample 0  0, violated  a > 3\n"
-        "sample 0            3  a"
-    )
-    assert "0, violated, at sample 0" in str(explain("a > 0", {"a": [0]}))
-
-
-def test_the_zero_that_decides_is_the_one_with_the_sign_of_the_whole() -> None:
-    trace = {"a": [0, 0, 1], "b": [1, 0, 0]}
-    explanation = explain("always(a >= 0 and (a >= 0 until[0:1] b > 0))", trace)
-    assert [(s.text, s.sample) for s in explanation.steps][-1] == ("b > 0", 1)
-    explanation = explain("eventually(a > 0 or b == 0)", {"a": [0, 0], "b": [1, 0]})
-    assert [(s.text, s.sample) for s in explanation.steps][-1] == ("b == 0", 1)
-
-
 def test_what_a_predicate_counts_under_interface_semantics_is_said() -> None:
     spec = "input float req; output float gnt; always(req >= 3 implies {})"
     given = explain(spec.format("false and gnt > 1"), TRACE, semantics="output-robustness")
@@ -300,7 +279,7 @@ def test_what_a_predicate_counts_under_interface_semantics_is_said() -> None:
         "sample 0   -inf  always(req >= 3 implies false and gnt > 1)\n"
         "sample 2   -inf  req >= 3 implies false and gnt > 1\n"
         "sample 2    inf  req >= 3\n"
-        "                   given: counts only whether it holds\n"
+        "                   counts only whether it holds\n"
         "sample 2      5  req"
     )
     mixed = explain(spec.format("req > gnt"), TRACE, semantics="output-vacuity")
