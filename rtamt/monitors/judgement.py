@@ -115,7 +115,8 @@ class Judgement:
     def decided_at(self) -> float | None:
         """The first sample after which no continuation could change the verdict; None: no such.
 
-        It is the sample at which `EpisodeMonitor` decides, found when it is first asked for.
+        It is the sample at which `EpisodeMonitor` decides, the first one if it needs none; found
+        when it is first asked for.
         """
         return self._decided_at()
 
@@ -168,8 +169,9 @@ def judge(
 ) -> Judgement:
     """The verdict on a whole trace, by what its end means.
 
-    It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, at the speed of
-    `evaluate`: about the first sample; invariants are written ``always(...)``.
+    It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, about the first of
+    them; invariants are written ``always(...)``. It costs as much as two or three evaluations of
+    the trace; operators without an end inside others are read several times, and cost more.
 
     Args:
         spec: Text, a formula, or a parsed specification.

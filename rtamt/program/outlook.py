@@ -100,8 +100,8 @@ def sufficient(program: Program, n: int) -> int:
 
     From some sample on, all unseen ones are equal, and it does not matter how many there are.
     """
-    past, greatest = _memory_and_bound(program)
-    return min(n + past, greatest)
+    memory, greatest = _memory_and_bound(program)
+    return min(n + memory, greatest)
 
 
 def past(program: Program) -> int | None:
