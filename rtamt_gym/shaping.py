@@ -93,6 +93,9 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
     first = values[0]
     if isinstance(first, np.ndarray):
         lowest: NDArray[np.float64] = np.minimum.reduce(values)
+        zero = lowest == 0.0
+        if zero.any():  # np.minimum gives either zero
+            lowest[zero & np.signbit(values).any(axis=0)] = -0.0
         if temperature is None:
             return lowest
         # Differences to the least, so that no exponential overflows.
@@ -100,6 +103,8 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
         smooth: NDArray[np.float64] = lowest - temperature * np.log(powers.sum(axis=0))
         return smooth
     low = min(values)
+    if low == 0.0:  # min gives the first zero
+        low = min(values, key=lambda value: math.copysign(1.0, value) if value == 0.0 else 2.0)
     if temperature is None:
         return low
     return low - temperature * math.log(sum(math.exp((low - v) / temperature) for v in values))
@@ -108,10 +113,10 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
 def hierarchical(levels: Sequence[Value], bound: float) -> Value:
     """The first negative level, else the last, raised by ``bound`` for every level before it.
 
-    With all levels in [-bound, bound] the ranges do not overlap: a violated level gives less than
-    any violation of later levels alone, whatever the margins. The value is negative exactly where
-    the first level is, and never falls when a level rises. A positive margin counts for the last
-    level alone.
+    With all levels in [-bound, bound] the ranges do not overlap: a violated level gives at most
+    what any violation of later levels alone gives, whatever the margins. The value is negative
+    exactly where the first level is, -0.0 included, and never falls when a level rises. The margin
+    of a level that holds counts for the last level alone.
 
     Args:
         levels: Robustness of each level, the most important first.
@@ -124,13 +129,14 @@ def hierarchical(levels: Sequence[Value], bound: float) -> Value:
         (1.5, 2.5)
     """
     last = len(levels) - 1
-    value = levels[last] + last * bound
+    value = levels[last] + last * bound if last else levels[0]
     for rank in range(last - 1, -1, -1):
         level = levels[rank]
+        paid = level + rank * bound if rank else level
         if isinstance(level, np.ndarray):
-            value = np.where(level < 0.0, level + rank * bound, value)
-        elif level < 0.0:
-            value = level + rank * bound
+            value = np.where(np.signbit(level), paid, value)
+        elif math.copysign(1.0, level) < 0.0:
+            value = paid
     return value
 
 

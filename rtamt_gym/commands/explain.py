@@ -6,6 +6,7 @@ import argparse
 
 import rtamt
 from rtamt_gym.commands.arguments import add_specs_and_trace, read_samples, read_specs
+from rtamt_gym.judges.interface import EXACT
 
 __all__ = ["add_arguments", "run"]
 
@@ -40,4 +41,11 @@ def run(options: argparse.Namespace) -> int:
     several = len(specs) > 1
     texts = (f"{name}:\n{e}" if several else str(e) for name, e in explanations.items())
     print(*texts, sep="\n\n")
-    return 1 if any(e.robustness < 0 for e in explanations.values()) else 0
+    return 1 if any(_is_violated(e.robustness, options) for e in explanations.values()) else 0
+
+
+def _is_violated(robustness: float, options: argparse.Namespace) -> bool:
+    """Whether the sign says so; that of a 0 says nothing where predicates may be left out."""
+    if robustness == 0.0 and options.semantics not in EXACT:
+        return False
+    return not rtamt.holds(robustness)

@@ -45,25 +45,26 @@ def step_info(
     robustness: Lanewise,
     lower: Lanewise,
     upper: Lanewise,
+    violated: Lanewise,
     states: Mapping[str, Any] | None = None,
     cost: Lanewise = None,
 ) -> dict[str, Any]:
     """The info of an environment with the keys that every info has.
 
-    ``states`` are those of the specifications, by `spec_state`; they and the cost are optional.
+    ``violated`` says whether a specification is; ``states`` are those of the specifications, by
+    `spec_state`; they and the cost are optional.
     """
     made = {
-        **info,
         "robustness": robustness,
         "stl_lower": lower,
         "stl_upper": upper,
-        "stl_violated": upper < 0.0,
+        "stl_violated": violated,
     }
     if states is not None:
         made["stl"] = states
     if cost is not None:
         made["cost"] = cost
-    return made
+    return {**info, **made} if info else made
 
 
 def spec_state(
@@ -73,11 +74,10 @@ def spec_state(
     return {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
 
 
-def step_cost(kind: Cost, upper: Lanewise, charged: Lanewise) -> Lanewise:
+def step_cost(kind: Cost, upper: Lanewise, violated: Lanewise, charged: Lanewise) -> Lanewise:
     """The cost of a step; ``charged``: whether the episode was violated before it."""
     if kind == "depth":
         return max(0.0, -upper) if isinstance(upper, float) else np.maximum(0.0, -upper)
-    violated = upper < 0.0
     return 1.0 * (violated > charged if kind == "first" else violated)
 
 

@@ -10,7 +10,15 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
 
-__all__ = ["STANDARD", "Interface", "InterfaceOptions", "Names", "Semantics"]
+__all__ = [
+    "EXACT",
+    "STANDARD",
+    "Interface",
+    "InterfaceOptions",
+    "Names",
+    "Semantics",
+    "robustness_text",
+]
 
 Semantics = Literal[
     "standard",
@@ -22,6 +30,9 @@ Semantics = Literal[
 ]
 """How predicates count; `rtamt.Monitor` says what each means."""
 
+EXACT: tuple[Semantics, ...] = ("standard", "boolean")
+"""The semantics under which every predicate counts, so that the sign of a robustness decides."""
+
 Names = Iterable[str]
 """Variables of specifications; the name of a message means all its fields."""
 
@@ -32,6 +43,25 @@ class InterfaceOptions(TypedDict, total=False):
     semantics: Semantics
     inputs: Names | None
     outputs: Names | None
+
+
+def robustness_text(
+    value: float, semantics: Semantics, verdict: rtamt.Verdict, form: str = ".6g"
+) -> str:
+    """Writes a robustness; one of 0 with what its sign says, unless that is not known.
+
+    Example:
+        >>> undecided = rtamt.Verdict.UNDECIDED
+        >>> [robustness_text(value, "standard", undecided) for value in (0.5, 0.0, -0.0)]
+        ['0.5', '0, holds', '0, violated']
+        >>> robustness_text(0.0, "input-vacuity", undecided)
+        '0'
+    """
+    if value != 0.0:
+        return format(value, form)
+    if verdict == 0 and semantics not in EXACT:
+        return "0"
+    return "0, holds" if rtamt.holds(value) else "0, violated"
 
 
 def _names(names: Names | None) -> Names | None:

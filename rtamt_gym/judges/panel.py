@@ -10,12 +10,13 @@ from operator import itemgetter
 from typing import Any
 
 import rtamt
-from rtamt import EpisodeMonitor, InputError
+from rtamt import EpisodeMonitor, InputError, Verdict
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judges.interface import STANDARD, Interface
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
 from rtamt_gym.judges.specs import Align, Nan, View
-from rtamt_gym.signals.signals import Read
+from rtamt_gym.shaping import least
+from rtamt_gym.signals.signals import Element, Read
 
 __all__ = ["Assessment", "Feed", "Monitors", "Panel"]
 
@@ -107,23 +108,23 @@ class Panel:
     @property
     def robustness(self) -> float:
         """The least robustness over the specifications; nan before the first sample."""
-        return min(source.robustness for source in self._sources)
+        return least([source.robustness for source in self._sources])
 
     @property
     def lower(self) -> float:
         """The least that the robustness can still become."""
-        return min(judge.lower for judge in self._judges)
+        return least([judge.lower for judge in self._judges])
 
     @property
     def upper(self) -> float:
         """The greatest that the robustness can still become."""
-        return min(judge.upper for judge in self._judges)
+        return least([judge.upper for judge in self._judges])
 
     def read(self) -> Assessment:
         """Reads robustness, lower and upper bound of the samples so far."""
         return self.robustness, self.lower, self.upper
 
-    def feeder(
+    def feeder(  # noqa: C901 - each part in a function of its own would double its time
         self,
         names: Sequence[str],
         reads: Sequence[Read] | None = None,
@@ -142,23 +143,36 @@ class Panel:
             decide: Called after a sample that has decided a verdict, in place of `note`.
         """
         note = decide or self.note
-        if len(self.monitors) == 1 and reads is not None and len(reads) == 1:
-            return self._feeder_of_one(reads[0], note)
+        elements, others = _split(reads or ())
+        if len(self.monitors) == 1 and len(elements) + len(others) == 1:
+            return self._feeder_of_one(elements, others, note)
         parts = [
-            (source.update, indices[0] if len(indices) == 1 else None, _pick(indices), judge.bounds)
+            (source.update, *_pick([names.index(v) for v in self.variables[name]]), judge)
             for name, (source, judge) in self.monitors.items()
-            for indices in [tuple(names.index(variable) for variable in self.variables[name])]
         ]
+        read_values = [math.nan] * len(names)
+        undecided = Verdict.UNDECIDED
 
-        def feed(*step: Any) -> Assessment:  # noqa: ANN401
-            values = step[0] if reads is None else [read(*step) for read in reads]
+        def feed(  # noqa: C901 - see above
+            obs: Any = None,  # noqa: ANN401
+            action: Any = None,  # noqa: ANN401
+            reward: Any = None,  # noqa: ANN401
+            info: Any = None,  # noqa: ANN401
+        ) -> Assessment:
+            if reads is None:
+                values = obs
+            else:
+                values = read_values
+                for place, index in elements:
+                    values[place] = float(obs[index])
+                for place, read in others:
+                    values[place] = read(obs, action, reward, info)
             robustness = lower = upper = math.inf
             decided = 0
-            for update, alone, pick, bounds in parts:
-                value = update(*pick(values)) if alone is None else update(values[alone])
-                low, high = bounds()
-                if high < 0.0 or low > 0.0:
-                    decided += 1
+            for update, alone, pick, judge in parts:
+                value = update(values[alone]) if pick is None else update(*pick(values))
+                low = judge.lower
+                high = judge.upper
                 # Calls of min() would cost as much as all the rest.
                 if value < robustness:  # noqa: PLR1730
                     robustness = value
@@ -166,16 +180,26 @@ class Panel:
                     lower = low
                 if high < upper:  # noqa: PLR1730
                     upper = high
+                if judge.verdict is not undecided:
+                    decided += 1
             if decided > self.settled:
                 note()
+            if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
+                return self.read()
             return robustness, lower, upper
 
         return feed
 
-    def _feeder_of_one(self, read: Read, note: Callable[[], None]) -> Feed:
+    def _feeder_of_one(
+        self,
+        elements: Sequence[tuple[int, Any]],
+        others: Sequence[tuple[int, Read]],
+        note: Callable[[], None],
+    ) -> Feed:
         """The `feeder` of one signal for one monitor, the common case: without lists and loops."""
         ((source, judge),) = self.monitors.values()
-        update, bounds = source.update, judge.bounds
+        update, undecided = source.update, Verdict.UNDECIDED
+        index, read = elements[0][1] if elements else None, others[0][1] if others else None
 
         def feed(
             obs: Any = None,  # noqa: ANN401
@@ -183,11 +207,13 @@ class Panel:
             reward: Any = None,  # noqa: ANN401
             info: Any = None,  # noqa: ANN401
         ) -> Assessment:
-            robustness = update(read(obs, action, reward, info))
-            lower, upper = bounds()
-            if (upper < 0.0 or lower > 0.0) and not self.settled:
+            if read is None:
+                robustness = update(float(obs[index]))
+            else:
+                robustness = update(read(obs, action, reward, info))
+            if judge.verdict is not undecided and not self.settled:
                 note()
-            return robustness, lower, upper
+            return robustness, judge.lower, judge.upper
 
         return feed
 
@@ -268,8 +294,17 @@ def _described(spec: rtamt.Specification, judge: EpisodeMonitor) -> str:
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time
 
 
-def _pick(indices: tuple[int, ...]) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    """The function that takes the elements at some indices."""
-    if len(indices) > 1:
-        return itemgetter(*indices)
-    return lambda values: tuple(values[index] for index in indices)
+def _split(reads: Sequence[Read]) -> tuple[list[tuple[int, Any]], list[tuple[int, Read]]]:
+    """The places of what reads an element of the observation, and of all else."""
+    numbered = list(enumerate(reads))
+    elements = [(place, read.index) for place, read in numbered if isinstance(read, Element)]
+    return elements, [(place, read) for place, read in numbered if not isinstance(read, Element)]
+
+
+def _pick(
+    indices: Sequence[int],
+) -> tuple[int, Callable[[Sequence[float]], tuple[float, ...]] | None]:
+    """The index, if it is one; else the function that takes the elements at all of them."""
+    if len(indices) == 1:
+        return indices[0], None
+    return -1, itemgetter(*indices) if indices else lambda _: ()

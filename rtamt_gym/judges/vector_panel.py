@@ -16,6 +16,7 @@ from rtamt_gym.judges.infos import VERDICTS, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["MonitorValues", "VectorMonitors", "VectorPanel"]
@@ -124,13 +125,13 @@ class VectorPanel:
             source.update(table if pick is None else table[:, pick], lanes)
             for (source, _), pick in zip(self.monitors.values(), self._picks, strict=True)
         ]
-        self.robustness = _least(found)
+        self.robustness = least(found)
         self.note()
 
     def note(self) -> None:
         """Reads the bounds, and records the verdicts that they have decided."""
-        self.lower = _least([judge.lower for judge in self._judges])
-        self.upper = _least([judge.upper for judge in self._judges])
+        self.lower = least([judge.lower for judge in self._judges])
+        self.upper = least([judge.upper for judge in self._judges])
         verdicts = [judge.verdict for judge in self._judges]
         # Verdicts stay until the reset, so a count says whether one is new.
         settled = 0
@@ -179,10 +180,3 @@ class VectorPanel:
                 self.monitors.items(), self._decided_at, strict=True
             )
         }
-
-
-def _least(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    least = values[0]
-    for other in values[1:]:
-        least = np.minimum(least, other)
-    return least

@@ -205,7 +205,7 @@ class StepMonitor(PanelValues):
             self._begin()
         stops = on_violation == "stop"
         for _ in range(steps):
-            if stops and self.upper < 0.0:
+            if stops and self._panel.violated_by is not None:
                 break
             if controller is not None:
                 controller(self.model, self.data)

@@ -31,15 +31,13 @@ class PanelValues:
 
     @property
     def upper(self) -> float:
-        """The greatest that it can become; below 0 no continuation satisfies all specifications."""
+        """The greatest that it can become; negative, -0.0 included: a specification is violated."""
         return self._panel.upper
 
     @property
     def verdict(self) -> Verdict:
         """The verdict on all specifications together."""
-        if self.upper < 0.0:
-            return Verdict.VIOLATED
-        return Verdict.SATISFIED if self.lower > 0.0 else Verdict.UNDECIDED
+        return min(judge.verdict for _, judge in self._panel.monitors.values())
 
     @property
     def violated_by(self) -> str | None:

@@ -1,4 +1,4 @@
-"""Judges recorded traces: the verdict, and where the named formulas are below 0."""
+"""Judges recorded traces: the verdict, and where the named formulas are violated."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 import rtamt
 from rtamt import SpecificationError, Verdict
-from rtamt_gym.judges.interface import Semantics
+from rtamt_gym.judges.interface import EXACT, Semantics, robustness_text
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -62,8 +62,8 @@ class Series:
 
     @property
     def below(self) -> int | None:
-        """The place of the first negative value, or None."""
-        below = self.values < 0
+        """The place of the first negative value, -0.0 included, or None."""
+        below = np.signbit(self.values)
         return int(below.argmax()) if below.any() else None
 
 
@@ -72,11 +72,13 @@ class Judgement:
     """The verdict on a whole trace.
 
     Attributes:
-        verdict: The sign of the robustness; UNDECIDED if that is 0.
+        verdict: The sign of the robustness; UNDECIDED if it hangs on a predicate that the semantics
+            leaves out.
         robustness: The robustness of the trace, which ends with its last sample or event.
         certain: Words that tell from when on the verdict was certain.
         series: The robustness of the named formulas, the last of which is the result.
         period: Seconds between samples; None for events, or if bounds count samples.
+        semantics: How predicates counted.
     """
 
     verdict: Verdict
@@ -84,9 +86,19 @@ class Judgement:
     certain: str
     series: Mapping[str, Series]
     period: Fraction | None = None
+    semantics: Semantics = "standard"
 
     def __str__(self) -> str:
-        return f"{self.verdict.name}, robustness {number(self.robustness)}, {self.certain}"
+        return f"{self.verdict.name}, robustness {self.robustness_text}, {self.certain}"
+
+    @property
+    def robustness_text(self) -> str:
+        """The robustness in words; a 0 says whether the specification holds."""
+        return robustness_text(self.robustness, self.semantics, self.verdict)
+
+    def text_of(self, value: float) -> str:
+        """The robustness of a formula at some time, in words."""
+        return robustness_text(value, self.semantics, Verdict.UNDECIDED)
 
 
 def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
@@ -118,7 +130,7 @@ def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
         trace: A description of the trace.
     """
     several = len(judgements) > 1
-    rows = [("spec", "formula", "at the start", "least", "at", "below 0 from")]
+    rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
     for name, judgement in judgements.items():
         for formula, series in judgement.series.items():
             least, below = series.least, series.below
@@ -126,8 +138,8 @@ def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
                 (
                     name if several and formula == next(iter(judgement.series)) else "",
                     formula,
-                    number(float(series.values[0])),
-                    number(float(series.values[least])),
+                    judgement.text_of(float(series.values[0])),
+                    judgement.text_of(float(series.values[least])),
                     series.at(least),
                     "-" if below is None else series.at(below),
                 )
@@ -192,7 +204,10 @@ def judge(
     series = {
         name: Series(
             times,
-            rtamt.evaluate(part, trace.columns, period, n=trace.samples, semantics=semantics),
+            _signed(
+                rtamt.evaluate(part, trace.columns, period, n=trace.samples, semantics=semantics),
+                semantics,
+            ),
             step,
             str(part.formula),
         )
@@ -201,7 +216,7 @@ def judge(
     certain = "at the end of the trace"
     if certain_at is not None:
         certain = f"certain from {time_text(float(times[certain_at]), step)} on"
-    return Judgement(monitor.verdict, robustness, certain, series, period)
+    return Judgement(monitor.verdict, robustness, certain, series, period, semantics)
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
@@ -236,15 +251,23 @@ def judge_events(
 
     def robustness(part: rtamt.Specification) -> Series:
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
-        return Series(events.times, events.values, trace.step, str(part.formula), held=True)
+        values = _signed(events.values, semantics)
+        return Series(events.times, values, trace.step, str(part.formula), held=True)
 
     series = {name: robustness(part) for name, part in _parts(spec).items()}
     result = robustness(whole) if whole is not spec else series[_result(spec)]
     least = float(result.values[0])
-    verdict = Verdict.UNDECIDED
-    if least:
-        verdict = Verdict.SATISFIED if least > 0 else Verdict.VIOLATED
-    return Judgement(verdict, least, "at the end of the trace", series)
+    verdict = Verdict.SATISFIED
+    if not rtamt.holds(least):
+        verdict = Verdict.VIOLATED
+    elif least == 0.0 and semantics not in EXACT:
+        verdict = Verdict.UNDECIDED  # the bounds of dense time are not known here
+    return Judgement(verdict, least, "at the end of the trace", series, semantics=semantics)
+
+
+def _signed(values: Floats, semantics: Semantics) -> Floats:
+    """The values, with zeros whose sign says nothing as 0.0: a predicate left out counts so."""
+    return values if semantics in EXACT else values + 0.0
 
 
 def _parts(spec: rtamt.Specification) -> dict[str, rtamt.Specification]:

@@ -13,7 +13,7 @@ from rtamt import Verdict
 from rtamt_gym import drawing
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.tables import number, shorten
+from rtamt_gym.tables import shorten
 
 __all__ = ["draw_trace"]
 
@@ -28,6 +28,8 @@ def draw_trace(
     signals: Mapping[str, Series], judgements: Mapping[str, Judgement], title: str
 ) -> Figure:
     """Draws the signals, and below them a panel for every formula, shaded where it is negative.
+
+    Where it is -0.0 there is nothing to shade: the line at 0 is thick there.
 
     Args:
         signals: The values of the variables.
@@ -52,7 +54,7 @@ def draw_trace(
         (values,) = drawing.robustness_panel(ax, label, series.text, 96, [series.values])
         _line(ax, series, values, end, drawing.ROBUSTNESS)
         if name == list(judgement.series)[-1]:
-            drawing.show_verdict(ax, judgement.verdict, number(judgement.robustness))
+            drawing.show_verdict(ax, judgement.verdict, judgement.robustness_text)
     figure.align_ylabels(axes)
     figure.suptitle(title, fontsize=12, fontweight="bold")
     timed = any(s.step is not None for each in judgements.values() for s in each.series.values())
@@ -67,7 +69,11 @@ def _line(ax: Axes, series: Series, values: Floats, end: float, colour: str) -> 
         ax.plot(times, values, color=colour, linewidth=1.4, drawstyle="steps-post")
     else:
         ax.plot(times, values, color=colour, linewidth=1.4)
+    if series.text:
+        just = np.where(np.signbit(values) & (values == 0.0), 0.0, np.nan)
+        style = "steps-post" if series.held else "default"
+        ax.plot(times, just, marker=".", color=_SHADE["color"], linewidth=3, drawstyle=style)
     if series.text and series.held:
         ax.fill_between(times, np.minimum(values, 0.0), step="post", **_SHADE)
     elif series.text:
-        ax.fill_between(times, values, where=list(values < 0.0), interpolate=True, **_SHADE)
+        ax.fill_between(times, values, where=list(np.signbit(values)), interpolate=True, **_SHADE)

@@ -25,6 +25,9 @@ VARIABLE, VALUE = "variable", "value"
 _JITTER = 0.01
 """The fraction of the period by which the distance of two samples may differ from it."""
 
+_LEAST, _MOST = 1e-300, 1e300
+"""The periods, in seconds, that rtamt takes."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trace:
@@ -55,12 +58,18 @@ class Trace:
         """Seconds between samples; None without a column of times, or with one sample only.
 
         Raises:
-            InputError: If the times do not increase at even distances.
+            InputError: If the times do not increase at even distances that a period can have.
         """
         if self.times is None or self.samples < 2:
             return None
-        steps = np.diff(self.times)
+        with np.errstate(over="ignore"):  # steps past all floats are refused here
+            steps = np.diff(self.times)
         usual = float(np.median(steps))
+        if usual > 0 and not _LEAST <= usual <= _MOST:
+            raise InputError(
+                f"{self.where(1)}: expected samples from {_LEAST:g} to {_MOST:g} s apart, got "
+                f"{usual:.6g} s; give --period to leave the column '{TIME}' aside"
+            )
         if usual <= 0 or (odd := np.abs(steps - usual) > _JITTER * usual).any():
             at = int((steps <= 0).argmax() if usual <= 0 else odd.argmax())
             before, after = self.times[at], self.times[at + 1]
@@ -104,7 +113,8 @@ class EventTrace:
     @property
     def step(self) -> float:
         """The usual distance of two events of the most frequent variable, in seconds."""
-        gaps = [float(np.median(np.diff(t))) for t, _ in self.signals.values() if len(t) > 1]
+        with np.errstate(over="ignore"):  # rtamt refuses times so far apart
+            gaps = [float(np.median(np.diff(t))) for t, _ in self.signals.values() if len(t) > 1]
         return min(gaps, default=1.0)
 
 
@@ -202,7 +212,7 @@ def _read(recording: Recording, wanted: Wanted) -> Rows:
 
 def _check_order(rows: Rows, given: NDArray[np.intp], what: str = "") -> None:
     times = rows.numbers[TIME][given]
-    late = np.diff(times) <= 0
+    late = times[1:] <= times[:-1]
     if late.any():
         at = int(late.argmax())
         raise InputError(

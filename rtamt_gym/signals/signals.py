@@ -31,7 +31,17 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.signals.selectors import Selector, Syntax, hint, parse_selector
 
-__all__ = ["Env", "Number", "Read", "Signal", "SignalLike", "Source", "Step", "parse_signals"]
+__all__ = [
+    "Element",
+    "Env",
+    "Number",
+    "Read",
+    "Signal",
+    "SignalLike",
+    "Source",
+    "Step",
+    "parse_signals",
+]
 
 Env = gym.Env[Any, Any]
 
@@ -39,6 +49,22 @@ _NUMBERS: Final = (float, int, np.floating, np.integer, np.bool_)
 
 Read = Callable[[Any, Any, Any, dict[str, Any]], float]
 """Reads a signal from observation, action, reward and info; action and reward are None at reset."""
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """The `Read` of an element of the observation; who knows it reads without a call.
+
+    Attributes:
+        index: The index or key of the element.
+    """
+
+    index: Any
+
+    def __call__(self, obs: Any, _action: Any, _reward: Any, _info: Any) -> float:  # noqa: ANN401
+        """Reads the element."""
+        return float(obs[self.index])
+
 
 Number = Callable[..., float]
 """Reads a signal from a simulation as it is now; takes any arguments and ignores them."""

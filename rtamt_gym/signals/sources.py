@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.signals.signals import Env, Number, Read, Signal, Source
+from rtamt_gym.signals.signals import Element, Env, Number, Read, Signal, Source
 from rtamt_gym.signals.spaces import fit
 from rtamt_gym.signals.vehicle import bind_vehicle
 
@@ -21,9 +21,8 @@ __all__ = ["MUJOCO", "SOURCES", "STEP"]
 
 def _bind_obs(signal: Signal, env: Env) -> Read:
     path = fit(signal, env.observation_space, "the observation space")
-    if len(path) == 1:  # most signals are obs[i]; one call less a sample
-        (part,) = path
-        return lambda obs, _action, _reward, _info: float(obs[part])
+    if len(path) == 1:  # most signals are obs[i]
+        return Element(*path)
     return lambda obs, _action, _reward, _info: _number_at(obs, path)
 
 

@@ -30,7 +30,7 @@ def report(runs: Sequence[Run]) -> list[str]:
             at = stopped if stops else course.decided_at
             when = "-" if at is None else sample_text(at, run.period)
             of_run = (str(count), shorten(run.label, 16), str(run.steps), when)
-            of_spec = (shorten(name, 16), f"{course.final:+.3g}", course.verdict.name)
+            of_spec = (shorten(name, 16), course.final_text("+.3g"), course.verdict.name)
             if first:
                 rows.append((*of_run, *of_spec, _saved(run) if stops else ""))
             else:

@@ -70,7 +70,7 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
         ax.margins(y=0.15)
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
         _draw_course(ax, name, course, times, end)
-        text = f"{course.final:+.3g}"
+        text = course.final_text("+.3g")
         if course.decided_at is not None:
             text += f", at {sample_text(course.decided_at, run.period)}"
         drawing.show_verdict(ax, course.verdict, text)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import Verdict
-from rtamt_gym.judges.interface import InterfaceOptions, Semantics
+from rtamt_gym.judges.interface import InterfaceOptions, Semantics, robustness_text
 from rtamt_gym.judges.specs import View
 from rtamt_gym.tables import sample_text
 
@@ -86,7 +86,11 @@ class Course(_ComparesArrays):
     @property
     def verdicts(self) -> NDArray[np.int8]:
         """The verdict at every sample: -1 violated, 1 satisfied, 0 undecided."""
-        return np.subtract(self.lower > 0.0, self.upper < 0.0, dtype=np.int8)
+        return np.subtract(~np.signbit(self.lower), np.signbit(self.upper), dtype=np.int8)
+
+    def final_text(self, form: str) -> str:
+        """Writes the robustness at the end in a format; a 0 says whether the formula holds."""
+        return robustness_text(self.final, self.semantics, self.verdict, form)
 
     @property
     def interface(self) -> InterfaceOptions:
@@ -95,7 +99,8 @@ class Course(_ComparesArrays):
 
     def __repr__(self) -> str:
         at = "" if self.decided_at is None else f" at sample {self.decided_at}"
-        return f"<Course of {self.formula}: {self.verdict.name}{at}, robustness {self.final:.3g}>"
+        final = self.final_text(".3g")
+        return f"<Course of {self.formula}: {self.verdict.name}{at}, robustness {final}>"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ from gymnasium.vector import VectorEnv
 import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.interface import Interface, Names, Semantics
+from rtamt_gym.judges.interface import EXACT, Interface, Names, Semantics
 from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.signals.signals import SignalLike
@@ -247,7 +247,7 @@ class _Recorder:
 
 def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:
     """The variables of a formula that have a role; none under semantics that ask for no roles."""
-    if judge.interface.semantics in ("standard", "boolean"):
+    if judge.interface.semantics in EXACT:
         return ()
     variables = judge.specification.formula.variables
     return tuple(name for name in variables if judge.interface.role(name) == role)

@@ -212,9 +212,10 @@ class StlMonitor(
         self._check_period(self.env)
         self._panel.reset()
         self._charged = False
-        robustness, lower, upper = self._feed_reset(obs, None, None, info)
+        found = self._feed_reset(obs, None, None, info)
+        violated = self._panel.violated_by is not None
         states = self._panel.describe() if self._details else None
-        info = step_info(info, robustness, lower, upper, states)
+        info = step_info(info, *found, violated, states)
         self._running = True
         return obs, info
 
@@ -246,13 +247,17 @@ class StlMonitor(
             raise
         if terminated:
             lower, upper = panel.finish()
-        states = panel.describe() if self._details else None
-        cost = None
-        if self._cost is not None:
-            cost = step_cost(self._cost, upper, self._charged)
-            self._charged = upper < 0.0
-        info = step_info(info, robustness, lower, upper, states, cost)
-        if panel.violated_by is not None and not terminated:
+        violated = panel.violated_by is not None
+        if self._details or self._cost is not None:
+            states = panel.describe() if self._details else None
+            cost = None
+            if self._cost is not None:
+                cost = step_cost(self._cost, upper, violated, self._charged)
+                self._charged = violated
+            info = step_info(info, robustness, lower, upper, violated, states, cost)
+        else:
+            info = step_info(info, robustness, lower, upper, violated)
+        if violated and not terminated:
             terminated = self._on_violation == "terminate"
             truncated = truncated or self._on_violation == "truncate"
         if terminated or truncated:

@@ -342,7 +342,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """Adds the keys that every info has, to the environments of the mask; None: to all."""
         panel = self._panel
         states = panel.describe() if self._details else None
-        added = step_info({}, panel.robustness, panel.lower, panel.upper, states, cost)
+        violated = panel.violated_at >= 0
+        added = step_info({}, panel.robustness, panel.lower, panel.upper, violated, states, cost)
         for key, value in added.items():
             put(infos, key, value, charged if key == "cost" else lanes, self.num_envs)
 
@@ -350,8 +351,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """The costs of a step, if they are wanted."""
         if self._cost is None:
             return None
-        violated = self._panel.upper < 0.0
-        cost: Floats = step_cost(self._cost, self._panel.upper, self._charged)
+        violated = self._panel.violated_at >= 0
+        cost: Floats = step_cost(self._cost, self._panel.upper, violated, self._charged)
         self._charged = violated if stepped is None else violated & stepped
         return cost
 

@@ -79,9 +79,9 @@ def test_monitor_prints_the_verdict_and_where_every_named_formula_fails(capsys: 
         "VIOLATED, robustness -1, certain from 1 s on\n"
         "trace.csv: 6 samples, one every 0.5 s, 0 s to 2.5 s\n"
         "\n"
-        "formula  at the start  least   at  below 0 from\n"
-        "safe               20     -1  1 s           1 s\n"
-        "out                -1     -1  0 s           0 s\n"
+        "formula  at the start  least   at  violated from\n"
+        "safe               20     -1  1 s            1 s\n"
+        "out                -1     -1  0 s            0 s\n"
     )
 
 
@@ -89,7 +89,7 @@ def test_monitor_prints_the_verdict_and_where_every_named_formula_fails(capsys: 
 @pytest.mark.parametrize(
     ("arguments", "code", "first"),
     [
-        (["always(speed <= 31)"], 0, "UNDECIDED, robustness 0, at the end of the trace"),
+        (["always(speed <= 31)"], 0, "SATISFIED, robustness 0, holds, at the end of the trace"),
         (["always(speed < 32)"], 0, "SATISFIED, robustness 1, at the end of the trace"),
         (["eventually(speed > 30)"], 0, "SATISFIED, robustness 1, certain from 1 s on"),
         (["always[0:1.5](speed < 32)"], 0, "SATISFIED, robustness 1, certain from 1.5 s on"),
@@ -120,8 +120,8 @@ def test_monitor_reads_samples_without_times_from_stdin(
         "VIOLATED, robustness -inf, certain from sample 2 on\n"
         "stdin: 3 samples, bounds count samples\n"
         "\n"
-        "formula   at the start  least        at  below 0 from\n"
-        "(result)          -inf   -inf  sample 0      sample 0\n"
+        "formula   at the start  least        at  violated from\n"
+        "(result)          -inf   -inf  sample 0       sample 0\n"
     )
 
 

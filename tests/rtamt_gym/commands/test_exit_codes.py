@@ -192,3 +192,46 @@ def test_an_argument_that_is_no_plain_number_is_refused(
 ) -> None:
     assert main(["run", "CartPole-v1", "--spec", "always(u < 9)", *arguments]) == 2
     assert capsys.readouterr().err.startswith(f"rtamt: error: {message}")
+
+
+# Periods that no float or no memory holds. -------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["monitor", "explain"])
+@pytest.mark.parametrize("formula", ["always(x > 0)", "always[0:1](x > 0)"])
+@pytest.mark.parametrize("period", ["1e400", "1e-400", "1e99999999", "1_0", "٣", "1" * 5000])
+def test_a_period_out_of_range_is_refused(
+    command: str, formula: str, period: str, capsys: Output
+) -> None:
+    assert main([command, formula, "trace.csv", "--period", period]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("rtamt: error: expected a period from 1e-300 to 1e300 s, or text ")
+    assert len(line) < 200
+
+
+@pytest.mark.parametrize("command", ["monitor", "explain"])
+@pytest.mark.parametrize(
+    ("times", "got"),
+    [
+        (("0", "1e-320", "2e-320"), "9.99989e-321"),
+        (("0", "5e-324", "1e-323"), "4.94066e-324"),
+        (("0", "1e305", "2e305"), "1e+305"),
+        (("-1e308", "1e308"), "inf"),
+    ],
+)
+def test_times_that_no_period_can_have_are_refused(
+    command: str, times: tuple[str, ...], got: str, folder: Path, capsys: Output
+) -> None:
+    (folder / "odd.csv").write_text("\n".join(["time,x", *(f"{time},1" for time in times)]))
+    assert main([command, "always(x > 0)", "odd.csv"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: odd.csv, line 3: expected samples from 1e-300 to 1e+300 s apart, "
+        f"got {got} s; give --period to leave the column 'time' aside\n"
+    )
+    assert main(["monitor", "always(x > 0)", "odd.csv", "--period", "1"]) == 0
+
+
+def test_events_that_are_too_far_apart_are_code_2(folder: Path, capsys: Output) -> None:
+    (folder / "odd.csv").write_text("time,x\n-1e308,1\n1e308,1\n")
+    assert main(["monitor", "always(x > 0)", "odd.csv", "--dense"]) == 2
+    assert capsys.readouterr().err.startswith("rtamt: error: expected a time of less than 2**62 ")

@@ -90,11 +90,11 @@ def test_several_specifications_are_judged_each(capsys: Output) -> None:
         "spec3: SATISFIED, robustness 1, at the end of the trace\n"
         "even.csv: 4 samples, one every 0.5 s, 0 s to 1.5 s\n"
         "\n"
-        "spec   formula   at the start  least   at  below 0 from\n"
-        "out    granted             -3     -3  0 s           0 s\n"
-        "       out                 -2     -2  0 s           0 s\n"
-        "first  (result)             4      4  0 s             -\n"
-        "spec3  (result)             1      1  0 s             -\n"
+        "spec   formula   at the start  least   at  violated from\n"
+        "out    granted             -3     -3  0 s            0 s\n"
+        "       out                 -2     -2  0 s            0 s\n"
+        "first  (result)             4      4  0 s              -\n"
+        "spec3  (result)             1      1  0 s              -\n"
     )
     assert main(["monitor", "calm.stl", "always(gnt < 5)", "even.csv"]) == 0
 
@@ -175,10 +175,10 @@ def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Outpu
         "calm: SATISFIED, robustness 4, at the end of the trace\n"
         f"{trace}: 6 events, 0 s to 1.5 s\n"
         "\n"
-        "spec  formula   at the start  least   at  below 0 from\n"
-        "out   granted             -3     -3  0 s           0 s\n"
-        "      out                 -2     -2  0 s           0 s\n"
-        "calm  (result)             4      4  0 s             -\n"
+        "spec  formula   at the start  least   at  violated from\n"
+        "out   granted             -3     -3  0 s            0 s\n"
+        "      out                 -2     -2  0 s            0 s\n"
+        "calm  (result)             4      4  0 s              -\n"
         "robustness: r.csv\n"
     )
     written = rows(Path("r.csv"))
@@ -198,8 +198,10 @@ def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Outpu
 @pytest.mark.usefixtures("folder")
 def test_dense_judges_every_instant_in_the_view_of_steps(capsys: Output) -> None:
     arguments = ["monitor", "--dense", "req < 5", "wide.csv", "--view"]
-    assert main([*arguments, "step"]) == 0
-    assert capsys.readouterr().out.startswith("UNDECIDED, robustness 0, at the end of the trace\n")
+    assert main([*arguments, "step"]) == 1
+    assert capsys.readouterr().out.startswith(
+        "VIOLATED, robustness 0, violated, at the end of the trace\n"
+    )
     assert main([*arguments, "episode"]) == 2
 
 
