@@ -178,6 +178,18 @@ def test_a_history_is_explained_with_the_rounded_bounds() -> None:
     assert episode.explain().causes == (rtamt.explain("x", {"x": [0, 1]}, sample=1).causes)
 
 
+@given(misfits(), traces())
+def test_a_trace_is_judged_cut_with_the_rounded_bounds(
+    case: tuple[Formula, Formula, Fraction, Align], trace: Trace
+) -> None:
+    misfit, fitting, period, align = case
+    assume(misfit.variables)
+    got = rtamt.judge(misfit, trace, period, align=align)
+    expected = rtamt.judge(fitting, trace)
+    assert (got.robustness, got.verdict) == (expected.robustness, expected.verdict)
+    np.testing.assert_array_equal((got.lower, got.upper), (expected.lower, expected.upper))
+
+
 @ways
 @pytest.mark.parametrize("kind", [rtamt.Monitor, rtamt.EpisodeMonitor])
 def test_copies_and_pickles_keep_it(kind: type[rtamt.Monitor], align: Align) -> None:
