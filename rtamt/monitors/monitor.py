@@ -258,7 +258,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         return BACKENDS[self.backend].episode_machine(self.program, reader)
 
     def bounds(self) -> tuple[float, float]:
-        """Give `lower` and `upper`."""
+        """Give `lower` and `upper` as a pair."""
         return self.lower, self.upper
 
     def finish(self, end: End = "complete") -> float:

@@ -5,13 +5,13 @@ import gc
 import inspect
 import math
 import pickle
-import struct
 import weakref
 from collections.abc import Callable
 from types import MemberDescriptorType
 from typing import Any, Literal
 
 import pytest
+from bits import identical
 from episode_monitors import feed, verdict
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,14 +25,10 @@ Backend = Literal["native", "python"]
 SHOWN = ("robustness", "lower", "upper", "verdict")
 
 
-def bits(*numbers: float) -> bytes:
-    return struct.pack(f"{len(numbers)}d", *numbers)
-
-
 def agrees_with_its_machine(monitor: EpisodeMonitor) -> None:
     machine = monitor._machine
     found = machine.robustness, machine.lower, machine.upper
-    assert bits(monitor.robustness, monitor.lower, monitor.upper) == bits(*found)
+    assert identical((monitor.robustness, monitor.lower, monitor.upper), found)
     assert monitor.verdict is verdict(*found[1:])
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from typing import cast
 
 import pytest
+from bits import bits
 
 from rtamt import EpisodeMonitor, Verdict
 from rtamt.machines.protocols import Snapshot
@@ -74,8 +75,9 @@ def feed(monitor: EpisodeMonitor, x: float, y: float) -> float:
     return monitor.update({name: {"x": x, "y": y}[name] for name in monitor.variables})
 
 
-def offered(monitor: EpisodeMonitor) -> list[float]:
-    return [monitor.robustness, monitor.lower, monitor.upper]
+def offered(monitor: EpisodeMonitor) -> list[int]:
+    """Robustness, lower and upper bound, bit by bit."""
+    return bits([monitor.robustness, monitor.lower, monitor.upper])
 
 
 @pytest.mark.parametrize("rows", [ramps, noise, bursts], ids=["ramps", "noise", "bursts"])
