@@ -67,11 +67,64 @@ struct ElementBuffer {
     double* q;
 };
 
+#ifdef RTAMT_SSE2
+template <class F>
+inline __m128d combine_packed(__m128d x, __m128d y) {
+    if constexpr (F::identity > 0) {
+        return _mm_or_pd(_mm_min_pd(x, y), _mm_min_pd(y, x));
+    } else {
+        return _mm_and_pd(_mm_max_pd(x, y), _mm_max_pd(y, x));
+    }
+}
+
+inline __m128d both_low(__m128d x) { return _mm_unpacklo_pd(x, x); }
+inline __m128d both_high(__m128d x) { return _mm_unpackhi_pd(x, x); }
+
+// Four folds at once wait for the total of the four before them, and for nothing else.
+template <class F>
+inline std::size_t prefixes_packed(const double* in, std::size_t n, double* out) {
+    __m128d total = _mm_set1_pd(F::identity);
+    std::size_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        __m128d a = _mm_loadu_pd(in + i), b = _mm_loadu_pd(in + i + 2);
+        a = combine_packed<F>(a, both_low(a));
+        b = combine_packed<F>(combine_packed<F>(b, both_low(b)), both_high(a));
+        _mm_storeu_pd(out + i, combine_packed<F>(total, a));
+        _mm_storeu_pd(out + i + 2, combine_packed<F>(total, b));
+        total = combine_packed<F>(total, both_high(b));
+    }
+    return i;
+}
+// The same from the end on; returns where the folds begin that were found.
+template <class F>
+inline std::size_t suffixes_packed(const double* in, std::size_t begin, std::size_t n, double last,
+                                   double* out) {
+    __m128d total = _mm_set1_pd(last);
+    std::size_t i = n;
+    for (; i >= begin + 4; i -= 4) {
+        __m128d a = _mm_loadu_pd(in + i - 4), b = _mm_loadu_pd(in + i - 2);
+        b = combine_packed<F>(b, both_high(b));
+        a = combine_packed<F>(combine_packed<F>(a, both_high(a)), both_low(b));
+        _mm_storeu_pd(out + i - 2, combine_packed<F>(total, b));
+        _mm_storeu_pd(out + i - 4, combine_packed<F>(total, a));
+        total = combine_packed<F>(total, both_low(a));
+    }
+    return i;
+}
+#endif
+
 // out[i] is the fold of the elements 0 to i.
 template <class F>
 inline void prefixes(Elements in, std::size_t n, const ElementBuffer<F>& out) {
     auto total = F::identity;
-    for (std::size_t i = 0; i < n; ++i) {
+    std::size_t i = 0;
+#ifdef RTAMT_SSE2
+    if constexpr (F::width == 1) {
+        i = prefixes_packed<F>(in.p, n, out.p);
+        if (i > 0) total = out.p[i - 1];
+    }
+#endif
+    for (; i < n; ++i) {
         total = F::combine_alone(total, get<F>(in.p, in.q, i));
         put<F>(out.p, out.q, i, total);
     }
@@ -82,7 +135,14 @@ template <class F>
 inline void suffixes(Elements in, std::size_t begin, std::size_t n, typename F::Element last,
                      const ElementBuffer<F>& out) {
     auto total = last;
-    for (std::size_t i = n; i-- > begin;) {
+    std::size_t i = n;
+#ifdef RTAMT_SSE2
+    if constexpr (F::width == 1) {
+        i = suffixes_packed<F>(in.p, begin, n, last, out.p);
+        if (i < n) total = out.p[i];
+    }
+#endif
+    while (i-- > begin) {
         total = F::combine_alone(get<F>(in.p, in.q, i), total);
         put<F>(out.p, out.q, i, total);
     }
@@ -108,16 +168,68 @@ inline void windows(Elements in, std::size_t n, std::size_t width, const Element
     }
 }
 
-#ifdef RTAMT_SSE2
+// One element again and again, where a loop may also take those of arrays.
 template <class F>
-inline __m128d combine_packed(__m128d x, __m128d y) {
-    if constexpr (F::identity > 0) {
-        return _mm_or_pd(_mm_min_pd(x, y), _mm_min_pd(y, x));
+struct Repeated {
+    typename F::Element element;
+
+    Repeated operator+(std::size_t) const { return *this; }
+};
+
+template <class F>
+inline typename F::Element get(Elements in, std::size_t i) {
+    return get<F>(in.p, in.q, i);
+}
+template <class F>
+inline typename F::Element get(const Repeated<F>& in, std::size_t) {
+    return in.element;
+}
+
+#ifdef RTAMT_SSE2
+// Two elements side by side.
+struct PackedElements {
+    __m128d p;
+    __m128d q;
+};
+
+template <class F>
+inline PackedElements get_packed(Elements in, std::size_t i) {
+    return {_mm_loadu_pd(in.p + i), _mm_loadu_pd(in.q + i)};
+}
+template <class F>
+inline PackedElements get_packed(const Repeated<F>& in, std::size_t) {
+    return {_mm_set1_pd(component<F>(in.element, 0)), _mm_set1_pd(component<F>(in.element, 1))};
+}
+
+template <class F>
+inline __m128d result_packed(PackedElements x, PackedElements y) {
+    if constexpr (F::kind == Kind::single) {
+        return combine_packed<F>(x.q, y.q);
+    } else if constexpr (F::kind == Kind::ahead) {
+        return combine_packed<typename F::UpperFold>(
+            x.q, combine_packed<typename F::LowerFold>(x.p, y.q));
     } else {
-        return _mm_and_pd(_mm_max_pd(x, y), _mm_max_pd(y, x));
+        return combine_packed<typename F::UpperFold>(
+            y.q, combine_packed<typename F::LowerFold>(y.p, x.q));
     }
 }
 #endif
+
+// out[i] is the result of element i of x and then element i of y, for i below n; out may be x.
+// Compilers make no good vectors of comparisons that tell -0.0 from 0.0.
+template <class F, class Newer>
+inline void combine_results(Elements x, Newer y, double* out, std::size_t n) {
+    std::size_t i = 0;
+#ifdef RTAMT_SSE2
+    for (; i + 4 <= n; i += 4) {
+        const __m128d a = result_packed<F>(get_packed<F>(x, i), get_packed<F>(y, i));
+        const __m128d b = result_packed<F>(get_packed<F>(x, i + 2), get_packed<F>(y, i + 2));
+        _mm_storeu_pd(out + i, a);
+        _mm_storeu_pd(out + i + 2, b);
+    }
+#endif
+    for (; i < n; ++i) out[i] = F::result(F::combine_alone(get<F>(x, i), get<F>(y, i)));
+}
 
 // The fold of `total` and the elements.
 template <class F>

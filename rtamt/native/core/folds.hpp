@@ -41,6 +41,8 @@ struct Pair {
 
 template <double (*Lower)(double, double), double (*Upper)(double, double), int Sign>
 struct Paired {
+    using LowerFold = Single<Lower, Sign>;
+    using UpperFold = Single<Upper, -Sign>;
     using Element = Pair;
     static constexpr int width = 2;
     static constexpr Element identity{Sign * kInfinity, -Sign* kInfinity};

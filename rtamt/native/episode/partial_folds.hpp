@@ -34,7 +34,7 @@ public:
         double* q = lines_.line(corner, F::width - 1).data() + from;
         const std::size_t n = size() - from;
         if constexpr (F::width == 1) {
-            move_last(p, n, [x](double y) { return F::combine(y, x); });
+            move_last<F>(p, n, x);
         } else {
             if (kAhead && corners() == 1) {
                 reach(p, q, x);
@@ -114,13 +114,13 @@ private:
     }
 
     // Moves the numbers, which rise or fall: those that change are the last ones.
-    template <class Move>
-    static void move_last(double* p, std::size_t n, Move move) {
+    template <class G>
+    static void move_last(double* p, std::size_t n, double x) {
         while (n > 0) {
             const std::size_t count = std::min(n, kChunk);
             double* last = p + (n - count);
-            const bool more = !same(move(*last), *last);
-            for (std::size_t i = 0; i < count; ++i) last[i] = move(last[i]);
+            const bool more = !same(G::combine_alone(*last, x), *last);
+            combine_results<G>({last, last}, Repeated<G>{x}, last, count);
             if (!more) return;
             n -= count;
         }
@@ -142,8 +142,8 @@ private:
             decided_results_.add(q[decided_++]);
         }
         const std::size_t rest = n - decided_;
-        move_last(q + decided_, rest, [x](double y) { return upper(y, x.q); });
-        move_last(p + decided_, rest, [x](double y) { return lower(y, x.p); });
+        move_last<typename F::UpperFold>(q + decided_, rest, x.q);
+        move_last<typename F::LowerFold>(p + decided_, rest, x.p);
     }
 
     Polynomials lines_;

@@ -43,11 +43,11 @@ public:
     void find_open(World w, Time t) override {
         if (!outlook_[w].certain) tail_[w] = F::combine(a_.tail(w), b_.tail(w));
         const std::size_t count = open_count(w, t);
-        double* __restrict out = open(w, count);
+        double* out = open(w, count);
         if (count == 0) return;
         const double* x = a_.values(w, last_ + 1, end(w, t), workspace_.scratch[0]);
         const double* y = b_.values(w, last_ + 1, end(w, t), workspace_.scratch[1]);
-        for (std::size_t i = 0; i < count; ++i) out[i] = F::combine(x[i], y[i]);
+        combine_results<F>({x, x}, Elements{y, y}, out, count);
     }
 
 private:

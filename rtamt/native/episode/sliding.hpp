@@ -146,10 +146,10 @@ private:
         if (n > 0) in = in_.values(w, open_from, open_to, &workspace_.scratch[0]);
         const std::size_t m = std::min(partial_.size(), count);
         const Elements settled = partial_.in_world(w, m, workspace_, &workspace_.scratch[2]);
-        double* __restrict out = open(w, count);
+        double* out = open(w, count);
 
-        // Writes the values up to time `to`: folds of the settled elements and of newer ones, which
-        // newer(i) gives for the i-th time that has no value yet.
+        // Writes the values up to time `to`: folds of the settled elements and of newer ones, of
+        // which the first is for the first time that has no value yet.
         Time at = first;
         const auto ahead = [&](Time offset) {
             return static_cast<std::size_t>(at + offset - open_from);
@@ -160,41 +160,40 @@ private:
             const auto begin = static_cast<std::size_t>(at - first);
             const auto stop = static_cast<std::size_t>(to - first + 1);
             const std::size_t middle = std::clamp(m, begin, stop);
-            for (std::size_t i = begin; i < middle; ++i)
-                out[i] = F::result(F::combine(get<F>(settled.p, settled.q, i), newer(i - begin)));
-            for (std::size_t i = middle; i < stop; ++i) out[i] = F::result(newer(i - begin));
+            if (begin < middle)
+                combine_results<F>(settled + begin, newer, out + begin, middle - begin);
+            newer = newer + (middle - begin);
+            for (std::size_t i = middle; i < stop; ++i)
+                out[i] = F::result(get<F>(newer, i - middle));
             at = to + 1;
         };
-        upto(open_from - 1 - hi_, [](std::size_t) { return F::identity; });
+        upto(open_from - 1 - hi_, Repeated<F>{F::identity});
 
         const Time prefix_to = std::min({open_from - lo_, open_to - hi_, end});
         if (at <= prefix_to) {
             const auto used = static_cast<std::size_t>(prefix_to + hi_ - open_from + 1);
             const ElementBuffer<F> buffer(workspace_.scratch[4], workspace_.scratch[5], used);
             prefixes<F>(in, used, buffer);
-            const Elements prefix = buffer.elements() + ahead(hi_);
-            upto(prefix_to, [=](std::size_t i) { return get<F>(prefix.p, prefix.q, i); });
+            upto(prefix_to, buffer.elements() + ahead(hi_));
         }
         const Time whole_to = std::min(open_from - lo_, end);
         if (at <= whole_to) {
-            const Element whole = F::combine(fold<F>(F::identity, in, n), tail);
-            upto(whole_to, [=](std::size_t) { return whole; });
+            const Element whole = F::combine_alone(fold<F>(F::identity, in, n), tail);
+            upto(whole_to, Repeated<F>{whole});
         }
         const Time inside_to = std::min(open_to - hi_, end);
         if (at <= inside_to) {
             const ElementBuffer<F> buffer(workspace_.scratch[6], workspace_.scratch[7], n);
             windows<F>(in, n, static_cast<std::size_t>(hi_ - lo_ + 1), buffer);
-            const Elements inside = buffer.elements() + ahead(lo_);
-            upto(inside_to, [=](std::size_t i) { return get<F>(inside.p, inside.q, i); });
+            upto(inside_to, buffer.elements() + ahead(lo_));
         }
         const Time suffix_to = std::min(open_to - lo_, end);
         if (at <= suffix_to) {
             const ElementBuffer<F> buffer(workspace_.scratch[8], workspace_.scratch[9], n);
             suffixes<F>(in, ahead(lo_), n, tail, buffer);
-            const Elements suffix = buffer.elements() + ahead(lo_);
-            upto(suffix_to, [=](std::size_t i) { return get<F>(suffix.p, suffix.q, i); });
+            upto(suffix_to, buffer.elements() + ahead(lo_));
         }
-        upto(end, [=](std::size_t) { return tail; });
+        upto(end, Repeated<F>{tail});
     }
 
     Operands<F> in_;
