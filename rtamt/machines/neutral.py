@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from types import MemberDescriptorType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +61,16 @@ def bank_with_neutrals(make: MakeBank) -> MakeBank:
 def _readings(program: Program) -> tuple[Program, Program]:
     program = positive(program)  # a negated one is as neutral, and its worst reading is -0.0 too
     return program.reading(-0.0), program.reading(0.0)
+
+
+def _parts(state: Snapshot) -> tuple[Snapshot, Snapshot, Any]:
+    """The states of the two readings, and which ends decided."""
+    if not isinstance(state, tuple) or len(state) != 3:
+        raise ValueError(
+            "expected a state that a machine with predicates that count 0 gave; those of other "
+            "programs do not fit"
+        )
+    return state
 
 
 def _restore(pairs: Sequence[tuple[_S, Snapshot]]) -> None:
@@ -131,7 +141,7 @@ class _NeutralMachine:
         return self._worst.state(), self._best.state(), self._complete
 
     def restore(self, state: Snapshot) -> None:
-        worst, best, complete = state
+        worst, best, complete = _parts(state)
         _restore([(self._worst, worst), (self._best, best)])
         self._complete = complete
         self._show()
@@ -203,6 +213,6 @@ class _NeutralBank:
         return self._worst.state(), self._best.state(), self._complete.copy()
 
     def restore(self, state: Snapshot) -> None:
-        worst, best, complete = state
+        worst, best, complete = _parts(state)
         _restore([(self._worst, worst), (self._best, best)])
         self._complete = complete.copy()

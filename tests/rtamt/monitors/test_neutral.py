@@ -1,0 +1,141 @@
+"""Predicates that count 0 neither hold nor fail: what hangs on one stays undecided."""
+
+import copy
+import pickle
+import re
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from bits import bits, identical
+
+from rtamt import EpisodeMonitor, StateError, VectorEpisodeMonitor, Verdict
+
+Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+SPEC = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+DUPLICATES: list[Callable[[Any], Any]] = [
+    copy.copy,
+    copy.deepcopy,
+    lambda monitor: pickle.loads(pickle.dumps(monitor)),
+]
+
+
+def offered(monitor: EpisodeMonitor) -> tuple[list[int], Verdict]:
+    values = bits([monitor.robustness, monitor.lower, monitor.upper])
+    return values, monitor.verdict
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("semantics", ["input-vacuity", "output-vacuity"])
+def test_no_reading_of_the_end_decides_what_hangs_on_a_neutral_predicate(
+    semantics: Literal["input-vacuity", "output-vacuity"], end: End, backend: Backend
+) -> None:
+    monitor = EpisodeMonitor(SPEC, semantics=semantics, backend=backend)
+    monitor.update(req=3.0, gnt=1.0)
+    for _ in range(2):
+        assert identical([monitor.finish(end)], [0.0])
+        assert identical([monitor.lower], [-0.0])
+        assert identical([monitor.upper], [0.0])
+        assert monitor.verdict is Verdict.UNDECIDED
+    with pytest.raises(StateError):
+        monitor.update(req=0.0, gnt=0.0)
+    monitor.reset()
+    assert (monitor.samples, monitor.finished) == (0, False)
+
+
+def test_what_does_not_hang_on_it_is_decided(backend: Backend) -> None:
+    both = "input float req; output float gnt; always(req >= 3 and gnt >= 3)"
+    always = EpisodeMonitor(both, semantics="input-vacuity", backend=backend)
+    always.update(req=2.0, gnt=9.0)
+    assert identical([always.lower, always.upper], [-np.inf, -1.0])
+    assert always.verdict is Verdict.VIOLATED
+    either = "input float req; output float gnt; eventually(req >= 3 or gnt >= 3)"
+    monitor = EpisodeMonitor(either, semantics="input-vacuity", backend=backend)
+    monitor.update(req=4.0, gnt=0.0)
+    assert monitor.verdict is Verdict.SATISFIED
+    assert monitor.finish() == 1.0
+    assert identical([monitor.lower, monitor.upper], [1.0, np.inf])
+
+
+def test_a_complete_end_gives_both_readings_of_the_robustness(backend: Backend) -> None:
+    text = "input float req; output float gnt; always((req >= 3 or gnt >= 3) and req > -9)"
+    monitor = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
+    monitor.update(req=2.0, gnt=0.0)
+    assert identical([monitor.robustness, monitor.lower, monitor.upper], [0.0, -np.inf, 0.0])
+    monitor.finish()
+    assert identical([monitor.robustness, monitor.lower, monitor.upper], [0.0, -0.0, 0.0])
+
+
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "deepcopy", "pickle"])
+def test_duplicates_go_on_alike_and_apart(
+    duplicate: Callable[[Any], Any], backend: Backend
+) -> None:
+    original = EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend)
+    original.update(req=1.0, gnt=0.0)
+    twin = duplicate(original)
+    assert offered(twin) == offered(original)
+    twin.update(req=3.0, gnt=0.0)
+    assert original.samples == 1
+    original.update(req=3.0, gnt=0.0)
+    assert offered(twin) == offered(original)
+    twin.finish()
+    assert offered(duplicate(twin)) == offered(twin)
+    assert not original.finished
+
+
+def test_lanes_are_single_episodes_through_masks_ends_and_resets(backend: Backend) -> None:
+    lanes = VectorEpisodeMonitor(SPEC, 3, semantics="input-vacuity", backend=backend)
+    single = [EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend) for _ in range(3)]
+
+    def agree() -> None:
+        for name in ("robustness", "lower", "upper"):
+            assert bits(getattr(lanes, name)) == bits([getattr(m, name) for m in single])
+        assert lanes.verdict.tolist() == [m.verdict for m in single]
+        assert lanes.finished.tolist() == [m.finished for m in single]
+        assert lanes.samples.tolist() == [m.samples for m in single]
+
+    rng = np.random.default_rng(1)
+    for step in range(12):
+        table = rng.integers(0, 5, size=(3, 2)).astype(float)
+        mask = ~lanes.finished & rng.integers(0, 2, size=3).astype(bool)
+        lanes.update(table, mask)
+        for lane in np.flatnonzero(mask):
+            single[lane].update(*table[lane])
+        agree()
+        if step in {5, 9}:
+            lanes = pickle.loads(pickle.dumps(lanes))
+            mask = (lanes.samples > 0) & np.array([True, step == 9, True])
+            lanes.finish(mask)
+            for lane in np.flatnonzero(mask):
+                single[lane].finish()
+            agree()
+        if step == 7:
+            lanes.reset([True, False, False])
+            single[0].reset()
+            agree()
+
+
+FOREIGN = {
+    "native": (
+        "expected a state that a native machine with this program gave; those of other programs, "
+        "back-ends or processors do not fit"
+    ),
+    "python": "zip() argument 2 is shorter than argument 1",
+}
+
+
+def test_a_state_of_another_program_changes_nothing(backend: Backend) -> None:
+    monitor = EpisodeMonitor(SPEC, semantics="input-vacuity", backend=backend)
+    monitor.update(req=3.0, gnt=0.0)
+    before = offered(monitor)
+    own: Any = monitor.__reduce__()[2]
+    with pytest.raises(ValueError, match=f"^{re.escape(FOREIGN[backend])}$"):
+        monitor.__setstate__((own[0], own[1][:1], own[2]))
+    assert offered(monitor) == before
+    other: Any = EpisodeMonitor(SPEC, backend=backend).__reduce__()[2]
+    with pytest.raises(ValueError, match=r"^expected a state that a machine with predicates that"):
+        monitor.__setstate__(other)
+    assert offered(monitor) == before
