@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,12 @@ from rtamt.machines.protocols import DiscreteMachine
 from rtamt.program.passes import Folded, folded_apart
 from rtamt.program.program import Program, Window
 
-__all__ = ["Passes", "result_alone", "run_offline", "run_outputs"]
+__all__ = ["MakeMachine", "Passes", "result_alone", "run_offline", "run_outputs", "without_nan"]
 
 Array = NDArray[np.float64]
 
+
+_T = TypeVar("_T")
 
 MakeMachine = Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
 
@@ -95,13 +97,24 @@ def run_offline(
         n: Length of the trace, 1 or more.
     """
     passes = Passes(result_alone(program), reader, machine, n)
+    return without_nan(reader, columns, lambda known: passes.run(known, n)[""])
+
+
+def without_nan(
+    reader: SampleReader, columns: Sequence[Array], run: Callable[[Sequence[Array]], _T]
+) -> _T:
+    """What a run of a machine makes of columns in which it may find nan, as the reader allows it.
+
+    Raises:
+        InputError: On a nan that the reader refuses, or an error of the run that is not about one.
+    """
     try:
-        return passes.run(columns, n)[""]
+        return run(columns)
     except InputError:
         known = reader.without_nan(columns)
         if all(held is column for held, column in zip(known, columns, strict=True)):
             raise
-    return passes.run(known, n)[""]
+    return run(known)
 
 
 def run_outputs(

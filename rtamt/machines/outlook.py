@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.offline import MakeMachine
+from rtamt.machines.offline import MakeMachine, without_nan
 from rtamt.machines.readout import verdict_of
 from rtamt.machines.signals import (
     BOUNDS,
@@ -147,7 +147,7 @@ class Foresight:
             program: The program.
             reader: Raises the errors of terms that are nan.
             machine: Makes the discrete machines of a back-end.
-            columns: For every variable its n values.
+            columns: For every variable its n values, nan among them as the reader allows.
             n: Length of the trace, 1 or more.
         """
         bound = sufficient(program, n)
@@ -159,7 +159,8 @@ class Foresight:
         predicates: list[Array] = []
         if terms.outputs:
             made = machine(terms, SampleReader(terms, reader.nan), tuple(terms.outputs.values()))
-            predicates = [column[:needed] for column in made.evaluate(columns, n)]
+            found = without_nan(reader, columns, lambda known: made.evaluate(known, n))
+            predicates = [column[:needed] for column in found]
         return cls(worst, best, machine, predicates, needed)
 
     def until(self, n: int) -> Foresight:

@@ -43,7 +43,7 @@ LOWER, UPPER, ENDED = range(3)
 """
 BOUNDS = LOWER, UPPER
 
-_BLOCK = 8192  # samples of which nothing but a fold is kept: in cache, in memory that is at hand
+_BLOCK = 65536  # samples of which nothing but a fold is kept, in memory that is at hand
 
 UNSEEN = tuple(np.array([value]) for value in (-math.inf, math.inf, math.nan))
 

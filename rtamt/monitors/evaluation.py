@@ -14,7 +14,7 @@ from rtamt.machines.offline import run_offline
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.program.timing import Period
 
-__all__ = ["evaluate", "whole_trace"]
+__all__ = ["evaluate", "raw_trace", "whole_trace"]
 
 
 @listed_in_signature(SampleOptions)
@@ -55,10 +55,18 @@ def evaluate(
     """
     _, _, backend, nan, _, program = compiled(evaluate, spec, period, options, online=False)
     reader = SampleReader(program, nan)
-    columns, length = reader.columns(data, n=n, extra=True)
-    _require_sample(length)
+    columns, length = raw_trace(reader, data, n)
     machine = BACKENDS[backend].discrete_machine
     return run_offline(program, reader, machine, columns, length)
+
+
+def raw_trace(
+    reader: SampleReader, data: Columns, n: int | None
+) -> tuple[list[NDArray[np.float64]], int]:
+    """What `whole_trace` returns, with every nan still in it."""
+    columns, length = reader.columns(data, n=n, extra=True)
+    _require_sample(length)
+    return columns, length
 
 
 def whole_trace(

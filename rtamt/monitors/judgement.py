@@ -12,7 +12,7 @@ from rtamt.machines.backend import BACKENDS
 from rtamt.machines.outlook import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
-from rtamt.monitors.evaluation import whole_trace
+from rtamt.monitors.evaluation import raw_trace
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
     SampleOptions,
@@ -207,7 +207,7 @@ def judge(
         judge, spec, period, options, online=False
     )
     reader = SampleReader(program, nan)
-    columns, length = whole_trace(reader, signals, n)
+    columns, length = raw_trace(reader, signals, n)
     machine = BACKENDS[backend].discrete_machine
     foresight = Foresight.of(program, reader, machine, columns, length)
     worst, robustness = foresight.robustness()
