@@ -92,10 +92,13 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
     """
     first = values[0]
     if isinstance(first, np.ndarray):
-        lowest: NDArray[np.float64] = np.minimum.reduce(values)
-        zero = lowest == 0.0
-        if zero.any():  # np.minimum gives either zero
-            lowest[zero & np.signbit(values).any(axis=0)] = -0.0
+        lowest: NDArray[np.float64] = first
+        if len(values) > 1:
+            lowest = np.minimum(first, values[1])
+            for other in values[2:]:
+                np.minimum(lowest, other, out=lowest)
+            if not lowest.all():  # np.minimum gives either zero
+                lowest[(lowest == 0.0) & np.signbit(values).any(axis=0)] = -0.0
         if temperature is None:
             return lowest
         # Differences to the least, so that no exponential overflows.

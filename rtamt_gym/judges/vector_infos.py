@@ -28,21 +28,21 @@ def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: i
 
     ``value`` has an element for every environment, or is a dictionary of such arrays.
     """
-    if lanes is not None:
-        put_at(infos, key, _chosen(value, at := np.flatnonzero(lanes)), at, lanes)
-        return
     if isinstance(value, dict):
         group: dict[str, Any] = {}
         for name, part in value.items():
-            put(group, name, part, None, num)
+            put(group, name, part, lanes, num)
         value = group
-    infos[key], infos[f"_{key}"] = value, _all(num).copy()
+    elif lanes is not None:
+        if np.count_nonzero(lanes) == 0:
+            return
+        value = np.where(lanes, value, _nothing(value.dtype))
+    infos[key], infos[f"_{key}"] = value, (_all(num) if lanes is None else lanes).copy()
 
 
-def _chosen(value: Any, at: NDArray[np.integer[Any]]) -> Any:  # noqa: ANN401
-    if isinstance(value, dict):
-        return {name: _chosen(part, at) for name, part in value.items()}
-    return value[at]
+def _nothing(dtype: np.dtype[Any]) -> Any:  # noqa: ANN401
+    """What an array holds where an environment has no value."""
+    return None if dtype.hasobject else np.zeros((), dtype)
 
 
 def put_at(

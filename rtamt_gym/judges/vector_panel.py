@@ -50,12 +50,9 @@ class VectorPanel:
 
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
-        settled: How many verdicts are decided, in all environments together.
         violated_by: The specification that was violated first; None where none is.
         violated_at: The sample that showed it; -1 where there is none.
         robustness: The least robustness over the specifications.
-        lower: The least that the robustness can still become.
-        upper: The greatest that the robustness can still become.
 
     The arguments are those of `Panel`, the number of environments, and the names of the columns of
     the tables that are fed.
@@ -83,16 +80,20 @@ class VectorPanel:
             of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan, align=align),
             of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan, align=align),
         )
+        self._names = list(self.monitors)
         self._judges = [judge for _, judge in self.monitors.values()]
-        # The columns that each specification reads; None: all of them, in their order.
-        picks = [[columns.index(name) for name in spec.variables] for spec in specs.values()]
-        self._picks = [None if pick == list(range(len(columns))) else pick for pick in picks]
-        # By specification and environment the sample that decided it, -1 while it is open.
+        self._picks = [
+            _pick([columns.index(name) for name in spec.variables]) for spec in specs.values()
+        ]
+        # By specification and environment the sample that decided it, -1 while it is open; and in
+        # how many environments it is decided.
         self._decided_at = np.full((len(specs), num), -1)
+        self._decided = [0] * len(specs)
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
-        self.settled = 0
-        self.robustness = self.lower = self.upper = np.full(num, np.nan)
+        self.robustness = np.full(num, np.nan)
+        self._lower: Floats | None = None  # found when they are read
+        self._upper: Floats | None = None
 
     @property
     def period(self) -> Fraction | None:
@@ -113,47 +114,67 @@ class VectorPanel:
         """Forgets the episodes of the environments of the mask; None: of all."""
         for source, _ in self.monitors.values():
             source.reset(lanes)
-        which = slice(None) if lanes is None else lanes
-        self._decided_at[:, which] = -1
-        self.violated_by[which] = None
-        self.violated_at[which] = -1
-        self.settled = int(np.count_nonzero(self._decided_at >= 0))
+        if lanes is None:
+            self._decided_at[:] = self.violated_at[:] = -1
+            self.violated_by[:] = None
+            self._decided = [0] * len(self._decided)
+            return
+        at = lanes.nonzero()[0]
+        for k, decided_at in enumerate(self._decided_at):
+            self._decided[k] -= int(np.count_nonzero(decided_at[at] >= 0))
+            decided_at[at] = -1
+        self.violated_by[at] = None
+        self.violated_at[at] = -1
 
     def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
-        """Feeds a row of the table to every environment of the mask; None: to all."""
+        """Feeds a row of the table to every environment of the mask; None: to all.
+
+        A table in Fortran's order is read fastest.
+        """
         found = [
-            source.update(table if pick is None else table[:, pick], lanes)
+            source.update(table[:, pick], lanes)
             for (source, _), pick in zip(self.monitors.values(), self._picks, strict=True)
         ]
         self.robustness = least(found)
-        self.note()
-
-    def note(self) -> None:
-        """Reads the bounds, and records the verdicts that they have decided."""
-        self.lower = least([judge.lower for judge in self._judges])
-        self.upper = least([judge.upper for judge in self._judges])
-        verdicts = [judge.verdict for judge in self._judges]
-        # Verdicts stay until the reset, so a count says whether one is new.
-        settled = 0
-        for verdict in verdicts:
-            settled += int(np.count_nonzero(verdict))
-        if settled == self.settled:
-            return
-        self.settled = settled
-        last = self.samples - 1
-        for name, decided_at, verdict in zip(
-            self.monitors, self._decided_at, verdicts, strict=True
-        ):
-            new = np.flatnonzero((verdict != 0) & (decided_at < 0))
-            decided_at[new] = last[new]
-            first = new[(verdict[new] < 0) & (self.violated_at[new] < 0)]
-            self.violated_by[first], self.violated_at[first] = name, last[first]
+        self._note()
 
     def finish(self, lanes: Lanes) -> None:
         """Ends the traces of the environments of the mask, which settles their bounds."""
         for judge in self._judges:
             judge.finish(lanes)
-        self.note()
+        self._note()
+
+    @property
+    def lower(self) -> Floats:
+        """The least that the robustness can still become."""
+        if self._lower is None:
+            self._lower = least([judge.lower for judge in self._judges])
+        return self._lower
+
+    @property
+    def upper(self) -> Floats:
+        """The greatest that the robustness can still become."""
+        if self._upper is None:
+            self._upper = least([judge.upper for judge in self._judges])
+        return self._upper
+
+    def _note(self) -> None:
+        """Records the verdicts that have been decided."""
+        self._lower = self._upper = None
+        for k, judge in enumerate(self._judges):
+            # Verdicts stay until the reset, so a count says whether one is new.
+            verdict = judge.verdict
+            decided = int(np.count_nonzero(verdict))
+            if decided == self._decided[k]:
+                continue
+            self._decided[k] = decided
+            decided_at = self._decided_at[k]
+            at = ((verdict != 0) & (decided_at < 0)).nonzero()[0]
+            last = judge.samples[at] - 1
+            decided_at[at] = last
+            first = (verdict[at] < 0) & (self.violated_at[at] < 0)
+            self.violated_by[at[first]] = self._names[k]
+            self.violated_at[at[first]] = last[first]
 
     def values(self) -> MonitorValues:
         """Reads the values of all monitors."""
@@ -180,3 +201,10 @@ class VectorPanel:
                 self.monitors.items(), self._decided_at, strict=True
             )
         }
+
+
+def _pick(columns: list[int]) -> slice | list[int]:
+    """The columns that a specification reads; neighbours as a slice, which copies nothing."""
+    if columns and columns == list(range(columns[0], columns[-1] + 1)):
+        return slice(columns[0], columns[-1] + 1)
+    return columns

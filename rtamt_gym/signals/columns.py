@@ -69,7 +69,7 @@ class SignalColumns:
         """
         lanes = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)
-        table = np.empty((len(lanes), len(self._signals)))
+        table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
             if begun is None or (signal.default is None and signal.source is not None):
                 table[:, column] = read(step, lanes)
@@ -86,11 +86,15 @@ class SignalColumns:
     def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
         """Reads the signals from a reset; rows of environments outside the mask mean nothing."""
         step = Step(obs, None, None, infos, self._env)
-        table = np.empty((len(lanes), len(self._signals)))
+        table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
             default = signal.default
             table[:, column] = read(step, lanes) if default is None else default
         return table
+
+    def _table(self) -> Floats:
+        """A new table in Fortran's order: it is filled and read by columns."""
+        return np.empty((len(self._signals), len(self._all))).T
 
     def differ(self, table: Floats, other: Floats, lanes: Lanes) -> Lanes:
         """The environments of the mask whose observations differ, as far as signals read them."""
