@@ -14,6 +14,7 @@ from rtamt.inputs.samples import (
     NanPolicy,
     SampleReader,
     array_of_numbers,
+    kind_of,
     wrong_shape,
 )
 from rtamt.program.program import Program
@@ -54,13 +55,19 @@ class LaneReader:
         if table.shape != (self._num, len(names)):
             hint = "; lanes that a mask leaves out have rows too"
             raise wrong_shape(table, str(self._num), names, "a row for each lane and ", hint)
-        return np.ascontiguousarray(table)
+        return np.require(table, requirements=["C", "ALIGNED"])
 
     def mask(self, mask: ArrayLike | None) -> Lanes | None:
         """The mask as a contiguous array with a boolean for each lane; None: all lanes."""
-        if mask is None:
-            return None
-        chosen = np.asarray(mask)
+        return None if mask is None else self._booleans(mask)
+
+    def _booleans(self, mask: ArrayLike) -> Lanes:
+        try:
+            chosen = np.asarray(mask)
+        except ValueError as ragged:
+            raise InputTypeError(
+                f"expected a mask of {self._num} booleans, got {kind_of(mask)}"
+            ) from ragged
         if chosen.dtype != np.bool_:
             raise InputTypeError(
                 f"expected a mask of {self._num} booleans, got dtype {chosen.dtype}; "
@@ -71,7 +78,9 @@ class LaneReader:
                 f"expected a mask of {self._num} booleans, one for each lane, "
                 f"got shape {chosen.shape}; without a mask all lanes are meant"
             )
-        return np.ascontiguousarray(chosen)
+        # numpy lets the bytes of booleans be other than 0 and 1, and counts them wrongly then.
+        found: Lanes = np.ascontiguousarray(chosen).view(np.uint8) != 0
+        return found
 
     def without_nan(
         self, table: Floats, chosen: Lanes | None, samples: NDArray[np.int64], inputs: Floats
@@ -89,7 +98,7 @@ class LaneReader:
         """
         missing = np.isnan(table)
         if chosen is not None:
-            missing &= chosen[:, None]
+            missing &= self._booleans(chosen)[:, None]
         if not missing.any():
             return table
         refused = missing

@@ -80,9 +80,7 @@ else:
         machine_with_neutrals(native.episode_machine),
         native.dense_machine,
         native.discrete_bank,
-        bank_with_neutrals(
-            native.episode_bank  # type: ignore[arg-type] # until it reads the end of a trace
-        ),
+        bank_with_neutrals(native.episode_bank),
     )
     read_only = native.read_only
 

@@ -27,6 +27,9 @@ __all__ = ["VectorEpisodeMonitor", "VectorMonitor"]
 
 _B = TypeVar("_B", bound=Bank)
 
+_MAX_LANES = 2**24
+"""The lanes of more would take gigabytes before their first sample."""
+
 
 class _Lockstep(Sampled[_B]):
     """A monitor of many signals: a row of an array is the sample of a lane."""
@@ -95,14 +98,14 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        num: How many lanes, 1 or more.
+        num: How many lanes, 1 to 16,777,216.
         period: As for `Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
 
     Raises:
         SpecificationError: As for `Monitor`.
-        InputError: As for `Monitor`, and on fewer lanes than 1.
+        InputError: As for `Monitor`, and on fewer lanes than 1 or too many.
         InputTypeError: On a number of lanes that is not a whole number.
 
     Example:
@@ -140,14 +143,14 @@ class VectorEpisodeMonitor(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        num: How many lanes, 1 or more.
+        num: How many lanes, 1 to 16,777,216.
         period: As for `Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
 
     Raises:
         SpecificationError: As for `EpisodeMonitor`.
-        InputError: As for `EpisodeMonitor`, and on fewer lanes than 1.
+        InputError: As for `EpisodeMonitor`, and on fewer lanes than 1 or too many.
         InputTypeError: On a number of lanes that is not a whole number.
 
     Example:
@@ -190,8 +193,7 @@ class VectorEpisodeMonitor(
             InputError: On a mask of another shape than (num,), or another reading of the end.
             InputTypeError: On a mask that is not of booleans.
         """
-        end = checked_end(end)
-        return self._machine.finish(mask) if end == "complete" else self._machine.finish(mask, end)
+        return self._machine.finish(mask, checked_end(end))
 
     def __repr__(self) -> str:
         return f"<VectorEpisodeMonitor of {self.num} lanes of {self.specification.formula}>"
@@ -201,7 +203,7 @@ def _counted(num: object) -> int:
     """The number of lanes.
 
     Raises:
-        InputError: If it is less than 1.
+        InputError: If it is less than 1 or greater than the limit.
         InputTypeError: If it is not a whole number.
     """
     if isinstance(num, bool | np.bool_) or not isinstance(num, SupportsIndex):
@@ -211,4 +213,6 @@ def _counted(num: object) -> int:
     lanes = operator.index(num)
     if lanes < 1:
         raise InputError(f"expected 1 or more lanes, got {lanes}")
+    if lanes > _MAX_LANES:
+        raise InputError(f"expected at most {_MAX_LANES} lanes, got {lanes}")
     return lanes

@@ -37,6 +37,11 @@ struct FormulaRow {
 // How a trace ends: with nothing after it, at a time that no one chose, or as a mere beginning.
 enum class End { complete, cut, open };
 
+// 1 if bounds say that a specification is satisfied, -1 if violated, else 0.
+inline int verdict_of(double lower, double upper) {
+    return negative(upper) ? -1 : !negative(lower);
+}
+
 class EpisodeMachine {
 public:
     // Takes the rows of the terms in the order of their registers; the formulas behind them; the
@@ -64,7 +69,7 @@ public:
     double lower() const { return values_[episode::kLower]; }
     double upper() const { return values_[episode::kUpper]; }
     // 1 if the bounds say that the specification is satisfied, -1 if violated, else 0.
-    int verdict() const { return negative(upper()) ? -1 : !negative(lower()); }
+    int verdict() const { return verdict_of(lower(), upper()); }
     bool finished() const { return finished_; }
     // Ends the trace, of at least one sample; a trace that has ended stays as it is.
     void finish(End end);

@@ -24,26 +24,38 @@ Bank::Bank(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t 
       inputs_(num * variables),
       fingerprint_(fingerprint_of(program_.fingerprint(), num)) {}
 
-std::size_t Bank::take_terms(const double* table, const bool* mask) {
+std::size_t Bank::take_terms(const Table& table, const std::uint8_t* mask) {
     lanes_.choose(mask);
     const std::size_t count = lanes_.count();
-    const std::size_t width = variables();
-    for (const Load& load : program_.loads_) {
-        double* column = columns_.out(load.out);
-        const double* from = table + load.variable;
-        for (std::size_t i = 0; i < count; ++i) column[i] = from[lanes_[i] * width];
-    }
+    const auto read = [&](std::size_t variable, double* out) {
+        const double* from = table.at(variable);
+        if (lanes_.all() && table.row == 1) {
+            std::copy_n(from, count, out);
+        } else if (lanes_.all()) {
+            for (std::size_t i = 0; i < count; ++i, from += table.row) out[i] = *from;
+        } else {
+            for (std::size_t i = 0; i < count; ++i) out[i] = from[lanes_[i] * table.row];
+        }
+    };
+    for (const Load& load : program_.loads_) read(load.variable, columns_.out(load.out));
     if (const std::size_t bad = columns_.terms(count); bad < count) return lanes_[bad];
-    each_stretch(lanes_, true, [&](std::size_t lane, std::size_t, std::size_t n) {
-        std::copy_n(table + lane * width, n * width, inputs_.data() + lane * width);
-    });
+    for (std::size_t variable = 0; variable < variables(); ++variable) {
+        double* inputs = inputs_.data() + variable * num();
+        if (lanes_.all()) {
+            read(variable, inputs);
+        } else {
+            for (std::size_t i = 0; i < count; ++i)
+                inputs[lanes_[i]] = table.at(variable)[lanes_[i] * table.row];
+        }
+    }
     return num();
 }
 
-void Bank::choose_and_clear(const bool* mask) {
+void Bank::choose_and_clear(const std::uint8_t* mask) {
     lanes_.choose(mask);
-    for (std::size_t i = 0; i < lanes_.count(); ++i)
-        std::fill_n(inputs_.data() + lanes_[i] * variables(), variables(), 0.0);
+    for (std::size_t variable = 0; variable < variables(); ++variable)
+        for (std::size_t i = 0; i < lanes_.count(); ++i)
+            inputs_[variable * num() + lanes_[i]] = 0.0;
 }
 
 void Bank::fields(Snapshot& s) {
@@ -63,7 +75,7 @@ DiscreteBank::DiscreteBank(const std::vector<DiscreteRow>& rows, std::size_t ter
     }
 }
 
-std::size_t DiscreteBank::take(const double* table, const bool* mask) {
+std::size_t DiscreteBank::take(const Table& table, const std::uint8_t* mask) {
     if (const std::size_t bad = take_terms(table, mask); bad < num()) return bad;
     const std::size_t count = lanes_.count();
     least_ = std::numeric_limits<std::int64_t>::max();
@@ -110,7 +122,7 @@ void DiscreteBank::push(const LaneInstruction& formula) {
     }
 }
 
-void DiscreteBank::reset(const bool* mask) {
+void DiscreteBank::reset(const std::uint8_t* mask) {
     choose_and_clear(mask);
     for (std::size_t i = 0; i < lanes_.count(); ++i) {
         const std::uint32_t lane = lanes_[i];
@@ -140,20 +152,20 @@ EpisodeBank::EpisodeBank(const std::vector<DiscreteRow>& terms, std::size_t vari
     episodes_ = lockstep::episodes_of(terms, variables, formulas, initial, streams, values_);
 }
 
-std::size_t EpisodeBank::take(const double* table, const bool* mask) {
+std::size_t EpisodeBank::take(const Table& table, const std::uint8_t* mask) {
     if (const std::size_t bad = take_terms(table, mask); bad < num()) return bad;
-    episodes_->take(lanes_, table, columns_);
+    episodes_->take(lanes_, inputs_.data(), columns_);
     return num();
 }
 
-void EpisodeBank::reset(const bool* mask) {
+void EpisodeBank::reset(const std::uint8_t* mask) {
     choose_and_clear(mask);
     episodes_->reset(lanes_);
 }
 
-void EpisodeBank::finish(const bool* mask) {
+void EpisodeBank::finish(const std::uint8_t* mask, End end) {
     lanes_.choose(mask);
-    episodes_->finish(lanes_);
+    episodes_->finish(lanes_, end);
 }
 
 void EpisodeBank::fields(Snapshot& s) {

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/table.hpp"
 #include "discrete/columns.hpp"
 #include "episode/machine.hpp"
 #include "lockstep/episodes.hpp"
@@ -22,7 +23,7 @@ public:
 
     std::size_t num() const { return lanes_.num(); }
     std::size_t variables() const { return program_.variables(); }
-    const double* inputs() const { return inputs_.data(); }  // a row for each lane
+    const double* inputs() const { return inputs_.data(); }  // a column for each variable
     std::uint64_t fingerprint() const { return fingerprint_; }
 
 protected:
@@ -31,8 +32,8 @@ protected:
 
     // Evaluates the terms of one sample of every chosen lane, from its row of the table. Returns
     // the first lane with a nan, without changing anything, or num().
-    std::size_t take_terms(const double* table, const bool* mask);
-    void choose_and_clear(const bool* mask);
+    std::size_t take_terms(const Table& table, const std::uint8_t* mask);
+    void choose_and_clear(const std::uint8_t* mask);
     void fields(Snapshot& s);
 
     DiscreteMachine program_;
@@ -53,8 +54,8 @@ public:
 
     // Takes in one sample of every chosen lane, from its row of the table. Returns the first lane
     // with a nan, without changing any lane, or num().
-    std::size_t take(const double* table, const bool* mask);
-    void reset(const bool* mask = nullptr);
+    std::size_t take(const Table& table, const std::uint8_t* mask);
+    void reset(const std::uint8_t* mask = nullptr);
     void fields(Snapshot& s);
 
 private:
@@ -87,10 +88,10 @@ public:
     const double* upper() const { return values_.upper.data(); }
 
     // Does what DiscreteBank::take does; no chosen lane is finished.
-    std::size_t take(const double* table, const bool* mask);
-    void reset(const bool* mask = nullptr);
+    std::size_t take(const Table& table, const std::uint8_t* mask);
+    void reset(const std::uint8_t* mask = nullptr);
     // Ends the traces of the chosen lanes, of at least one sample each.
-    void finish(const bool* mask);
+    void finish(const std::uint8_t* mask, End end);
     void fields(Snapshot& s);
 
 private:

@@ -1,6 +1,7 @@
 // Clamped windows inside a fold over times, in columns.
 #pragma once
 
+#include "lockstep/clamps.hpp"
 #include "lockstep/formula_columns.hpp"
 #include "lockstep/ring.hpp"
 
@@ -13,6 +14,8 @@ struct ClampedWindow {
     std::size_t greatest;  // .. if it is +inf
     Time hi;
     bool is_min;
+    bool clamped_below;  // whether `least` is ever above -inf
+    bool clamped_above;  // .. and `greatest` below +inf
 };
 
 // What a fold over the times begin to end has seen of its operand, in columns.
@@ -23,7 +26,6 @@ struct Seen {
     double* worst;    // .. and the worst
 };
 
-template <class Order>
 class WindowColumns {
 public:
     virtual ~WindowColumns() = default;
@@ -32,10 +34,10 @@ public:
     virtual void fields(Snapshot& s) = 0;
 };
 
-// A clamped window over the offsets 0 to hi.
-template <class Order, bool kSame>
-class ClampedColumns final : public WindowColumns<Order> {
-    using F = Clamps<Order, kSame>;
+// A clamped window over the offsets 0 to hi, by one of the folds Clamps and Reaches.
+template <class Order, class F>
+class ClampedColumns final : public WindowColumns {
+    using Element = typename F::Element;
 
 public:
     ClampedColumns(std::size_t num, const ClampedWindow& window)
@@ -49,19 +51,16 @@ public:
 
     void take(const Taken& t, Time begin, Time end, const Seen& seen) override {
         find_elements(t, begin, end);
-        const auto in = elements_.at(0, 0);
-        const auto folded = folded_.at(0, 0);
-        const auto shifted = [](Slots::View v, std::size_t i) {
-            return Slots::View{v.seen + i, v.best + i, v.worst + i};
-        };
+        const auto in = elements_.at(0);
+        const auto folded = folded_.at(0);
         each_stretch(t.lanes, t.places.together(),
                      [&](std::size_t lane, std::size_t i, std::size_t n) {
-                         ring_.push(t.places.of(lane), lane, n, shifted(in, i), shifted(folded, i));
+                         ring_.push(t.places.of(lane), lane, n, in.from(i), folded.from(i));
                      });
         if (t.first < window_.hi) fold_young(t);
         each_stretch(t.lanes, t.places.together(),
                      [&](std::size_t lane, std::size_t i, std::size_t n) {
-                         settle(t, lane, n, shifted(in, i), shifted(folded, i), seen);
+                         settle(t, lane, n, in.from(i), folded.from(i), seen);
                      });
     }
 
@@ -70,7 +69,7 @@ public:
             delayed_.clear();
             ring_.clear();
         }
-        const auto since_begin = since_begin_.at(0, 0);
+        const auto since_begin = since_begin_.at(0);
         for (std::size_t i = 0; i < lanes.count(); ++i) since_begin.put(lanes[i], F::identity);
     }
     void fields(Snapshot& s) override {
@@ -85,7 +84,7 @@ private:
         const double* operand = t.columns.at(window_.operand);
         const double* best = t.columns.at(kMin ? window_.greatest : window_.least);
         const double* worst = t.columns.at(kMin ? window_.least : window_.greatest);
-        const auto out = elements_.at(0, 0);
+        const auto out = elements_.at(0);
         const std::size_t count = t.lanes.count();
         RTAMT_INDEPENDENT
         for (std::size_t i = 0; i < count; ++i)
@@ -93,41 +92,42 @@ private:
         if (t.first >= begin && t.last <= end) return;
         for (std::size_t i = 0; i < count; ++i) {  // only windows that begin in time count
             const Time time = t.times[t.lanes[i]];
-            if (time < begin || time > end) out.put(i, F::element(operand[i], Order::top, Order::top));
+            if (time < begin || time > end)
+                out.put(i, F::element(operand[i], Order::top, Order::top));
         }
     }
 
     // The window of a lane that has just begun holds all its samples.
     void fold_young(const Taken& t) {
-        const auto since_begin = since_begin_.at(0, 0);
-        const auto in = elements_.at(0, 0);
-        const auto folded = folded_.at(0, 0);
+        const auto since_begin = since_begin_.at(0);
+        const auto in = elements_.at(0);
+        const auto folded = folded_.at(0);
         for (std::size_t i = 0; i < t.lanes.count(); ++i) {
             const std::uint32_t lane = t.lanes[i];
             if (t.times[lane] >= window_.hi) continue;
-            const Clamped all = F::combine(since_begin[lane], in[i]);
+            const Element all = F::combine(since_begin[lane], in[i]);
             since_begin.put(lane, all);
             folded.put(i, all);
         }
     }
 
-    void settle(const Taken& t, std::size_t lane, std::size_t n, Slots::View in,
-                Slots::View folded, const Seen& seen) {
+    void settle(const Taken& t, std::size_t lane, std::size_t n, View<Element> in,
+                View<Element> folded, const Seen& seen) {
         const auto delayed =
             delayed_.at(static_cast<std::size_t>(t.places.of(lane) % length_), lane);
         double* settled = seen.settled + lane;
         double* now = seen.now + lane;
         double* best = seen.best + lane;
         double* worst = seen.worst + lane;
-        const auto open = [&](std::size_t i, Clamped x) {
+        const auto open = [&](std::size_t i, Element x) {
             now[i] = Order::least(now[i], F::now(x));
-            best[i] = Order::least(best[i], x.best);
-            worst[i] = Order::least(worst[i], x.worst);
+            best[i] = Order::least(best[i], F::best(x));
+            worst[i] = Order::least(worst[i], F::worst(x));
         };
         if (t.first >= window_.hi) {
             RTAMT_INDEPENDENT
             for (std::size_t i = 0; i < n; ++i) {
-                const Clamped x = folded[i];
+                const Element x = folded[i];
                 settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
                 delayed.put(i, in[i]);
                 open(i, x);
@@ -135,7 +135,7 @@ private:
             return;
         }
         for (std::size_t i = 0; i < n; ++i) {
-            const Clamped x = folded[i];
+            const Element x = folded[i];
             if (t.times[lane + i] >= window_.hi)
                 settled[i] = Order::least(settled[i], F::settled(delayed[i], x));
             delayed.put(i, in[i]);
@@ -145,11 +145,61 @@ private:
 
     ClampedWindow window_;
     std::size_t length_;
-    Slots since_begin_;  // the fold of all elements of lanes that have no more than `length`
-    Slots elements_;     // of the chosen lanes, as are their folds
-    Slots folded_;
-    Slots delayed_;  // the last elements
+    Slots<Element> since_begin_;  // the fold of all elements of lanes that have up to `length`
+    Slots<Element> elements_;     // of the chosen lanes, as are their folds
+    Slots<Element> folded_;
+    Slots<Element> delayed_;  // the last elements
     RingFold<F> ring_;
+};
+
+// A `most` window alone, over the offsets 0 to hi, in a fold over all times: the newest open window
+// has seen the least.
+template <class Order>
+class ReachedColumns final : public WindowColumns {
+public:
+    ReachedColumns(std::size_t num, const ClampedWindow& window)
+        : window_(window), folded_(1, num), ring_(static_cast<std::size_t>(window.hi) + 1, num) {}
+
+    void take(const Taken& t, Time, Time, const Seen& seen) override {
+        const double* operand = t.columns.at(window_.operand);
+        const auto folded = folded_.at(0);
+        each_stretch(
+            t.lanes, t.places.together(), [&](std::size_t lane, std::size_t i, std::size_t n) {
+                ring_.push(t.places.of(lane), lane, n, operand + i, folded.from(i));
+            });
+        each_stretch(t.lanes, true, [&](std::size_t lane, std::size_t i, std::size_t n) {
+            settle(t, lane, n, operand + i, folded.from(i), seen);
+        });
+    }
+    void reset(const Lanes& lanes) override {
+        if (lanes.all()) ring_.clear();
+    }
+    void fields(Snapshot& s) override { ring_.fields(s); }
+
+private:
+    void settle(const Taken& t, std::size_t lane, std::size_t n, const double* operand,
+                View<double> folded, const Seen& seen) {
+        double* settled = seen.settled + lane;
+        double* now = seen.now + lane;
+        double* worst = seen.worst + lane;
+        RTAMT_INDEPENDENT
+        for (std::size_t i = 0; i < n; ++i) {
+            now[i] = Order::least(now[i], operand[i]);
+            worst[i] = Order::least(worst[i], operand[i]);
+        }
+        if (t.last < window_.hi) return;
+        if (t.first >= window_.hi) {
+            RTAMT_INDEPENDENT
+            for (std::size_t i = 0; i < n; ++i) settled[i] = Order::least(settled[i], folded[i]);
+            return;
+        }
+        for (std::size_t i = 0; i < n; ++i)
+            if (t.times[lane + i] >= window_.hi) settled[i] = Order::least(settled[i], folded[i]);
+    }
+
+    ClampedWindow window_;
+    Slots<double> folded_;
+    RingFold<Reached<Order>> ring_;
 };
 
 }  // namespace rtamt::lockstep

@@ -52,8 +52,6 @@ public:
     }
 
 private:
-    using Tail = std::array<double, kWorlds>;
-
     const FormulaRow& formula(std::size_t r) const { return formulas_[r - terms_.size()]; }
     static bool maps(const FormulaRow& f) { return f.kind == "MAP"; }
     static bool single(const FormulaRow& f) { return f.name == "min" || f.name == "max"; }
@@ -66,8 +64,8 @@ private:
         if (r < terms_.size()) {
             const DiscreteRow& row = terms_[r];
             ranges_[r] = Range{r, r, std::nullopt};
-            tails_[r] = row.kind == "CONST" ? Tail{row.value, row.value, row.value}
-                                            : Tail{0.0, -kInfinity, kInfinity};
+            tails_[r] = row.kind == "CONST" ? Tails{row.value, row.value, row.value}
+                                            : Tails{0.0, -kInfinity, kInfinity};
             return;
         }
         const FormulaRow& f = formula(r);
@@ -146,8 +144,9 @@ private:
                 rest.push_back(formula(part).b);
             } else if (range) {
                 const FormulaRow& window = formula(*range->window);
-                operand.windows.push_back({ranges_[window.a]->least, range->least,
-                                           range->greatest, *window.hi, window.name == "min"});
+                operand.windows.push_back({ranges_[window.a]->least, range->least, range->greatest,
+                                           *window.hi, window.name == "min",
+                                           range->least != minus_, range->greatest != plus_});
             } else {
                 return false;
             }
@@ -167,7 +166,7 @@ private:
     std::size_t minus_;
     std::size_t plus_;
     std::vector<std::optional<Range>> ranges_;
-    std::vector<Tail> tails_;
+    std::vector<Tails> tails_;
     double numbers_ = 0.0;
 };
 
@@ -210,15 +209,22 @@ public:
         for (std::size_t i = 0; i < lanes.count(); ++i) values_.now[lanes[i]] = std::nan("");
     }
 
-    void finish(const Lanes& lanes) override {
+    void finish(const Lanes& lanes, End end) override {
+        std::vector<std::uint8_t> undecided(values_.samples.size());
         for (std::size_t i = 0; i < lanes.count(); ++i) {
             const std::uint32_t lane = lanes[i];
-            if (values_.finished[lane]) continue;
-            values_.finished[lane] = 1;
             double& lower = values_.lower[lane];
             double& upper = values_.upper[lane];
-            if (negative(lower) && !negative(upper)) lower = upper = values_.now[lane];
+            if (!values_.finished[lane] && verdict_of(lower, upper) == 0) {
+                undecided[lane] = 1;
+                if (end == End::complete) lower = upper = values_.now[lane];
+            }
+            values_.finished[lane] = 1;
         }
+        if (end != End::cut) return;
+        Lanes rest(undecided.size());
+        rest.choose(undecided.data());
+        conclude(rest, true);
     }
 
     void fields(Snapshot& s) override {

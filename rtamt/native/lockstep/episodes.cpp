@@ -14,7 +14,7 @@ public:
                     const std::vector<episode::FormulaRow>& formulas,
                     const std::vector<std::size_t>& initial,
                     const std::vector<std::size_t>& streams, EpisodeValues& values)
-        : values_(values), variables_(variables) {
+        : values_(values), sample_(variables) {
         for (std::size_t lane = 0; lane < values.samples.size(); ++lane) {
             machines_.push_back(
                 std::make_unique<EpisodeMachine>(terms, variables, formulas, initial, streams));
@@ -22,10 +22,12 @@ public:
         }
     }
 
-    void take(const Lanes& lanes, const double* table, RegisterColumns& terms) override {
+    void take(const Lanes& lanes, const double* inputs, RegisterColumns& terms) override {
         for (std::size_t i = 0; i < lanes.count(); ++i) {
             const std::uint32_t lane = lanes[i];
-            machines_[lane]->take(table + lane * variables_, terms.out(0) + i, lanes.num());
+            for (std::size_t k = 0; k < sample_.size(); ++k)
+                sample_[k] = inputs[k * lanes.num() + lane];
+            machines_[lane]->take(sample_.data(), terms.out(0) + i, lanes.num());
             publish(lane);
         }
     }
@@ -35,9 +37,9 @@ public:
             publish(lanes[i]);
         }
     }
-    void finish(const Lanes& lanes) override {
+    void finish(const Lanes& lanes, End end) override {
         for (std::size_t i = 0; i < lanes.count(); ++i) {
-            machines_[lanes[i]]->finish(End::complete);
+            machines_[lanes[i]]->finish(end);
             publish(lanes[i]);
         }
     }
@@ -59,7 +61,7 @@ private:
     }
 
     EpisodeValues& values_;
-    std::size_t variables_;
+    std::vector<double> sample_;
     std::vector<std::unique_ptr<EpisodeMachine>> machines_;
 };
 

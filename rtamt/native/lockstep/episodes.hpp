@@ -31,17 +31,17 @@ public:
     Episodes& operator=(const Episodes&) = delete;
     virtual ~Episodes() = default;
 
-    // Takes in one sample of every chosen lane. The terms are columns of the chosen lanes, and
-    // values.samples does not count this sample yet.
-    virtual void take(const Lanes& lanes, const double* table, RegisterColumns& terms) = 0;
+    // Takes in one sample of every chosen lane. The inputs are a column for each variable, of all
+    // lanes; the terms are columns of the chosen ones.
+    virtual void take(const Lanes& lanes, const double* inputs, RegisterColumns& terms) = 0;
     virtual void reset(const Lanes& lanes) = 0;
     // Ends the traces of the chosen lanes, of at least one sample each; those that have ended
     // already stay as they are.
-    virtual void finish(const Lanes& lanes) = 0;
+    virtual void finish(const Lanes& lanes, End end) = 0;
     virtual void fields(Snapshot& s) = 0;
 };
 
-// Makes the episodes of a program; the values are theirs to write, except for the samples.
+// Makes the episodes of a program; the values are theirs to write.
 std::unique_ptr<Episodes> episodes_of(const std::vector<DiscreteRow>& terms, std::size_t variables,
                                       const std::vector<episode::FormulaRow>& formulas,
                                       const std::vector<std::size_t>& initial,

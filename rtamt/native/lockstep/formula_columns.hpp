@@ -14,7 +14,6 @@ using episode::kLower;
 using episode::kNever;
 using episode::kNow;
 using episode::kUpper;
-using episode::kWorlds;
 using episode::Time;
 using episode::World;
 

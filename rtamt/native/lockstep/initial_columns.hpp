@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -33,7 +34,7 @@ public:
     }
 
 protected:
-    std::array<std::vector<double>, kWorlds> worlds_;
+    std::array<std::vector<double>, std::size(kAll)> worlds_;
 };
 
 // A constant, or the value of a term at the first sample.
@@ -88,11 +89,14 @@ private:
     InitialColumns& b_;
 };
 
+// What a register is at unseen samples, in every world.
+using Tails = std::array<double, std::size(kAll)>;
+
 // The operand of a fold is the least of these (under Most, the greatest).
 struct FoldOperand {
     std::vector<std::size_t> plain;  // registers without a window
     std::vector<ClampedWindow> windows;
-    std::array<double, kWorlds> tail;  // at unseen samples
+    Tails tail;  // at unseen samples
 };
 
 // The fold over the times begin to end.
@@ -101,14 +105,7 @@ class FoldColumns final : public InitialColumns {
 public:
     FoldColumns(std::size_t num, const FoldOperand& operand, Time begin, Time end)
         : InitialColumns(num), operand_(operand), begin_(begin), end_(end), settled_(num) {
-        constexpr bool kMin = Order::top > 0;
-        for (const ClampedWindow& window : operand.windows) {
-            if (window.is_min == kMin) {
-                windows_.push_back(std::make_unique<ClampedColumns<Order, true>>(num, window));
-            } else {
-                windows_.push_back(std::make_unique<ClampedColumns<Order, false>>(num, window));
-            }
-        }
+        for (const ClampedWindow& window : operand.windows) windows_.push_back(made(window));
         if (!windows_.empty())
             for (World w : {kLower, kUpper}) open_[w].resize(num);
     }
@@ -180,6 +177,20 @@ private:
     static constexpr World kBest = Order::top > 0 ? kUpper : kLower;
     static constexpr World kWorst = Order::top > 0 ? kLower : kUpper;
 
+    std::unique_ptr<WindowColumns> made(const ClampedWindow& window) const {
+        constexpr bool kMin = Order::top > 0;
+        const std::size_t num = settled_.size();
+        const bool best_is_top = kMin ? !window.clamped_above : !window.clamped_below;
+        const bool worst_is_least = kMin ? !window.clamped_below : !window.clamped_above;
+        if (window.is_min == kMin)
+            return std::make_unique<ClampedColumns<Order, Clamps<Order, true>>>(num, window);
+        if (!best_is_top)
+            return std::make_unique<ClampedColumns<Order, Clamps<Order, false>>>(num, window);
+        if (worst_is_least && begin_ == 0 && end_ == kNever)
+            return std::make_unique<ReachedColumns<Order>>(num, window);
+        return std::make_unique<ClampedColumns<Order, Reaches<Order>>>(num, window);
+    }
+
     void fold_plain(const Taken& t, const double* values) {
         double* settled = settled_.data();
         if (t.first >= begin_ && t.last <= end_) {
@@ -202,8 +213,8 @@ private:
     Time begin_;
     Time end_;
     std::vector<double> settled_;
-    std::array<std::vector<double>, kWorlds> open_;  // of open windows, if there are windows
-    std::vector<std::unique_ptr<WindowColumns<Order>>> windows_;
+    std::array<std::vector<double>, std::size(kAll)> open_;  // of open windows, if there are windows
+    std::vector<std::unique_ptr<WindowColumns>> windows_;
 };
 
 }  // namespace rtamt::lockstep

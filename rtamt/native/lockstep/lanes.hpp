@@ -18,7 +18,7 @@ public:
         some_.reserve(num);
     }
     // Chooses the lanes where the mask is true; all lanes without a mask.
-    void choose(const bool* mask) {
+    void choose(const std::uint8_t* mask) {
         chosen_ = all_.data();
         if (mask == nullptr) return;
         some_.clear();

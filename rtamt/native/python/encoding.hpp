@@ -3,6 +3,7 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
 
 #include <string>
 #include <vector>
@@ -52,6 +53,13 @@ inline std::vector<std::size_t> registers_of(const nb::sequence& numbers) {
     std::vector<std::size_t> registers;
     for (nb::handle number : numbers) registers.push_back(nb::cast<std::size_t>(number));
     return registers;
+}
+
+inline End end_of(const std::string& name) {
+    if (name == "complete") return End::complete;
+    if (name == "cut") return End::cut;
+    if (name == "open") return End::open;
+    throw nb::value_error("expected end='complete', 'cut' or 'open'");
 }
 
 }  // namespace rtamt

@@ -1,6 +1,5 @@
 // The episode machine as a Python class.
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/string.h>
 
 #include <utility>
 
@@ -24,13 +23,6 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
           std::move(reader)},
          Arguments(variables)},
         {}};
-}
-
-End end_of(const std::string& name) {
-    if (name == "complete") return End::complete;
-    if (name == "cut") return End::cut;
-    if (name == "open") return End::open;
-    throw nb::value_error("expected end='complete', 'cut' or 'open'");
 }
 
 double finish(EpisodeObject& object, const std::string& end) {

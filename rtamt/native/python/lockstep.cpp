@@ -15,41 +15,43 @@ namespace {
 
 using EpisodeObject = Object<EpisodeBank>;
 
-// The samples of lanes, or a mask of lanes: an array and its elements.
-template <class T>
-class Held {
-public:
-    Held(nb::object array, const T* fast) : array_(std::move(array)), data_(fast) {}
-    Held(nb::object array, std::size_t n) : array_(std::move(array)) {
-        view_.emplace_back(array_.attr("reshape")(-1), n, PyBUF_ND);
-        data_ = view_.front().template data<T>();
-    }
-    const nb::object& array() const { return array_; }
-    const T* data() const { return data_; }
-
-private:
-    nb::object array_;
-    std::vector<ArrayView> view_;
-    const T* data_;
+// The elements of an array, and what keeps them where they are.
+template <class Elements>
+struct Held {
+    nb::object array;
+    Elements elements;
+    std::vector<ArrayView> view;
 };
 
-template <class B>
-Held<bool> mask_of(const Object<B>& object, nb::handle mask) {
-    if (mask.is_none()) return {nb::none(), static_cast<const bool*>(nullptr)};
-    const std::size_t num = object.machine.num();
-    const bool* fast = Numpy::instance().mask(mask.ptr(), static_cast<Py_ssize_t>(num));
-    if (fast != nullptr) return {nb::borrow(mask), fast};
-    return {object.reader.attr("mask")(mask), num};
+// Holds a contiguous array of n elements that the reader has made.
+template <class T>
+Held<const T*> held(nb::object array, std::size_t n) {
+    Held<const T*> made{std::move(array), nullptr, {}};
+    made.view.emplace_back(made.array.attr("reshape")(-1), n, PyBUF_ND);
+    made.elements = made.view.front().template data<T>();
+    return made;
 }
 
 template <class B>
-Held<double> table_of(const Object<B>& object, nb::handle values) {
+Held<const std::uint8_t*> mask_of(const Object<B>& object, nb::handle mask) {
+    if (mask.is_none()) return {nb::none(), nullptr, {}};
+    const std::size_t num = object.machine.num();
+    const std::uint8_t* fast = Numpy::instance().mask(mask.ptr(), static_cast<Py_ssize_t>(num));
+    if (fast != nullptr) return {nb::borrow(mask), fast, {}};
+    return held<std::uint8_t>(object.reader.attr("mask")(mask), num);
+}
+
+template <class B>
+Held<Table> table_of(const Object<B>& object, nb::handle values) {
     const std::size_t num = object.machine.num();
     const std::size_t width = object.machine.variables();
-    const double* fast = Numpy::instance().table(values.ptr(), static_cast<Py_ssize_t>(num),
-                                                 static_cast<Py_ssize_t>(width));
-    if (fast != nullptr) return {nb::borrow(values), fast};
-    return {object.reader.attr("values")(values), num * width};
+    const Table fast = Numpy::instance().table(values.ptr(), static_cast<Py_ssize_t>(num),
+                                               static_cast<Py_ssize_t>(width));
+    if (fast.data != nullptr) return {nb::borrow(values), fast, {}};
+    auto made = held<double>(object.reader.attr("values")(values), num * width);
+    return {std::move(made.array),
+            {made.elements, static_cast<std::ptrdiff_t>(width), 1},
+            std::move(made.view)};
 }
 
 nb::object finished(const EpisodeObject& object) {
@@ -63,7 +65,7 @@ nb::object verdicts(const EpisodeObject& object) {
     const double* lower = object.machine.lower();
     const double* upper = object.machine.upper();
     return array.make<std::int8_t>(object.machine.num(), [=](std::size_t lane) {
-        return static_cast<std::int8_t>(!negative(lower[lane]) - negative(upper[lane]));
+        return static_cast<std::int8_t>(verdict_of(lower[lane], upper[lane]));
     });
 }
 
@@ -78,12 +80,12 @@ template <class B>
 nb::object inputs(const Object<B>& object) {
     const std::size_t num = object.machine.num();
     const std::size_t width = object.machine.variables();
-    return doubles(object.machine.inputs(), num * width).attr("reshape")(num, width);
+    return doubles(object.machine.inputs(), num * width).attr("reshape")(width, num).attr("T");
 }
 
 // Has the reader refuse the first chosen lane that is not allowed.
 template <class B, class Allowed>
-void require(const Object<B>& object, const bool* mask, Allowed allowed, const char* call) {
+void require(const Object<B>& object, const std::uint8_t* mask, Allowed allowed, const char* call) {
     for (std::size_t lane = 0; lane < object.machine.num(); ++lane)
         if ((mask == nullptr || mask[lane]) && !allowed(lane)) refuse(object.reader, call, lane);
 }
@@ -91,38 +93,42 @@ void require(const Object<B>& object, const bool* mask, Allowed allowed, const c
 template <class B>
 nb::object update(Object<B>& object, nb::handle values, nb::handle mask) {
     B& bank = object.machine;
-    const std::size_t width = bank.variables();
-    const nb::object plain = table_of(object, values).array();
-    const Held<bool> chosen = mask_of(object, mask);
-    const Held<double> table = table_of(object, plain);  // no code of the caller runs after this
+    const nb::object plain = table_of(object, values).array;
+    const auto chosen = mask_of(object, mask);
+    const auto table = table_of(object, plain);  // no code of the caller runs after this
     if constexpr (requires { bank.finished(); })
         require(
-            object, chosen.data(), [&](std::size_t lane) { return !bank.finished()[lane]; },
+            object, chosen.elements, [&](std::size_t lane) { return !bank.finished()[lane]; },
             "refuse_update");
-    if (bank.take(table.data(), chosen.data()) < bank.num()) {
+    if (bank.take(table.elements, chosen.elements) < bank.num()) {
         const nb::object policy = object.reader.attr("without_nan");
-        const nb::object filled = policy(plain, chosen.array(), samples(object), inputs(object));
-        const Held<double> held = table_of(object, filled);
-        const std::size_t lane = bank.take(held.data(), chosen.data());
-        if (lane < bank.num())
-            refuse(object.reader, "refuse", list_of(held.data() + lane * width, width),
-                   bank.samples()[lane], lane);
+        const nb::object filled = policy(plain, chosen.array, samples(object), inputs(object));
+        const auto numbers = table_of(object, filled);
+        const std::size_t lane = bank.take(numbers.elements, chosen.elements);
+        if (lane < bank.num()) {
+            nb::list sample;
+            for (std::size_t i = 0; i < bank.variables(); ++i)
+                sample.append(numbers.elements.at(i)[static_cast<std::ptrdiff_t>(lane) *
+                                                     numbers.elements.row]);
+            refuse(object.reader, "refuse", sample, bank.samples()[lane], lane);
+        }
     }
     return doubles(bank.results(), bank.num());
 }
 
 template <class B>
 void reset_lanes(Object<B>& object, nb::handle mask) {
-    object.machine.reset(mask_of(object, mask).data());
+    object.machine.reset(mask_of(object, mask).elements);
 }
 
-nb::object finish(EpisodeObject& object, nb::handle mask) {
+nb::object finish(EpisodeObject& object, nb::handle mask, const std::string& end) {
     EpisodeBank& bank = object.machine;
-    const Held<bool> chosen = mask_of(object, mask);
+    const End reading = end_of(end);
+    const auto chosen = mask_of(object, mask);
     require(
-        object, chosen.data(), [&](std::size_t lane) { return bank.samples()[lane] > 0; },
+        object, chosen.elements, [&](std::size_t lane) { return bank.samples()[lane] > 0; },
         "refuse_finish");
-    bank.finish(chosen.data());
+    bank.finish(chosen.elements, reading);
     return doubles(bank.results(), bank.num());
 }
 
@@ -137,7 +143,7 @@ nb::class_<Object<B>> bank_class(nb::module_& m, const char* name, const char* d
     auto made = machine_class<Object<B>>(m, name, doc);
     made.def_prop_ro("samples", samples<B>, "The number of samples of every lane since its reset.")
         .def_prop_ro("inputs", inputs<B>, "The last sample of every lane; 0 before the first.")
-        .def("update", update<B>, nb::arg("values"), nb::arg("mask").none() = nb::none(),
+        .def("update", update<B>, nb::arg("values").none(), nb::arg("mask").none() = nb::none(),
              "Take in a sample in each lane that the mask chooses; return the results of all.")
         .def("reset", reset_lanes<B>, nb::arg("mask").none() = nb::none(),
              "Return the lanes that the mask chooses to the state before their first sample.");
@@ -199,7 +205,9 @@ void bind_banks(nb::module_& m) {
                      "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")
         .def_prop_ro("finished", finished, "Whether the episodes have ended.")
         .def("finish", finish, nb::arg("mask").none() = nb::none(),
-             "End the episodes that the mask chooses; return the robustness of all.");
+             nb::arg("end") = "complete",
+             "End the episodes that the mask chooses, make their bounds those of this reading;\n"
+             "return the robustness of all.");
 }
 
 }  // namespace rtamt

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "core/table.hpp"
+
 namespace rtamt {
 
 namespace nb = nanobind;
@@ -38,12 +40,21 @@ public:
         return known_ && row_of(array, n, out);
     }
 
-    // The numbers of an aligned array of float64 of this shape, row by row; null if it is another
-    // object.
-    const double* table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
-        Py_ssize_t n = 0;
-        const double* values = this->rows(array, columns, n);
-        return n == rows ? values : nullptr;
+    // The numbers of an aligned array of float64 of this shape, in any layout; no data if it is
+    // another object.
+    Table table(PyObject* array, Py_ssize_t rows, Py_ssize_t columns) const {
+        if (!known_ || !is_array(array)) return {};
+        const auto* fields = reinterpret_cast<const Fields*>(array);
+        if (fields->ndim != 2 || fields->dtype != doubles_ || fields->shape[0] != rows ||
+            fields->shape[1] != columns)
+            return {};
+        constexpr auto kSize = static_cast<Py_ssize_t>(sizeof(double));
+        const auto place = reinterpret_cast<std::uintptr_t>(fields->data);
+        const auto aligned = [](auto bytes) { return bytes % decltype(bytes){alignof(double)} == 0; };
+        if (!aligned(place) || !aligned(fields->strides[0]) || !aligned(fields->strides[1]))
+            return {};
+        return {reinterpret_cast<const double*>(fields->data), fields->strides[0] / kSize,
+                fields->strides[1] / kSize};
     }
 
     // The numbers of an aligned array of float64 of shape (n,) or (n, columns), row by row, and n;
@@ -68,14 +79,15 @@ public:
         return const_cast<char*>(reinterpret_cast<const Fields*>(array)->data);
     }
 
-    // The elements of a contiguous 1-D array of n bools; null if it is another object.
-    const bool* mask(PyObject* array, Py_ssize_t n) const {
+    // The bytes of a contiguous 1-D array of n bools, which numpy lets be other than 0 and 1; null
+    // if it is another object.
+    const std::uint8_t* mask(PyObject* array, Py_ssize_t n) const {
         if (!known_ || !is_array(array)) return nullptr;
         const auto* fields = reinterpret_cast<const Fields*>(array);
         if (fields->ndim != 1 || fields->dtype != bools_ || fields->shape[0] != n ||
             fields->strides[0] != 1)
             return nullptr;
-        return reinterpret_cast<const bool*>(fields->data);
+        return reinterpret_cast<const std::uint8_t*>(fields->data);
     }
 
 private:

@@ -20,8 +20,11 @@ from rtamt import (
     VectorEpisodeMonitor,
     VectorMonitor,
 )
+from rtamt.inputs.lanes import LaneReader
 
 Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
 Masks = NDArray[np.bool_] | None
 Vector = VectorMonitor | VectorEpisodeMonitor
 NAN = math.nan
@@ -71,9 +74,9 @@ class SingleEpisodes:
         for lane in self.chosen(mask):
             lane.reset()
 
-    def finish(self, mask: Masks) -> list[float]:
+    def finish(self, mask: Masks, end: End) -> list[float]:
         for lane in self.chosen(mask):
-            lane.finish()
+            lane.finish(end)
         return self.each("robustness")
 
     def each(self, name: str) -> list[Any]:
@@ -144,7 +147,8 @@ def test_a_vector_episode_monitor_is_a_list_of_episode_monitors(
             vector.reset(mask)
             singles.reset(mask)
         elif what == 1 and all(lane.samples for lane in chosen):
-            assert same(vector.finish(mask), singles.finish(mask))
+            end = data.draw(st.sampled_from(ENDS))
+            assert same(vector.finish(mask, end=end), singles.finish(mask, end))
         elif not any(lane.finished for lane in chosen):
             rows = data.draw(tables(num, len(vector.variables)))
             assert same(vector.update(spoilt(rows, mask), mask), singles.update(rows, mask))
@@ -215,6 +219,30 @@ def test_masks_of_every_layout_are_taken(kind: type[Vector], backend: Backend) -
         assert vector.samples.tolist() == [1, 0, 1]
         vector.reset([True, False, False])
         assert vector.samples.tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+@pytest.mark.parametrize("step", [1, 2])
+def test_bytes_of_a_mask_that_are_not_0_or_1_are_true(
+    kind: type[Vector], step: int, backend: Backend
+) -> None:
+    mask = np.repeat(np.array([2, 0, 255], np.uint8), step).view(bool)[::step]
+    vector = kind("x > 0", 3, backend=backend, nan="hold")
+    vector.update(np.ones((3, 1)))
+    vector.update([[NAN], [NAN], [2.0]], mask)
+    assert vector.samples.tolist() == [2, 1, 2]
+    if isinstance(vector, VectorEpisodeMonitor):
+        vector.finish(mask)
+        assert vector.finished.tolist() == [True, False, True]
+    vector.reset(mask)
+    assert vector.samples.tolist() == [0, 1, 0]
+
+
+def test_a_table_that_is_not_aligned_is_copied() -> None:
+    held = np.frombuffer(bytes(8 * 6 + 1), np.uint8)[1:].view(np.float64).reshape(3, 2)
+    reader = LaneReader(VectorMonitor("x > y", 3).program, 3, "raise")
+    assert not held.flags.aligned
+    assert reader.values(held).flags.aligned
 
 
 @pytest.mark.parametrize("kind", CLASSES)

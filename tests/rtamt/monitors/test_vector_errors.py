@@ -54,6 +54,21 @@ REFUSED: list[tuple[Callable[[Vector], object], type[Exception], str]] = [
         "expected an array of numbers for the lanes, got list [[1, 2], [3], [4, 5]]",
     ),
     (
+        lambda v: v.update(None),  # type: ignore[arg-type]
+        InputTypeError,
+        "expected an array of numbers for the lanes, got NoneType None",
+    ),
+    (
+        lambda v: v.update(np.zeros((3, 2)), [[True], [True, False]]),
+        InputTypeError,
+        "expected a mask of 3 booleans, got list [[True], [True, False]]",
+    ),
+    (
+        lambda v: v.reset([[True], [True, False]]),
+        InputTypeError,
+        "expected a mask of 3 booleans, got list [[True], [True, False]]",
+    ),
+    (
         lambda v: v.update({"x": 1}),  # type: ignore[arg-type]
         InputTypeError,
         "expected an array of numbers for the lanes, got dict {'x': 1}",
@@ -199,6 +214,9 @@ def test_finish_needs_a_sample_in_every_lane_and_finishes_all_or_none(backend: B
     [
         (0, InputError, "expected 1 or more lanes, got 0"),
         (-3, InputError, "expected 1 or more lanes, got -3"),
+        (2**24 + 1, InputError, "expected at most 16777216 lanes, got 16777217"),
+        (2**62, InputError, f"expected at most 16777216 lanes, got {2**62}"),
+        (2**70, InputError, f"expected at most 16777216 lanes, got {2**70}"),
         (
             cast("int", 2.5),
             InputTypeError,
