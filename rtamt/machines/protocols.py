@@ -184,7 +184,7 @@ class EpisodeBank(Bank, Protocol):
     """Episode machines in lockstep; the attributes are those of `EpisodeMachine`, for every lane.
 
     Attributes:
-        verdict: 1 where lower is above 0, -1 where upper is below, else 0.
+        verdict: 1 where the sign bit of lower is clear, -1 where that of upper is set, else 0.
     """
 
     @property

@@ -84,9 +84,9 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
     """Robustness at every sample, late by a known latency.
 
     At sample t, ``update`` gives the robustness at time ``t - latency``: positive, satisfied by
-    that margin; negative, violated by it. The first ``latency`` values are nan. Every value equals
-    the one of `evaluate` wherever the formula's future lies inside the trace. An update costs the
-    same whatever the length of the windows.
+    that margin; negative, violated by it; at 0 the sign bit decides (`holds`). The first
+    ``latency`` values are nan. Every value equals the one of `evaluate` wherever the formula's
+    future lies inside the trace. An update costs the same whatever the length of the windows.
 
     Future operators need an end (``eventually[0:5]``), except a top-level ``always p`` or
     ``eventually p``: there ``update`` gives the least or greatest robustness of p so far.
@@ -95,8 +95,9 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
         spec: Text, a formula, or a parsed specification.
         period: Seconds between samples, as a number or as text (``"100ms"``). None: the bounds of
             the formula are numbers of samples.
-        semantics: ``"standard"``, or an interface-aware one: ``"output-robustness"``,
-            ``"input-vacuity"``, ``"input-robustness"`` or ``"output-vacuity"``.
+        semantics: ``"standard"``; ``"boolean"``, under which every predicate is +inf or -inf; or an
+            interface-aware one: ``"output-robustness"``, ``"input-vacuity"``,
+            ``"input-robustness"`` or ``"output-vacuity"``.
         inputs: Variables that the system reads; a message stands for its fields. None: those that
             the text declares ``input``. Only interface-aware semantics need them.
         outputs: Variables that the system sets; a message stands for its fields. None: those that
