@@ -140,9 +140,13 @@ class VectorPanel:
 
     def finish(self, lanes: Lanes) -> None:
         """Ends the traces of the environments of the mask, which settles their bounds."""
-        for judge in self._judges:
+        at = lanes.nonzero()[0]
+        if len(at) == 0:
+            return
+        self._lower = self._upper = None
+        for k, judge in enumerate(self._judges):
             judge.finish(lanes)
-        self._note()
+            self._record(k, at, judge.verdict[at])
 
     @property
     def lower(self) -> Floats:
@@ -167,14 +171,22 @@ class VectorPanel:
             decided = int(np.count_nonzero(verdict))
             if decided == self._decided[k]:
                 continue
-            self._decided[k] = decided
-            decided_at = self._decided_at[k]
-            at = ((verdict != 0) & (decided_at < 0)).nonzero()[0]
-            last = judge.samples[at] - 1
-            decided_at[at] = last
-            first = (verdict[at] < 0) & (self.violated_at[at] < 0)
-            self.violated_by[at[first]] = self._names[k]
-            self.violated_at[at[first]] = last[first]
+            at = verdict.nonzero()[0]
+            self._record(k, at, verdict[at])
+
+    def _record(self, k: int, at: Numbers, verdict: NDArray[np.int8]) -> None:
+        """Records the new ones among the verdicts of a specification in these environments."""
+        decided_at = self._decided_at[k]
+        new = (verdict != 0) & (decided_at[at] < 0)
+        at, verdict = at[new], verdict[new]
+        if len(at) == 0:
+            return
+        self._decided[k] += len(at)
+        last = self._judges[k].samples[at] - 1
+        decided_at[at] = last
+        first = (verdict < 0) & (self.violated_at[at] < 0)
+        self.violated_by[at[first]] = self._names[k]
+        self.violated_at[at[first]] = last[first]
 
     def values(self) -> MonitorValues:
         """Reads the values of all monitors."""
