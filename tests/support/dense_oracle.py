@@ -3,7 +3,8 @@
 Every number in a formula's intervals and every time of an event is a multiple of `step`. So all
 functions of time are constant on the cells [g, g + step) of a grid; the end of the trace is an
 instant with a value of its own. A cell has the value that the definition gives in its middle.
-Shares no code with the library.
+Times and the step may be fractions: then all sums of times are exact. Shares no code with the
+library.
 """
 
 from __future__ import annotations
@@ -11,13 +12,15 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
 
-from oracle import INF, difference
+from oracle import INF, holds, order, predicate
 
 from rtamt.language.node import Node
 
 STEP = 0.5
-Signals = Mapping[str, Sequence[tuple[float, float]]]
+Time = float | Fraction
+Signals = Mapping[str, Sequence[tuple[Time, float]]]
 
 
 class Definition:
@@ -33,9 +36,9 @@ class Definition:
         self,
         signals: Signals,
         read: Callable[[Node, Mapping[str, float]], float] | None = None,
-        step: float = STEP,
+        step: Time = STEP,
     ) -> None:
-        self.read = read or _difference
+        self.read = read or _value_of
         self.step = step
         self.begin = max(events[0][0] for events in signals.values())
         self.end = min(events[-1][0] for events in signals.values())
@@ -50,11 +53,11 @@ class Definition:
         self.value = functools.cache(self._value)
 
     def breakpoints(self, formula: Node) -> list[tuple[float, float]]:
-        """The robustness wherever it becomes another one."""
-        steps = [(time, self.value(formula, time)) for time in (*self.cells, self.end)]
-        return steps[:1] + [y for x, y in itertools.pairwise(steps) if x[1] != y[1]]
+        """The robustness wherever it or its sign becomes another one."""
+        steps = [(float(time), self.value(formula, time)) for time in (*self.cells, self.end)]
+        return steps[:1] + [y for x, y in itertools.pairwise(steps) if order(x[1]) != order(y[1])]
 
-    def _value(self, f: Node, here: float) -> float:  # noqa: C901 - a table
+    def _value(self, f: Node, here: Time) -> float:  # noqa: C901 - a table
         """The value at the end, or on the cell that begins here."""
         s = here if here == self.end else here + self.step / 2
         assert f.op is not None
@@ -66,14 +69,14 @@ class Definition:
             case "not":
                 return -self.value(p, here)
             case "and":
-                return min(self.value(g, here) for g in f.args)
+                return min((self.value(g, here) for g in f.args), key=order)
             case "or":
-                return max(self.value(g, here) for g in f.args)
+                return max((self.value(g, here) for g in f.args), key=order)
             case "implies":
-                return max(-self.value(p, here), self.value(q, here))
+                return max(-self.value(p, here), self.value(q, here), key=order)
             case "iff" | "xor":
                 x, y = self.value(p, here), self.value(q, here)
-                same = min(max(-x, y), max(-y, x))
+                same = min(max(-x, y, key=order), max(-y, x, key=order), key=order)
                 return same if f.op.name == "iff" else -same
             case "always":
                 return self._least(p, self._closed(s + a, s + b))
@@ -88,43 +91,45 @@ class Definition:
             case "since":
                 return max(
                     (
-                        min(self.value(q, place), self._least(p, self._left_open(u, s)))
+                        min(self.value(q, place), self._least(p, self._left_open(u, s)), key=order)
                         for u, place in self._witnesses(s - b, s - a)
                     ),
                     default=-INF,
+                    key=order,
                 )
             case "unless":
                 throughout = self._least(p, self._closed(s, s + b))
-                return max(throughout, self._until(p, q, s, a, b))
+                return max(throughout, self._until(p, q, s, a, b), key=order)
         raise NotImplementedError(f.op.name)
 
-    def _until(self, p: Node, q: Node, s: float, a: float, b: float) -> float:
+    def _until(self, p: Node, q: Node, s: Time, a: Time, b: Time) -> float:
         return max(
             (
-                min(self.value(q, place), self._least(p, self._right_open(s, u)))
+                min(self.value(q, place), self._least(p, self._right_open(s, u)), key=order)
                 for u, place in self._witnesses(s + a, s + b)
             ),
             default=-INF,
+            key=order,
         )
 
-    def _least(self, f: Node, places: Iterable[float], sign: int = 1) -> float:
-        return min((sign * self.value(f, place) for place in places), default=INF)
+    def _least(self, f: Node, places: Iterable[Time], sign: int = 1) -> float:
+        return min((sign * self.value(f, place) for place in places), default=INF, key=order)
 
-    def _witnesses(self, x: float, y: float) -> list[tuple[float, float]]:
+    def _witnesses(self, x: Time, y: Time) -> list[tuple[Time, Time]]:
         """Times in [x, y]: begins and middles of cells, and the end; each with its cell."""
         times = [(t, g) for g in self.cells for t in (g, g + self.step / 2)]
         return [(t, g) for t, g in (*times, (self.end, self.end)) if x <= t <= y]
 
-    def _closed(self, x: float, y: float) -> list[float]:
+    def _closed(self, x: Time, y: Time) -> list[Time]:
         """The cells that [x, y] meets, and the end if it is inside."""
         met = [g for g in self.cells if g <= y and x < g + self.step]
         return met + [self.end] * (x <= self.end <= y)
 
-    def _right_open(self, x: float, y: float) -> list[float]:
+    def _right_open(self, x: Time, y: Time) -> list[Time]:
         """The cells that [x, y) meets."""
         return [g for g in self.cells if x < y and g < y and x < g + self.step]
 
-    def _left_open(self, x: float, y: float) -> list[float]:
+    def _left_open(self, x: Time, y: Time) -> list[Time]:
         """The cells that (x, y] meets, and the end if it is inside."""
         return self._closed(x, y) if x < y else []
 
@@ -134,20 +139,20 @@ def boolean(signals: Signals) -> Definition:
     return Definition(signals, _holds)
 
 
-def _bounds(f: Node, step: float) -> tuple[float, float]:
+def _bounds(f: Node, step: Time) -> tuple[Time, Time]:
     if f.interval is None:
-        return 0.0, INF
+        return 0, INF
     assert f.interval.begin % step == 0 == (f.interval.end or 0) % step
-    return float(f.interval.begin), INF if f.interval.end is None else float(f.interval.end)
+    return f.interval.begin, INF if f.interval.end is None else f.interval.end
 
 
-def _last(events: Sequence[tuple[float, float]], time: float) -> float:
+def _last(events: Sequence[tuple[Time, float]], time: Time) -> float:
     return [value for t, value in events if t <= time][-1]
 
 
-def _difference(f: Node, inputs: Mapping[str, float]) -> float:
-    return difference(f, {name: [value] for name, value in inputs.items()}, 0)
+def _value_of(f: Node, inputs: Mapping[str, float]) -> float:
+    return predicate(f, {name: [value] for name, value in inputs.items()}, 0)[0]
 
 
 def _holds(f: Node, inputs: Mapping[str, float]) -> float:
-    return INF if _difference(f, inputs) > 0 else -INF
+    return INF if holds(f, {name: [value] for name, value in inputs.items()}, 0) else -INF

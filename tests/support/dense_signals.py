@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
 
 from dense_oracle import STEP
 from hypothesis import strategies as st
@@ -12,8 +15,13 @@ from strategies import QUARTERS, VARIABLES
 from rtamt import DenseMonitor
 
 Breakpoints = list[tuple[float, float]]
+Bits = list[tuple[float, float, float]]
 Signals = dict[str, Breakpoints]
 Chunks = list[Signals]
+_Events = TypeVar("_Events")
+
+INTEGERS = st.sampled_from((0.0, 0.0, -0.0, -2.0, -1.0, 1.0, 2.0))
+"""Values of which nearly a half is 0."""
 
 _starts = st.sampled_from((0.0, STEP, 2 * STEP))
 _gaps = st.lists(st.sampled_from((STEP, 2 * STEP, 3 * STEP, 5 * STEP)), max_size=6)
@@ -58,7 +66,7 @@ def of(monitor: DenseMonitor, chunk: Signals) -> Signals:
     return {name: events for name, events in chunk.items() if name in monitor.variables}
 
 
-def relevant(whole: Signals, names: tuple[str, ...]) -> Signals:
+def relevant(whole: Mapping[str, _Events], names: tuple[str, ...]) -> dict[str, _Events]:
     """The signals of some variables, for the oracle."""
     return {name: whole[name] for name in names}
 
@@ -67,3 +75,13 @@ def play(monitor: DenseMonitor, calls: Chunks) -> Breakpoints:
     """Updates the monitor with every chunk and finishes it; all steps of the result."""
     given = [step for chunk in calls for step in monitor.update(of(monitor, chunk))]
     return given + monitor.finish()
+
+
+def by_value(steps: Iterable[tuple[float, float]]) -> Breakpoints:
+    """Steps without those that differ from the one before in the sign of zero alone."""
+    return [next(same) for _, same in itertools.groupby(steps, key=lambda step: step[1])]
+
+
+def bitwise(steps: Iterable[tuple[float, float]]) -> Bits:
+    """Steps with the signs of their values, which tell 0.0 from -0.0."""
+    return [(time, value, math.copysign(1.0, value)) for time, value in steps]

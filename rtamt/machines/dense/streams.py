@@ -53,8 +53,8 @@ class Stream(StateFields):
         self.value = math.nan
 
     def push(self, tick: float, value: float) -> None:
-        """Take in the value from a tick on; it makes a breakpoint only if it differs."""
-        if value != self.value:
+        """Take in the value from a tick on; it makes a breakpoint if it or its sign differs."""
+        if value != self.value or math.copysign(1.0, value) != math.copysign(1.0, self.value):
             self.new.append((tick, value))
             self.value = value
 

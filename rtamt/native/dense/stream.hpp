@@ -62,7 +62,7 @@ public:
         times_[end_] = kAfter;
     }
 
-    // Adds the steps that change the value; 0.0 and -0.0 are equal here.
+    // Adds the steps that change the value or its sign: 0.0 and -0.0 differ.
     void append(const Time* times, const double* values, std::size_t n) {
         reserve(n);
         Time* t = times_.data();
@@ -73,7 +73,7 @@ public:
             const double value = values[i];
             t[end] = times[i];
             v[end] = value;
-            end += !(value == last);
+            end += !same(value, last);
             last = value;
         }
         end_ = end;
