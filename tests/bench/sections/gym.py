@@ -37,7 +37,7 @@ def steps(setting: Setting) -> Table:
         if "naive" in found and peers_bare:
             naive = (found["naive"][2] - peers_bare[2]) / 1e3
         table.rows.append(Row(f"{short}, bare step", {"rtamt": bare[2] / 1e3}))
-        for who, target in (("one", 0.7), ("four", 2.0)):
+        for who, target in (("one", 0.45), ("four", 1.0)):
             if who in found:
                 figures = {"rtamt": (found[who][2] - bare[2]) / 1e3}
                 if who == "one" and not math.isnan(naive):
