@@ -292,7 +292,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         Example:
             >>> text = "always(x > 5 implies eventually[0:3](x < 2))"
             >>> for end in ("complete", "cut", "open"):
-            ...     e = EpisodeMonitor(text, backend="python")
+            ...     e = EpisodeMonitor(text)
             ...     robustness = e.update(x=6)
             ...     print(e.finish(end), e.lower, e.upper, e.verdict.name)
             -1.0 -1.0 -1.0 VIOLATED
