@@ -45,6 +45,8 @@ using rtamt::lesser;
 }  // namespace alone
 
 template <double (*choose)(double, double)>
-constexpr auto kAlone = choose == lesser ? alone::lesser : alone::greater;
+inline constexpr auto kAlone = alone::greater;
+template <>
+inline constexpr auto kAlone<lesser> = alone::lesser;
 
 }  // namespace rtamt
