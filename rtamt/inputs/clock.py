@@ -153,12 +153,17 @@ class Clock:
         )
 
     def same_tick(self, before: object, time: object) -> str:
-        """The end of the error about two times on one tick: a resolution that tells them apart."""
+        """The end of the error about two times on one tick: a resolution that tells them apart.
+
+        It is empty if the time does not come after the one before.
+        """
         first, second = (self._seconds(t) for t in (before, time))
+        if first >= second:
+            return ""
         finer = self.resolution
         while round(first / finer) >= round(second / finer):
             finer /= 10
-        on_one = f"which is on the same tick of {duration_text(self.resolution)}"
+        on_one = f", which is on the same tick of {duration_text(self.resolution)}"
         if max(abs(first), abs(second)) >= MAX_TICKS * finer:
             return f"{on_one}; subtract the time of the first event from all, or leave one out"
         return f"{on_one}; resolution={duration_text(finer)!r} would do"

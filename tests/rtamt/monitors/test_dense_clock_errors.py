@@ -1,0 +1,116 @@
+"""What the clock of dense time refuses, in exact words, with a resolution that would do."""
+
+import re
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from rtamt import (
+    DenseMonitor,
+    InputError,
+    InputTypeError,
+    SpecificationError,
+    StlDenseTimeSpecification,
+    evaluate_dense,
+)
+
+Backend = Literal["native", "python"]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason", "hint"),
+    [
+        (
+            "once[0:0.0000000015](x > 0)",
+            "bound 0.0000000015 s is not a whole number of ticks of 1ns",
+            "give resolution='500ps', of which it is one",
+        ),
+        (
+            "once[0:5000000000](x > 0)",
+            "bound 5000000000 s is 2**62 ticks of 1ns or more",
+            "give resolution='10ns', or write smaller bounds",
+        ),
+        (
+            "once[0.000000001:5000000000](x > 0)",
+            "bound 5000000000 s is 2**62 ticks of 1ns or more",
+            "write smaller bounds",
+        ),
+        (
+            "once[0:4000000000](once[0:4000000000](x > 0))",
+            "the bounds nested here are together 2**62 ticks of 1ns or more",
+            "give resolution='10ns', or write smaller bounds",
+        ),
+    ],
+)
+def test_bounds_are_counted(text: str, reason: str, hint: str) -> None:
+    words = re.escape(f"STL:1:5: {reason}\n  {text}\n      ^\n  hint: {hint}")
+    for call in (DenseMonitor, lambda spec: evaluate_dense(spec, {"x": [(0, 1)]})):
+        with pytest.raises(SpecificationError, match=f"^{words}$"):
+            call(text)
+
+
+LAST = np.datetime64("2026-01-01T00:00:01", "s")
+AFTER = "expected a time after {} at event 0 of 'x', got {}"
+ON_ONE = f"{AFTER}, which is on the same tick of 1ns; {{}}"
+KIND = "expected {} as the time of event 0 of 'x', as before, got {}"
+FAR = "expected a time of less than 2**62 ticks of 1ns at event 0 of 'x', got {}; {}"
+APART = "subtract the time of the first event from all, or leave one out"
+
+
+@pytest.mark.parametrize(
+    ("before", "event", "words"),
+    [
+        (1.5, 1.5, AFTER.format(1.5, 1.5)),
+        (1.5, 1.5 + 1e-10, ON_ONE.format(1.5, 1.5000000001, "resolution='100ps' would do")),
+        (1.5, 5e9, FAR.format(5e9, "resolution='10ns' would do")),
+        (1.5, LAST, KIND.format("a number", f"datetime64 {LAST}")),
+        (LAST, 1.5, KIND.format("datetime64", 1.5)),
+        (
+            1e9,
+            Fraction(10**19 + 1, 10**10),
+            ON_ONE.format(1e9, 1e9, APART),
+        ),
+        (LAST, np.datetime64("NaT"), "expected a finite time at event 0 of 'x', got NaT"),
+    ],
+)
+def test_times_are_counted(before: Any, event: Any, words: str, backend: Backend) -> None:  # noqa: ANN401
+    monitor = DenseMonitor("x > 0", backend=backend)
+    monitor.update({"x": [(before, 1.0)]})
+    with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
+        monitor.update({"x": [(event, 2.0)]})
+    assert monitor.settled == before
+    assert monitor.finish() == [(before, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("resolution", "error", "words"),
+    [
+        (None, InputTypeError, 'in seconds or as text such as "1ns", got None'),
+        (0, SpecificationError, 'from 1e-300 to 1e300 s, or text such as "100ms", got 0'),
+        (
+            "1x",
+            SpecificationError,
+            "greater than 0, in seconds or as text such as \"100ms\", got '1x'",
+        ),
+    ],
+)
+def test_a_resolution_is_a_duration(resolution: Any, error: type[Exception], words: str) -> None:  # noqa: ANN401
+    for call in (
+        lambda: DenseMonitor("x > 0", resolution=resolution),
+        lambda: evaluate_dense("x > 0", {"x": [(0, 1)]}, resolution=resolution),
+    ):
+        with pytest.raises(error, match=f"^expected a resolution {re.escape(words)}"):
+            call()
+
+
+def test_in_the_released_classes_the_last_event_of_a_tick_counts() -> None:
+    events = [[0.0, 1.0], [1.0, 2.0], [1.0 + 1e-10, 5.0], [2.0, 3.0], [2.0, 4.0]]
+    spec = StlDenseTimeSpecification()
+    spec.declare_var("x", "float")
+    spec.spec = "x > 0"
+    spec.parse()
+    expected = [[0.0, 1.0], [1.0, 5.0], [2.0, 4.0]]
+    assert spec.evaluate(["x", events]) == expected
+    assert spec.update(["x", events]) == expected
