@@ -92,7 +92,7 @@ def test_times_are_counted(before: Any, event: Any, words: str, backend: Backend
         (
             "1x",
             SpecificationError,
-            "greater than 0, in seconds or as text such as \"100ms\", got '1x'",
+            "from 1e-300 to 1e300 s, or text such as \"100ms\", got '1x'",
         ),
     ],
 )
