@@ -26,10 +26,11 @@ INF = math.inf
 def expected(case: Case, whole: Signals) -> Breakpoints:
     """The breakpoints by definition."""
     spec, of = case[0], read(case)
-    # The definition is one of sampled traces; here the trace is a single sample.
+    # The definition is one of sampled traces; here the trace is a single sample. A predicate that
+    # nobody knows counts 0.0, its upper bound.
     definition = Definition(
         relevant(whole, spec.variables),
-        lambda f, values: of(f, {name: [value] for name, value in values.items()}, 0)[0],
+        lambda f, values: of(f, {name: [value] for name, value in values.items()}, 0)[1],
     )
     return definition.breakpoints(spec.formula)
 
