@@ -17,9 +17,7 @@
 namespace rtamt::dense {
 
 // Equality of all bits: 0.0 and -0.0 differ.
-inline bool same(double x, double y) {
-    return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
-}
+using rtamt::same;
 inline bool same(Pair x, Pair y) { return same(x.p, y.p) && same(x.q, y.q); }
 
 // A right-continuous step function, as steps (time, value), each of which lasts until the next one.

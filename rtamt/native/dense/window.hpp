@@ -24,7 +24,7 @@ public:
 
     explicit Queue(std::optional<Time> lo) : lo_(lo.value_or(0)), bounded_(lo.has_value()) {}
 
-    Element fold() const { return F::combine(older_, newer_); }
+    Element fold() const { return F::combine_alone(older_, newer_); }
     // The time at which the oldest step leaves; kAfter while the end of the only step is not known.
     Time leaves() const { return leaves_; }
 
@@ -34,7 +34,7 @@ public:
             if (back_.size() == 1 && front_.empty()) leaves_ = start - lo_;
             back_.push_back({start, x});
         }
-        const Element newer = F::combine(newer_, x);
+        const Element newer = F::combine_alone(newer_, x);
         const bool changed = !same(newer, newer_);
         newer_ = newer;
         return changed;
@@ -78,14 +78,14 @@ private:
     void flip() {
         Element fold = F::identity;
         for (std::size_t i = back_.size() - 1; i-- > 1;) {
-            const Element longer = F::combine(back_[i].x, fold);
+            const Element longer = F::combine_alone(back_[i].x, fold);
             if (front_.empty() || !same(longer, fold))
                 front_.push_back({back_[i + 1].time - lo_, longer});
             fold = longer;
         }
         back_.front() = back_.back();
         back_.resize(1);
-        newer_ = F::combine(F::identity, back_.front().x);
+        newer_ = F::combine_alone(F::identity, back_.front().x);
     }
     void refresh() {
         older_ = front_.empty() ? F::identity : front_.back().x;
