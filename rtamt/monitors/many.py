@@ -53,8 +53,8 @@ def evaluate_many(
     Example:
         >>> x = [[5, 4, 3], [1, 9, 9]]
         >>> evaluate_many("always(x > 1)", {"x": x})
-        array([[2., 2., 2.],
-               [0., 8., 8.]])
+        array([[ 2.,  2.,  2.],
+               [-0.,  8.,  8.]])
         >>> evaluate_many("always(x > 1)", {"x": x}, lengths=[2, 3])
         array([[ 3.,  3., nan],
                [ 0.,  8.,  8.]])

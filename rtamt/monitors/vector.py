@@ -116,7 +116,7 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
         array([1., 2., 3.])
         >>> m.reset(mask=[True, False, False])
         >>> m.update([[0, 0], [0, 0], [0, 0]])
-        array([0., 0., 3.])
+        array([-0., -0.,  3.])
         >>> m.samples
         array([1, 3, 2])
     """
