@@ -57,7 +57,7 @@ def evaluate_many(
                [-0.,  8.,  8.]])
         >>> evaluate_many("always(x > 1)", {"x": x}, lengths=[2, 3])
         array([[ 3.,  3., nan],
-               [ 0.,  8.,  8.]])
+               [-0.,  8.,  8.]])
     """
     _, _, backend, nan, _, program = compiled(evaluate_many, spec, period, options, online=False)
     reader = SampleReader(program, nan)
