@@ -35,6 +35,11 @@ _EXTRAS = {
 _OPTIONS = (
     # The library's errors give advice in Python; on the command line the same advice is an option.
     (r"view='step'", "--view step"),
+    (
+        r"give period= for bounds in time, or let align= round it$",
+        "or give --period for bounds in time",
+    ),
+    (r"take samples (\S+) s apart, or let align= round it$", r"or take samples \1 s apart"),
     (r"\bperiod= ?", "--period "),
     (r"semantics='([\w-]+)'", r"--semantics \1"),
     (r" or name them: (in|out)puts=\('.*',\)$", ""),

@@ -11,6 +11,7 @@ import reprlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from rtamt.compat.advice import own_advice
 from rtamt.compat.declarations import (
     AbstractSpecification,
     OfflineSpecification,
@@ -144,6 +145,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         breakpoints = self._take(signals)
         return self._late(breakpoints + self._untold(self._running().finish()))
 
+    @own_advice()
     def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
         monitor = self._running()
         named, needed = self._read_signals(signals)
@@ -208,6 +210,7 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
         [[0.0, -3.0], [1.0, 2.0], [4.0, -2.0]]
     """
 
+    @own_advice()
     def evaluate(self, *signals: Signal) -> Pairs:
         """The breakpoints of the robustness of whole signals.
 

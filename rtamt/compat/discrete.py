@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from rtamt.compat.advice import own_advice
 from rtamt.compat.declarations import (
     AbstractSpecification,
     OfflineSpecification,
@@ -179,6 +180,7 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
             write_fields(monitor.specification, {self._result: robustness}, message, {})
         return robustness
 
+    @own_advice()
     def _start(self) -> Monitor:
         spec, period, options = self._specification(), self._period(), self._options()
         monitor = Monitor(spec, period, **options)
@@ -252,6 +254,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
         self._evaluated((columns, time))
         return [[t, value] for t, value in zip(time, robustness, strict=True)]
 
+    @own_advice()
     def explain(self) -> Explanation:
         """The sub-formulas and samples that decided the robustness at the first sample.
 
@@ -265,6 +268,7 @@ class StlDiscreteTimeOfflineSpecification(OfflineSpecification[_Trace], _Sampled
         spec, period, options = self._specification(), self._period(), self._options()
         return explain(spec, columns, period, start=seconds, n=len(time), **options)
 
+    @own_advice()
     def _robustness_of(self, spec: Specification, trace: _Trace) -> list[Any]:
         columns, time = trace
         values = evaluate(spec, columns, self._period(), n=len(time), **self._options())

@@ -131,6 +131,9 @@ def _parsed(
     if not is_one_of(unit, UNITS):
         raise SpecificationError(no_unit(unit))
     for name in constants:
+        if not isinstance(name, str):
+            msg = f"expected names of constants as text, got {type(name).__name__} {brief(name)}"
+            raise InputTypeError(msg)
         variable(name)  # raises if the text could not have the name
     given = tuple((n, exact(v, f"the constant '{n}'")) for n, v in constants.items())
     if modules:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NoReturn
 
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
+from rtamt.errors import StateError
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
@@ -19,6 +21,7 @@ __all__ = [
     "episode_bank",
     "episode_machine",
     "read_only",
+    "refuse_running",
 ]
 
 
@@ -50,3 +53,12 @@ def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.Dis
 
 def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
     return _native.EpisodeBank(*encoded_episode(program), num, reader)
+
+
+def refuse_running() -> NoReturn:
+    """Raise the error of a call on a machine that runs in another thread."""
+    msg = (
+        "the monitor is running in another thread; wait until that call returns, "
+        "or make a monitor for each thread"
+    )
+    raise StateError(msg)

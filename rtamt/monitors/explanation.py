@@ -30,6 +30,7 @@ from rtamt.language.table import Operator
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_outputs
 from rtamt.monitors.evaluation import whole_trace
+from rtamt.monitors.holds import holds, zero_text
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.monitors.provenance import Origin, origin_of
 from rtamt.program.interface import Interface, Reading
@@ -138,7 +139,7 @@ class Explanation:
         """A robustness; of 0 also whether the formula holds, which the sign bit says."""
         if step.value or self.steps[-1].reading == "zero":
             return _number(step.value)
-        return f"0, {'violated' if math.copysign(1.0, step.value) < 0.0 else 'holds'}{then}"
+        return f"{zero_text(held=holds(step.value))}{then}"
 
     def _notes(self, step: ExplanationStep) -> Iterator[str]:
         if step.aligned is not None:

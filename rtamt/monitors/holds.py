@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.samples import array_of_numbers, kind_of
 
-__all__ = ["holds"]
+__all__ = ["holds", "zero_text"]
 
 
 @overload
@@ -64,3 +64,8 @@ def holds(robustness: object) -> object:
         )
     held = ~np.signbit(values)
     return held if values.ndim else bool(held)
+
+
+def zero_text(*, held: bool) -> str:
+    """A robustness of 0 with what its sign says."""
+    return "0, holds" if held else "0, violated"

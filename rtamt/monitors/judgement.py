@@ -13,6 +13,7 @@ from rtamt.machines.outlook import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.evaluation import raw_trace
+from rtamt.monitors.holds import zero_text
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import (
     SampleOptions,
@@ -120,6 +121,11 @@ class Judgement:
         """
         return self._decided_at()
 
+    def _robustness_text(self) -> str:
+        if self.robustness == 0.0 and self.complete is not Verdict.UNDECIDED:
+            return zero_text(held=self.complete is Verdict.SATISFIED)
+        return _number(self.robustness)
+
     def _values(self) -> tuple[object, ...]:
         return (
             *(self.robustness, self.lower, self.upper, self.verdict, self.end, self.formula),
@@ -141,7 +147,7 @@ class Judgement:
     def __str__(self) -> str:
         lines = _wrapped(f"{self.verdict.name}: {self.formula}")
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
-        lines.append(f'robustness {_number(self.robustness)}, {bounds} under end="{self.end}"')
+        lines.append(f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"')
         for part in self.untested:
             lines += _wrapped(str(part))
         if self.verdict is Verdict.UNDECIDED:

@@ -56,7 +56,7 @@ def limit_beyond(program: Program, n: int) -> None:
     """
     windows = [i for i in program.instructions if isinstance(i, Window)]
     beyond = sum(max(0, abs(b) - n) for w in windows for b in (w.lo, w.hi) if b is not None)
-    # Of every variable and window, in either world.
+    # Each variable and each window keeps them, in both worlds.
     _limit(program, 2 * beyond * (len(program.variables) + len(windows)), 1)
 
 

@@ -29,16 +29,17 @@ struct NamedObject : Object<M> {
     Arguments arguments;
 };
 
-template <class M>
-void require_idle(const Object<M>& object) {
-    if (object.running) throw std::runtime_error("the machine is running in another thread");
-}
-
-// Has the reader raise the error of a call.
+// Has the reader, or a module, raise the error of a call.
 template <class... Args>
 [[noreturn]] void refuse(const nb::object& reader, const char* call, Args&&... args) {
     reader.attr(call)(std::forward<Args>(args)...);
-    throw std::runtime_error("the reader did not refuse the call");
+    throw std::runtime_error("Python did not refuse the call");
+}
+
+template <class M>
+void require_idle(const Object<M>& object) {
+    if (object.running) [[unlikely]]
+        refuse(nb::module_::import_("rtamt.machines.native"), "refuse_running");
 }
 
 // The arguments of an update as Python's (*args, **named).

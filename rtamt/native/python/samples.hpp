@@ -18,8 +18,7 @@ nb::list inputs(const NamedObject<M>& object) {
 
 // Raises the error of a call that the state of an episode does not allow; its text is in Python.
 [[noreturn]] inline void refuse_state(const char* call) {
-    nb::module_::import_("rtamt.machines.episode.machine").attr(call)();
-    throw std::runtime_error("Python did not refuse the call");
+    refuse(nb::module_::import_("rtamt.machines.episode.machine"), call);
 }
 
 template <class M>

@@ -7,7 +7,7 @@ import pytest
 from compat_specs import declared
 
 import rtamt
-from rtamt import Language, StlDiscreteTimeSpecification
+from rtamt import Language, StlDenseTimeSpecification, StlDiscreteTimeSpecification
 
 
 def test_every_error_is_the_released_exception() -> None:
@@ -107,6 +107,49 @@ def test_after_an_error_all_is_as_before() -> None:
     with pytest.raises(rtamt.ParseError):
         spec.parse()
     assert spec.update(2, [("a", 9.0)]) == twin.update(2, [("a", 9.0)])
+
+
+def test_the_way_out_of_a_bound_that_does_not_fit_is_one_of_these_classes() -> None:
+    text = (
+        "STL:1:7: bound 1.5 s is not a multiple of the period 1 s (1.5 steps)\n"
+        "  always[0:1.5](a > 1)\n"
+        "        ^\n"
+        "  hint: use 1 s or 2 s, or take samples 0.5 s apart and say so with set_sampling_period()"
+    )
+    spec = declared("always[0:1.5](a > 1)")
+    calls: list[Callable[[], object]] = [
+        lambda: spec.update(0, [("a", 3.0)]),
+        lambda: spec.evaluate({"time": [0, 1], "a": [2.0, 0.0]}),
+    ]
+    for call in calls:
+        with pytest.raises(rtamt.ParseError) as caught:
+            call()
+        assert str(caught.value) == text
+
+
+def test_the_dense_classes_name_the_monitor_that_has_another_resolution() -> None:
+    spec = StlDenseTimeSpecification()
+    spec.declare_var("a", "float")
+    spec.spec = "once[0:0.0000000015](a > 1)"
+    spec.parse()
+    calls: list[Callable[[], object]] = [
+        lambda: spec.update(["a", [[0, 1]]]),
+        lambda: spec.evaluate(["a", [[0, 1]]]),
+    ]
+    for call in calls:
+        with pytest.raises(rtamt.ParseError) as caught:
+            call()
+        assert caught.value.hint == (
+            "write whole nanoseconds, or use rtamt.DenseMonitor with resolution='500ps'"
+        )
+    spec.spec = "a > 1"
+    spec.parse()
+    with pytest.raises(rtamt.RTAMTException) as caught_input:
+        spec.evaluate(["a", [[0, 1], [1e20, 1]]])
+    assert str(caught_input.value) == (
+        "expected a time of less than 2**62 ticks of 1ns at event 1 of 'a', got 1e+20; "
+        "rtamt.DenseMonitor takes it with resolution='100s'"
+    )
 
 
 def test_a_future_without_end_is_refused_online_alone() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
-from rtamt import ParseError, SpecificationError
+from rtamt import InputTypeError, ParseError, SpecificationError
 
 TEXT = "const float limit = 0.2\nconst float T = 3\nalways[0:T](x < limit) and y > limit"
 decimals = st.decimals(0, 100, places=3)
@@ -58,3 +58,8 @@ def test_a_value_is_checked_as_if_the_text_had_it() -> None:
         rtamt.parse(TEXT, constants={"T": -1})
     with pytest.raises(ParseError, match="'T' is already declared"):
         rtamt.parse("const float T = 3\nconst float T = 4\nx > T", constants={"T": 1})
+
+
+def test_a_name_that_is_no_text_is_refused_as_that_of_a_constant() -> None:
+    with pytest.raises(InputTypeError, match=r"^expected names of constants as text, got int 1$"):
+        rtamt.parse(TEXT, constants={1: 2})  # type: ignore[dict-item]

@@ -195,7 +195,11 @@ def test_the_text_names_what_is_missing_and_the_way_out() -> None:
         """)
     assert str(judge("x >= 0", {"x": [0]})) == inspect.cleandoc("""
         SATISFIED: x >= 0
-        robustness 0, bounds 0 to 0 under end="cut"
+        robustness 0, holds, bounds 0 to 0 under end="cut"
+        """)
+    assert str(judge("always(x > 0)", {"x": [0]})) == inspect.cleandoc("""
+        VIOLATED: always(x > 0)
+        robustness 0, violated, bounds -inf to 0 under end="cut"
         """)
     long = " and ".join(f"eventually[0:{k}](signal_{k} > {k})" for k in range(1, 30))
     trace = {f"signal_{k}": [0] for k in range(1, 30)}

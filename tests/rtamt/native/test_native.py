@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, cast
 import numpy as np
 import pytest
 
-from rtamt import Monitor
+from rtamt import Monitor, StateError
 from rtamt.program.encoding import encoded_discrete
 
 if TYPE_CHECKING:
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 native = pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 SPEC = "always[0:3](speed + 2 * gap > 1)"
+RUNNING = (
+    "the monitor is running in another thread; wait until that call returns, "
+    "or make a monitor for each thread"
+)
 
 
 def monitor(spec: str = SPEC, nan: Literal["raise", "hold"] = "raise") -> Monitor:
@@ -251,7 +255,7 @@ def test_what_another_thread_is_running_is_left_alone() -> None:
             try:
                 if made.samples == 0:  # as it is until the end of the run
                     call()
-            except RuntimeError as error:
-                assert str(error) == "the machine is running in another thread"  # noqa: PT017
+            except StateError as error:
+                assert str(error) == RUNNING  # noqa: PT017
                 refused += 1
     assert len(results) == 1

@@ -91,8 +91,8 @@ def test_a_reader_that_refuses_nothing_is_noticed() -> None:
 
     program = VectorMonitor("sqrt(x) > 0", 1).program
     made = BACKENDS["native"].discrete_bank(program, 1, cast("Any", Reader()))
-    with pytest.raises(RuntimeError, match=r"^the reader did not refuse the call$"):
+    with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
         made.update(np.array([[-1.0]]))
     episodes = BACKENDS["native"].episode_bank(program, 1, cast("Any", Reader()))
-    with pytest.raises(RuntimeError, match=r"^the reader did not refuse the call$"):
+    with pytest.raises(RuntimeError, match=r"^Python did not refuse the call$"):
         episodes.finish()

@@ -90,7 +90,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
                 "STL:1:7: bound 1 s is not a multiple of the period 0.4 s (2.5 steps)\n"
                 "  always[0:1](x > 0)\n"
                 "        ^\n"
-                "  hint: use 0.8 s or 1.2 s, take samples 0.2 s apart, or let align= round it"
+                "  hint: use 0.8 s or 1.2 s, or take samples 0.2 s apart"
             ),
         ),
         (
