@@ -36,10 +36,14 @@ from rtamt.program.algebra import FOLDS, FUNCTIONS, Element
 from rtamt.program.memory import limit_beyond
 from rtamt.program.outlook import (
     Outlook,
+    initial,
     look_out,
+    looks_ahead,
+    nested,
     planned,
     sufficient,
     throughout,
+    unending,
 )
 from rtamt.program.program import Const, Load, Map, Program, Window
 
@@ -217,15 +221,37 @@ class _Reading:
         self._machine = machine
         self._n = n
         self._signals = [[Signal(column, unseen) for column in predicates] for unseen in UNSEEN]
-        self._passes: dict[tuple[int, ...], tuple[list[FoldPass], Pass]] = {}
-        self._roots: dict[int, _Root] = {}
+        self._passes: dict[tuple[Program, tuple[int, ...]], tuple[list[FoldPass], Pass]] = {}
+        self._roots: dict[tuple[Program, int], _Root] = {}
+        self._complete: float | None = None
 
     def at_zero(self, world: int, *, cut: bool) -> float:
         """The result at time 0 in a world."""
-        outlook = self._outlook
-        program = outlook.formulas
+        program = self._outlook.formulas
+        if world != ENDED and not cut:
+            return self._walked(unending(program, float(UNSEEN[world][0])), world, cut=False)
+        if world != ENDED and looks_ahead(program):
+            return self._walked(program, world, cut=True)
+        # Where only windows without an end look ahead, a recording is judged like a whole trace.
+        if self._complete is None:
+            if nested(program):
+                self._complete = self._fused(program)
+            else:
+                self._complete = self._walked(program, ENDED, cut=False)
+        return self._complete
+
+    def _fused(self, program: Program) -> float:
+        """The result at time 0 if there is nothing after the trace, in one pass backwards."""
+        part = program.restricted(program.result, {"": program.result}).mirrored()
+        machine = self._machine(part, SampleReader(part), (part.result,))
+        columns = [signal.recorded for signal in self._signals[ENDED]]
+        (values,) = machine.evaluate(columns, self._n, backwards=True)
+        return float(values[0])
+
+    def _walked(self, program: Program, world: int, *, cut: bool) -> float:
+        """The result at time 0 in a world, from what is read at time 0 alone."""
         found: dict[int, float] = {}
-        for register in outlook.initial:
+        for register in initial(program):
             match program.instructions[register]:
                 case Const(value):
                     found[register] = value
@@ -236,30 +262,39 @@ class _Reading:
                     apply = FUNCTIONS[function].apply
                     found[register] = functools.reduce(apply, (found[a] for a in args))
                 case Window(_, _, None, args):  # it begins now: a later begin is a shift
-                    if register not in self._roots:
-                        self._roots[register] = _Root(program, register, self._machine)
-                    operands = self._values(args, world, cut=cut)
+                    key = program, register
+                    if key not in self._roots:
+                        self._roots[key] = _Root(program, register, self._machine)
+                    operands = self._values(program, args, world, cut=cut)
                     recorded = cut or world == ENDED
-                    found[register] = self._roots[register].value(operands, recorded=recorded)
+                    found[register] = self._roots[key].value(operands, recorded=recorded)
                 case Window():
-                    (its,) = self._values((register,), world, cut=cut)
+                    (its,) = self._values(program, (register,), world, cut=cut)
                     found[register] = its.at(0)
         return found[program.result]
 
-    def _values(self, registers: tuple[int, ...], world: int, *, cut: bool) -> list[Values]:
-        """The values of some registers of the formulas in a world."""
-        signals, last = self.inputs(registers, world, cut=cut)
+    def _values(
+        self, program: Program, registers: tuple[int, ...], world: int, *, cut: bool
+    ) -> list[Values]:
+        """The values of some registers in a world."""
+        signals, last = self._inputs(program, registers, world, cut=cut)
         return last.values(signals, world, self._n)
 
     def inputs(
         self, registers: tuple[int, ...], world: int, *, cut: bool
     ) -> tuple[list[Signal], Pass]:
-        """The pass that finds some registers, and the signals that it needs."""
-        if registers not in self._passes:
-            folded, last = planned(self._outlook.formulas, registers)
+        """The pass that finds some registers of the formulas, and the signals that it needs."""
+        return self._inputs(self._outlook.formulas, registers, world, cut=cut)
+
+    def _inputs(
+        self, program: Program, registers: tuple[int, ...], world: int, *, cut: bool
+    ) -> tuple[list[Signal], Pass]:
+        key = program, registers
+        if key not in self._passes:
+            folded, last = planned(program, registers)
             folds = [FoldPass(window, self._machine) for window in folded]
-            self._passes[registers] = folds, Pass(last, self._machine)
-        folds, final = self._passes[registers]
+            self._passes[key] = folds, Pass(last, self._machine)
+        folds, final = self._passes[key]
         signals = self._signals[world][:]
         for fold in folds:
             signals.append(fold.signal(signals, world, self._n, cut=cut))

@@ -176,8 +176,8 @@ def judge(
     """The verdict on a whole trace, by what its end means.
 
     It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, about the first of
-    them; invariants are written ``always(...)``. It costs as much as two or three evaluations of
-    the trace; operators without an end inside others are read several times, and cost more.
+    them; invariants are written ``always(...)``. It costs as much as three evaluations of the trace
+    or less; an operator without an end inside another costs more if it is over one with an end.
 
     Args:
         spec: Text, a formula, or a parsed specification.

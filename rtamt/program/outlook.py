@@ -8,15 +8,28 @@ Predicates are therefore computed first, and are variables of the programs that 
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rtamt.program.algebra import FOLDS
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.passes import Folded, folded_apart
 from rtamt.program.polarity import positive
 from rtamt.program.program import Const, Instruction, Load, Map, Program, Window, latencies_of
 
-__all__ = ["Outlook", "look_out", "past", "planned", "reaches", "sufficient", "throughout"]
+__all__ = [
+    "Outlook",
+    "initial",
+    "look_out",
+    "looks_ahead",
+    "nested",
+    "past",
+    "planned",
+    "reaches",
+    "sufficient",
+    "throughout",
+    "unending",
+]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -27,15 +40,12 @@ class Outlook:
         predicates: Computes the predicates, opposites of predicates among them, as its outputs.
         formulas: What is made of them; its variables are those outputs.
         exact: The same registers, with bounds that are not cut to the trace.
-        initial: Registers of ``formulas`` that are read at time 0 alone, in order; the last is the
-            result.
         needed: Samples on which the bounds depend; None: all.
     """
 
     predicates: Program
     formulas: Program
     exact: Program
-    initial: tuple[int, ...]
     needed: int | None
 
 
@@ -68,17 +78,12 @@ def look_out(program: Program, n: int, *, best: bool) -> Outlook:
         latencies=latencies_of(instructions),
         variables=tuple(names.values()),
     )
-    initial = {program.result}
-    for register in reversed(behind):
-        instruction = program.formula(register)
-        if register in initial and isinstance(instruction, Map):
-            initial.update(instruction.args)
     needed: int | None = 1
-    for register in initial:
-        if register >= program.terms and isinstance(instructions[register], Window):
+    for register in initial(formulas):
+        if isinstance(instructions[register], Window):
             late = formulas.latencies[register]
             needed = None if late is None or needed is None else max(needed, late + 1)
-    return Outlook(predicates, formulas, exact, tuple(sorted(initial)), needed)
+    return Outlook(predicates, formulas, exact, needed)
 
 
 @functools.lru_cache(maxsize=512)
@@ -93,6 +98,87 @@ def _memory_and_bound(program: Program) -> tuple[int, int]:
     return sum(before), max(
         (abs(b) for w in windows for b in (w.lo, w.hi) if b is not None), default=0
     )
+
+
+@functools.lru_cache(maxsize=512)
+def unending(program: Program, unseen: float) -> Program:
+    """The program for traces that go on for ever, whose unseen predicates have one infinite value.
+
+    A register is a constant there if what comes in the end decides it at all times. The program is
+    the same object if there is none.
+    """
+    needed = program.pruned()
+    instructions = needed.instructions
+    last: list[float | None] = []  # the value that stays in the end, if that is known
+    fixed: dict[int, float] = {}  # that of registers which have it at all times
+    for register, instruction in enumerate(instructions):
+        if isinstance(instruction, Load):
+            last.append(unseen)
+            continue
+        if isinstance(instruction, Const):
+            last.append(instruction.value)
+            fixed[register] = instruction.value
+            continue
+        args = instruction.args
+        stays = _stays(instruction, [last[a] for a in args])
+        last.append(stays)
+        always = _stays(instruction, [fixed.get(a) for a in args])
+        if isinstance(instruction, Window):
+            # A window that may be empty has no value of its operands then.
+            empty = instruction.hi is not None and instruction.hi < 0
+            always = None if empty else always
+            if instruction.hi is None and stays == -FOLDS[instruction.fold].identity[-1]:
+                always = stays if len(args) == 1 else always
+        if always is not None:
+            fixed[register] = always
+    if all(isinstance(instructions[register], Const) for register in fixed):
+        return program
+    constant = [Const(fixed[r]) if r in fixed else i for r, i in enumerate(instructions)]
+    others = [r for r in range(len(constant)) if r not in fixed]
+    terms = len(fixed) + sum(r < needed.terms for r in others)
+    return (
+        replace(needed, instructions=tuple(constant), latencies=latencies_of(constant))
+        .reordered([*fixed, *others], terms)
+        .pruned()
+    )
+
+
+def _stays(instruction: Map | Window, values: Sequence[float | None]) -> float | None:
+    """The value for operands that keep theirs; None stands for one that is not known."""
+    if isinstance(instruction, Window):
+        if instruction.lo is None or None in values:
+            return None
+        return values[-1]  # folds are idempotent
+    apply = FUNCTIONS[instruction.function].apply
+    known = [value for value in values if value is not None]
+    if len(known) == len(values):
+        return functools.reduce(apply, known)
+    decides = {"min": -math.inf, "max": math.inf}[instruction.function]
+    return decides if decides in known else None
+
+
+def initial(program: Program) -> tuple[int, ...]:
+    """Registers that are read at time 0 alone, in order; the last is the result."""
+    found = {program.result}
+    for register in range(program.result, -1, -1):
+        instruction = program.instructions[register]
+        if register in found and isinstance(instruction, Map):
+            found.update(instruction.args)
+    return tuple(sorted(found))
+
+
+def nested(program: Program) -> bool:
+    """Whether one fold without end is over another, and one pass backwards does all of them."""
+    windows = [(r, i) for r, i in enumerate(program.instructions) if isinstance(i, Window)]
+    if any(window.lo is None for _, window in windows):
+        return False
+    return not {r for r, window in windows if window.hi is None} <= {*initial(program)}
+
+
+def looks_ahead(program: Program) -> bool:
+    """Whether a window with an end needs later samples."""
+    windows = (i for i in program.instructions if isinstance(i, Window))
+    return any(window.hi is not None and window.hi > 0 for window in windows)
 
 
 def sufficient(program: Program, n: int) -> int:
