@@ -23,7 +23,7 @@ Times = NDArray[Any]
 Ticks = NDArray[np.int64]
 
 EXACT = 2**53
-"""Doubles are whole numbers of one below this number."""
+"""Every whole number up to this one is a double."""
 _UNITS = {
     "W": Fraction(604_800),
     "D": Fraction(86_400),
@@ -64,7 +64,7 @@ class Clock:
         """
         if times.dtype.kind == "f":
             return self._nearest_ones(times, name)
-        tick = self.tick
+        tick, given = self.tick, times
         if times.dtype.kind == "M":
             self._unit()
             times, unit = _since_1970(times)
@@ -73,8 +73,10 @@ class Clock:
             most = MAX_TICKS // tick.denominator
             if not len(times) or (times.max() < most and times.min() > -most):
                 return times.astype(np.int64) * np.int64(tick.denominator)
-        given = enumerate(times.tolist())
-        return np.array([self._counted(_exact(t) / tick, t, i, name) for i, t in given], np.int64)
+        exact = (_exact(time) / tick for time in times.tolist())
+        return np.array(
+            [self._counted(t, given[i], i, name) for i, t in enumerate(exact)], np.int64
+        )
 
     def nearest(self, time: Any) -> int:  # noqa: ANN401 - a float or a rational number
         """The nearest tick of a time, however far."""

@@ -130,7 +130,11 @@ class Events(Sequence[tuple[float, float]]):
 
     def __repr__(self) -> str:
         times = (self.times[:7].astype(str) if are_dates(self.times) else self.times).tolist()
-        return f"Events({reprlib.repr(times)}, {reprlib.repr(self.values.tolist())})"
+        return f"Events({_brief.repr(times)}, {_brief.repr(self.values.tolist())})"
+
+
+_brief = reprlib.Repr()
+_brief.maxstring = 40  # a date to the attosecond has 38 characters
 
 
 EventsLike = Events | ArrayLike | Iterable[Sequence[object]]

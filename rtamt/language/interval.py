@@ -31,7 +31,7 @@ def no_unit(text: object) -> str:
 
 
 MAX_DIGITS = 1000
-"""Characters of a number: more would take long to compute with."""
+"""The most characters of a number: more would take long to compute with."""
 
 _TEXT = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e([+-]?\d+)|/\d+)?", re.ASCII | re.IGNORECASE)
 _LARGEST = 10**300

@@ -35,13 +35,13 @@ MAX_SIZE = 1_000_000
 
 
 MAX_OPERANDS = 250_000
-"""Operands of all operators of a text; an ``and`` of an ``and`` has the operands of both."""
+"""The most operands of a text's operators together; ``and`` of ``and`` counts those of both."""
 
 MAX_PARTS = 32
-"""Parts of a dotted name: the message, its fields, their fields."""
+"""The most parts of a dotted name: the message, its fields, their fields."""
 
 MAX_NAME = 255
-"""Characters of a name."""
+"""The most characters of a name."""
 
 
 def too_long(name: str) -> str:

@@ -20,7 +20,7 @@ from rtamt.language.specification import Specification
 __all__ = ["MAX_TEXT", "as_specification", "load", "parse", "parse_as"]
 
 MAX_TEXT = 150_000
-"""Characters of a text."""
+"""The most characters of a text."""
 
 Modules = Mapping[str, object] | Iterable[str]
 """Modules by name, or names of modules that may be imported."""

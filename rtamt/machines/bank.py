@@ -12,6 +12,7 @@ from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.episode.machine import PythonEpisodeMachine
 from rtamt.machines.protocols import End
+from rtamt.machines.readout import verdicts_of
 from rtamt.machines.state import StateFields
 from rtamt.machines.terms import PythonSampleMachine
 from rtamt.program.program import Program
@@ -99,8 +100,7 @@ class PythonEpisodeBank(_PythonBank[PythonEpisodeMachine]):
 
     @property
     def verdict(self) -> NDArray[np.int8]:
-        satisfied, violated = ~np.signbit(self.lower), np.signbit(self.upper)
-        return np.subtract(satisfied, violated, dtype=np.int8)
+        return verdicts_of(self.lower, self.upper)
 
     @property
     def finished(self) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, Snapshot, Stateful
-from rtamt.machines.readout import Readout, verdict_of
+from rtamt.machines.readout import Readout, verdict_of, verdicts_of
 from rtamt.program.polarity import positive
 from rtamt.program.program import Program
 
@@ -186,8 +186,7 @@ class _NeutralBank:
 
     @property
     def verdict(self) -> NDArray[np.int8]:
-        satisfied, violated = ~np.signbit(self.lower), np.signbit(self.upper)
-        return np.subtract(satisfied, violated, dtype=np.int8)
+        return verdicts_of(self.lower, self.upper)
 
     def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
         results = self._best.update(values, mask)
@@ -196,10 +195,8 @@ class _NeutralBank:
 
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:
         is_open = ~self.finished & (self.verdict == 0)
-        # Not all banks take another end yet.
-        reading = () if end == "complete" else (end,)
-        results = self._best.finish(mask, *reading)
-        self._worst.finish(mask, *reading)
+        results = self._best.finish(mask, end)
+        self._worst.finish(mask, end)
         if end == "complete":
             self._complete |= is_open & self.finished
         return results

@@ -13,7 +13,10 @@ from collections.abc import Sequence
 from math import copysign
 from types import MemberDescriptorType
 
-__all__ = ["Readout", "read_only"]
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Readout", "read_only", "verdict_of", "verdicts_of"]
 
 
 class Readout:
@@ -43,6 +46,11 @@ class Readout:
 def verdict_of(lower: float, upper: float) -> int:
     """-1 if the bounds say that the specification is violated, 1 if satisfied, else 0."""
     return -1 if copysign(1.0, upper) < 0.0 else int(copysign(1.0, lower) > 0.0)
+
+
+def verdicts_of(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.int8]:
+    """What `verdict_of` gives, for each lane."""
+    return np.subtract(~np.signbit(lower), np.signbit(upper), dtype=np.int8)
 
 
 def read_only(slot: MemberDescriptorType) -> object:

@@ -146,8 +146,9 @@ RTAMT_LOOP void copy_and_find_minus_zero(const double* __restrict in, double* __
     *found = zeros != 0;
 }
 
-// A window of 2 elements or more, but not very many: windows of 2, 4, 8, ... elements are made from two of half
-// that length, and the last from two that overlap, as folding an element twice changes nothing.
+// A window of 2 elements or more, but not very many: windows of 2, 4, 8, ... elements are made from
+// two of half that length, and the last from two that overlap, as folding an element twice changes
+// nothing.
 template <class F>
 class Doubled final : public Memory {
 public:

@@ -70,6 +70,8 @@ def test_events_are_copied_and_pickled(events: Events) -> None:
 def test_events_show_their_beginning(events: Events) -> None:
     assert repr(events) == "Events([0.0, 1.5, 4.0], [3.0, inf, 2.0])"
     assert len(repr(Events(range(1000), range(1000)))) <= 80
+    day = np.array(["2026-01-01"], "datetime64[ns]")
+    assert repr(Events(day, [1])) == "Events(['2026-01-01T00:00:00.000000000'], [1.0])"
 
 
 def test_robustness_is_events_for_another_formula() -> None:

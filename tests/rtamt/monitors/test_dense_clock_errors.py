@@ -9,6 +9,7 @@ import pytest
 
 from rtamt import (
     DenseMonitor,
+    Events,
     InputError,
     InputTypeError,
     SpecificationError,
@@ -103,6 +104,17 @@ def test_a_resolution_is_a_duration(resolution: Any, error: type[Exception], wor
     ):
         with pytest.raises(error, match=f"^expected a resolution {re.escape(words)}"):
             call()
+
+
+def test_a_date_that_is_too_far_is_shown_as_a_date(backend: Backend) -> None:
+    dates = np.array(["1600-01-01", "2026-01-01"], "datetime64[D]")
+    words = (
+        "expected a time of less than 2**62 ticks of 1ns at event 0 of 'x', got 1600-01-01; "
+        "resolution='10ns' would do"
+    )
+    for events in (Events(dates, [1, 2]), [(dates[0], 1), (dates[1], 2)]):
+        with pytest.raises(InputError, match=f"^{re.escape(words)}$"):
+            evaluate_dense("x > 0", {"x": events}, backend=backend)
 
 
 def test_in_the_released_classes_the_last_event_of_a_tick_counts() -> None:
