@@ -147,7 +147,7 @@ class Judgement:
     def __str__(self) -> str:
         lines = _wrapped(f"{self.verdict.name}: {self.formula}")
         bounds = f"bounds {_number(self.lower)} to {_number(self.upper)}"
-        lines.append(f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"')
+        lines += _wrapped(f'robustness {self._robustness_text()}, {bounds} under end="{self.end}"')
         for part in self.untested:
             lines += _wrapped(str(part))
         if self.verdict is Verdict.UNDECIDED:

@@ -1,5 +1,5 @@
-// Machines of one program in lockstep: each lane has a machine, and each instruction runs in all
-// lanes before the next one.
+// One program in many lanes in lockstep: each instruction runs in all lanes before the next one. The
+// formulas of some episodes run in a machine for each lane instead.
 #pragma once
 
 #include <cstddef>

@@ -201,6 +201,15 @@ def test_the_text_names_what_is_missing_and_the_way_out() -> None:
         VIOLATED: always(x > 0)
         robustness 0, violated, bounds -inf to 0 under end="cut"
         """)
+    assert str(judge("x > 1.25e300", {"x": [-1e299]}, end="complete")) == inspect.cleandoc("""
+        VIOLATED: x > 1.25e+300
+        robustness -1.35e+300, bounds -1.35e+300 to -1.35e+300 under end="complete"
+        """)
+    far = str(judge("x > 1.234567e300", {"x": [0]}, end="complete"))
+    assert far.splitlines()[1:] == [
+        "robustness -1.23457e+300, bounds -1.23457e+300 to -1.23457e+300 under",
+        '    end="complete"',
+    ]
     long = " and ".join(f"eventually[0:{k}](signal_{k} > {k})" for k in range(1, 30))
     trace = {f"signal_{k}": [0] for k in range(1, 30)}
     lines = str(judge(f"always({long})", trace)).splitlines()
