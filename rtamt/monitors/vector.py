@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.lanes import LaneReader
+from rtamt.inputs.samples import kind_of
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
 from rtamt.monitors.online import (
@@ -193,6 +194,11 @@ class VectorEpisodeMonitor(
             InputError: On a mask of another shape than (num,), or another reading of the end.
             InputTypeError: On a mask that is not of booleans.
         """
+        if isinstance(mask, str):
+            raise InputTypeError(
+                f"expected a mask of {self.num} booleans, got {kind_of(mask)}; "
+                "the reading of the end is given by name, as in end='cut'"
+            )
         return self._machine.finish(mask, checked_end(end))
 
     def __repr__(self) -> str:

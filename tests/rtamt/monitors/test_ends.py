@@ -16,6 +16,7 @@ from rtamt import (
     EpisodeMonitor,
     Formula,
     InputError,
+    InputTypeError,
     StateError,
     VectorEpisodeMonitor,
     Verdict,
@@ -66,6 +67,18 @@ def test_endless_operators_inside_others_agree_with_the_definition(
 
 def test_the_golden_file_of_ends_is_whole() -> None:
     assert len(CUT) == 234
+
+
+def test_a_vector_monitor_takes_the_reading_by_name(backend: Backend) -> None:
+    monitor = VectorEpisodeMonitor("always(x > 0)", 2, backend=backend)
+    monitor.update([[1.0], [2.0]])
+    words = (
+        "expected a mask of 2 booleans, got str 'cut'; the reading of the end is given by name, "
+        "as in end='cut'"
+    )
+    with pytest.raises(InputTypeError, match=f"^{words}$"):
+        monitor.finish("cut")
+    assert monitor.finish(end="cut").tolist() == [1.0, 2.0]
 
 
 def test_a_cut_trace_agrees_with_golden(backend: Backend) -> None:
