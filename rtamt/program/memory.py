@@ -6,6 +6,8 @@ import functools
 from collections import Counter
 from typing import assert_never
 
+import numpy as np
+
 from rtamt import limits
 from rtamt.errors import InputError, brief
 from rtamt.program.algebra import FOLDS
@@ -127,7 +129,11 @@ def _episode_needs(program: Program) -> int:
 
 def _limit(program: Program, numbers: int, lanes: int) -> None:
     limit: object = limits.window_bytes  # which anybody may set
-    if isinstance(limit, bool) or not isinstance(limit, int | float) or not limit >= 0:
+    if (
+        isinstance(limit, bool)
+        or not isinstance(limit, int | float | np.integer | np.floating)
+        or not limit >= 0
+    ):
         msg = f"expected a number of bytes as rtamt.limits.window_bytes, got {brief(limit)}"
         raise InputError(msg)
     needed = numbers * lanes * _DOUBLE

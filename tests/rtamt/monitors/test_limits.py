@@ -136,7 +136,7 @@ def test_the_error_names_bytes_formula_and_limit() -> None:
         limited(1000, lambda: rtamt.VectorMonitor("once[0:2000009](x > 0)", 10))
 
 
-def limited(limit: float, call: Callable[[], object]) -> None:
+def limited(limit: float | np.number[Any], call: Callable[[], object]) -> None:
     """The call under a limit."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(limits, "window_bytes", limit)
@@ -147,7 +147,8 @@ def test_the_limit_itself_is_allowed_and_may_be_raised() -> None:
     limited(80, lambda: rtamt.Monitor("once[0:9](x > 0)"))
     with pytest.raises(SpecificationError, match="the windows need 80 bytes"):
         limited(79, lambda: rtamt.Monitor("once[0:9](x > 0)"))
-    limited(math.inf, lambda: rtamt.Monitor("once[0:9](x > 0)"))
+    for enough in (math.inf, np.int64(80), np.float32(80)):
+        limited(enough, lambda: rtamt.Monitor("once[0:9](x > 0)"))
 
 
 @pytest.mark.parametrize("limit", ["1GiB", None, -1, math.nan, True])
