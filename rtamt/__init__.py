@@ -4,8 +4,8 @@ Text becomes a formula, a formula becomes a program of four instructions, and sm
 on samples as they come (`Monitor`), on an episode with bounds from the first sample on
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
 recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`DenseMonitor`,
-`evaluate_dense`). `judge` gives the verdict on a recorded trace; `holds` tells from a robustness
-whether the formula holds, and `explain` which samples decided it.
+`evaluate_dense`). `judge` and `judge_dense` give the verdict on a recorded trace; `holds` tells
+from a robustness whether the formula holds, and `explain` which samples decided it.
 """
 
 import importlib
@@ -27,6 +27,7 @@ from rtamt.language.parser import load, parse
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.monitors.dense_judgement import judge_dense
 from rtamt.monitors.evaluation import evaluate
 from rtamt.monitors.explanation import Explanation, explain
 from rtamt.monitors.holds import holds
@@ -70,6 +71,7 @@ __all__ = [
     "explain",
     "holds",
     "judge",
+    "judge_dense",
     "limits",
     "load",
     "number",

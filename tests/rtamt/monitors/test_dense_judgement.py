@@ -1,0 +1,292 @@
+"""`judge_dense`: the verdict on a trace in dense time, against its definition."""
+
+import inspect
+import pickle
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+import pytest
+from bits import identical
+from dense_end_oracle import dense_bounds, first_decided, recorded
+from dense_oracle import STEP
+from dense_signals import INTEGERS, Signals, relevant, signals
+from end_oracle import holds
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from interface_cases import Case, cases, read
+from interface_oracle import SEMANTICS
+from strategies import VARIABLES, formulas
+
+import rtamt
+from rtamt import (
+    Events,
+    Formula,
+    InputError,
+    Judgement,
+    RtamtError,
+    Verdict,
+    evaluate_dense,
+    judge,
+    judge_dense,
+)
+from rtamt.machines.protocols import End
+
+Backend = Literal["native", "python"]
+Shape = Callable[[Formula], Formula]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+V, U, S = Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED
+NESTED: tuple[Shape, ...] = (
+    lambda p: p.eventually(1).always(),
+    lambda p: p.always(2).once(1, 3),
+    lambda p: p.once(1, 2).eventually(2).always(0, 3),
+    lambda p: (~p).until(p, 1).always(),
+    lambda p: p.historically().eventually(1, 2),
+    lambda p: p.historically(1, 3).always(),
+)
+
+
+def values(found: Judgement) -> tuple[float, float, float]:
+    return found.robustness, found.lower, found.upper
+
+
+def begin_of(whole: Signals) -> float:
+    return max(events[0][0] for events in whole.values())
+
+
+def agrees(formula: Formula, whole: Signals, backend: Backend) -> None:
+    """Compare every reading of the end with the definition."""
+    assume(formula.variables)
+    its = relevant(whole, formula.variables)
+    trace, n = recorded(its)
+    now = evaluate_dense(formula, its, backend=backend).values[0]
+    going_on = dense_bounds(formula, trace, n, cut=False)
+    decided = holds(going_on[0]) == holds(going_on[1])
+    place = first_decided(formula, trace, n)
+    when = None if place is None else begin_of(its) + place * STEP
+    for end in ENDS:
+        found = judge_dense(formula, its, end=end, backend=backend)
+        expected = going_on
+        if not decided and end == "complete":
+            expected = (now, now)
+        elif not decided and end == "cut":
+            expected = dense_bounds(formula, trace, n, cut=True)
+        assert identical(values(found), (now, *expected)), end
+        assert bool(found.untested) == (found.verdict is U)
+        assert found.decided_at == when
+
+
+@settings(max_examples=120)
+@given(formula=formulas(depth=2, endless=True, dense=True), whole=signals())
+def test_it_is_what_the_definition_says(formula: Formula, whole: Signals, backend: Backend) -> None:
+    agrees(formula, whole, backend)
+
+
+@settings(max_examples=80)
+@given(
+    formula=formulas(depth=1, endless=True, dense=True),
+    nested=st.sampled_from(NESTED),
+    whole=signals(INTEGERS),
+)
+def test_endless_operators_inside_others_and_zeros(
+    formula: Formula, nested: Shape, whole: Signals, backend: Backend
+) -> None:
+    agrees(nested(formula), whole, backend)
+
+
+@settings(max_examples=60)
+@given(case=cases(st.sampled_from(SEMANTICS), endless=True, dense=True), whole=signals())
+def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
+    spec, semantics = case
+    assume(spec.variables)
+    its = relevant(whole, spec.variables)
+    trace, n = recorded(its)
+    complete, cut, going_on = (
+        judge_dense(spec, its, end=end, semantics=semantics, backend=backend) for end in ENDS
+    )
+    low, high = dense_bounds(spec.formula, trace, n, cut=False, read=read(case))
+    assert identical((going_on.lower, going_on.upper), (low, high))
+    now = evaluate_dense(spec, its, semantics=semantics, backend=backend).values[0]
+    assert complete.robustness == cut.robustness == going_on.robustness == now
+    if going_on.verdict is U:
+        low, high = dense_bounds(spec.formula, trace, n, cut=True, read=read(case))
+        assert complete.lower == complete.upper == now
+        assert cut.lower in (low, going_on.lower)
+        assert cut.upper in (high, going_on.upper)
+        assert holds(low) <= holds(cut.lower)
+        assert holds(cut.upper) <= holds(high)
+    else:
+        assert values(complete) == values(cut) == values(going_on)
+
+
+@settings(max_examples=60)
+@given(formula=formulas(depth=2, dense=True), whole=signals(INTEGERS), after=signals(INTEGERS))
+def test_no_continuation_contradicts_what_was_decided(
+    formula: Formula, whole: Signals, after: Signals, backend: Backend
+) -> None:
+    assume(formula.variables)
+    its = relevant(whole, formula.variables)
+    end = min(events[-1][0] for events in its.values())
+    longer = {}
+    for name, events in its.items():
+        known = [event for event in events if event[0] <= end]
+        new = [(end + STEP + time, value) for time, value in after[name]]
+        longer[name] = [*known, *new, (end + 1000, new[-1][1])]
+    later = evaluate_dense(formula, longer, backend=backend).values[0]
+    for reading in ENDS[1:]:
+        found = judge_dense(formula, its, end=reading, backend=backend)
+        assert found.lower <= later <= found.upper
+        assert found.verdict is U or (found.verdict is S) == rtamt.holds(later)
+
+
+@settings(max_examples=60)
+@given(formula=formulas(depth=2, endless=True, dense=True), whole=signals(INTEGERS))
+def test_resolution_unit_and_backend_do_not_matter(formula: Formula, whole: Signals) -> None:
+    assume(formula.variables)
+    its = relevant(whole, formula.variables)
+    scaled = {name: [(time * 1000, x) for time, x in events] for name, events in its.items()}
+    for end in ENDS:
+        found = judge_dense(formula, its, end=end)
+        for resolution in (STEP, "1ms", "1ps"):
+            other = judge_dense(formula, its, end=end, resolution=resolution, backend="python")
+            assert identical(values(other), values(found))
+            assert other.decided_at == found.decided_at
+        if "inf" in str(formula):
+            continue
+        milli = judge_dense(rtamt.parse(_in_seconds(formula), unit="ms"), scaled, end=end)
+        assert identical(values(milli), values(found))
+        if found.decided_at is not None:
+            assert milli.decided_at == found.decided_at * 1000
+
+
+def _in_seconds(formula: Formula) -> str:
+    """The text of a formula with a unit at the end of every interval."""
+    return str(formula).replace("]", " s]")
+
+
+@pytest.mark.parametrize("period", [1, 0.5])
+def test_on_uniform_samples_it_is_judge(period: float, backend: Backend) -> None:
+    x = [1.0, 2.0, -1.0, 0.0, 3.0, 1.0]
+    steps = {"x": Events(np.arange(6) * period, x)}
+    for text in (
+        "always(x >= -1)",
+        "always[0:1](x > 0)",
+        "eventually[0:10](x > 5)",
+        "always(x < 0 implies eventually[0:2](x > 2))",
+        "x > 0 until[0:2] x < 0",
+        "historically[0:1](x > 0) or always(once[0:1](x > -3))",
+    ):
+        for end in ENDS[1:]:
+            discrete = judge(text, {"x": x}, period, end, backend=backend)
+            dense = judge_dense(text, steps, end, backend=backend)
+            assert identical(values(dense)[1:], values(discrete)[1:])
+            place = discrete.decided_at
+            assert dense.decided_at == (None if place is None else place * period)
+
+
+@pytest.mark.parametrize(
+    ("text", "end", "lines"),
+    [
+        ("always[20:30](x > 5)", "cut", ["always[20:30](x > 5): not recorded: 20 s to 30 s"]),
+        ("always[5:30](x > 5)", "cut", ["always[5:30](x > 5): not recorded: 10 s to 30 s"]),
+        ("always(x > 5)", "open", ["always(x > 5): not recorded: 10 s and later"]),
+        ("always[20:inf](x > 5)", "cut", ["always[20:inf](x > 5): not recorded: 20 s and later"]),
+        ("always(x > 5)", "cut", []),
+        (
+            "always(y > 0 implies eventually[0:4](x < 5))",
+            "cut",
+            ["eventually[0:4](x < 5) at 7.25 s: not recorded: 10 s to 11.25 s"],
+        ),
+    ],
+)
+def test_it_names_what_was_not_recorded(
+    text: str, end: End, lines: list[str], backend: Backend
+) -> None:
+    whole: Signals = {"x": [(0, 9), (10, 9)], "y": [(0, -1), (7.25, 1), (8, -1), (12, 1)]}
+    found = judge_dense(text, whole, end, backend=backend)
+    assert [str(part) for part in found.untested] == lines
+
+
+def test_it_prints_as_that_of_samples(backend: Backend) -> None:
+    found = judge_dense("always[0:8](x >= 0)", {"x": [(0, 5), (6, 5)]}, backend=backend)
+    assert str(found) == inspect.cleandoc("""
+        UNDECIDED: always[0:8](x >= 0)
+        robustness 5, bounds -inf to 5 under end="cut"
+        always[0:8](x >= 0): not recorded: 6 s to 8 s
+        if the trace is all there is, end="complete" says SATISFIED
+    """)
+    assert pickle.loads(pickle.dumps(found)) == found
+
+
+def test_the_end_is_an_instant_that_is_known(backend: Backend) -> None:
+    whole = {"x": [(0, 1), (2, -1)]}
+    assert judge_dense("always[0:2](x > 0)", whole, backend=backend).verdict is V
+    assert judge_dense("eventually[2:2](x > 0)", whole, backend=backend).verdict is V
+    longer = judge_dense("eventually[0:2.000000001](x > 1)", whole, backend=backend)
+    assert (longer.verdict, longer.upper) == (U, np.inf)
+
+
+def test_the_deciding_time_is_one_of_the_callers(backend: Backend) -> None:
+    found = judge_dense("always(x > 0)", {"x": [(3, 1), (4.7, -1), (9, 1)]}, backend=backend)
+    assert (found.verdict, found.decided_at) == (V, 4.7)
+    times = np.array(["2026-01-01T00:00:00", "2026-01-01T00:00:04"], "datetime64[s]")
+    dated = judge_dense("always(x > 0)", {"x": Events(times, [1, -1])}, backend=backend)
+    assert dated.decided_at == times[1]
+    after = judge_dense("always[0:2](x > 0)", {"x": Events([0, 5], [1, 1])}, backend=backend)
+    assert (after.verdict, after.decided_at) == (S, 2.0)
+    assert judge_dense("always(x > 0)", {"x": [(0, 1)]}, backend=backend).decided_at is None
+
+
+@settings(max_examples=20)
+@given(whole=signals(), shift=st.sampled_from((-(2**61), 2**61)))
+def test_times_far_from_0_lose_nothing(whole: Signals, shift: int, backend: Backend) -> None:
+    text = f"always({VARIABLES[0]} < 0 implies eventually[2:3]({VARIABLES[0]} > 0))"
+    events = whole[VARIABLES[0]]
+    far = [(int(time / STEP) + shift, value) for time, value in events]
+    near = [(int(time / STEP), value) for time, value in events]
+    for end in ENDS:
+        found, expected = (
+            judge_dense(text, {VARIABLES[0]: its}, end, resolution=1, backend=backend)
+            for its in (far, near)
+        )
+        assert identical(values(found), values(expected))
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "message"),
+    [
+        ("x > 0", {}, "expected events of every variable, got none of 'x'"),
+        ("x > 0", {"x": [(0, np.nan)]}, "event 0 of 'x', at time 0.0, is nan"),
+        ("sqrt(x) > 0", {"x": [(0, 1), (2, -1)]}, "'sqrt(x)' is not a number at time 2.0"),
+        ("x > y", {"x": [(0, 1)], "y": [(1, 1)]}, "expected signals that overlap in time"),
+        ("next(x > 0)", {"x": [(0, 1)]}, "'next' speaks of neighbouring samples"),
+        ("true", {}, "without variables there are no events"),
+    ],
+)
+def test_it_refuses_what_evaluate_dense_refuses(
+    text: str, given: Signals, message: str, backend: Backend
+) -> None:
+    with pytest.raises(RtamtError) as expected:
+        evaluate_dense(text, given, backend=backend)
+    assert message in str(expected.value)
+    with pytest.raises(type(expected.value)) as refused:
+        judge_dense(text, given, backend=backend)
+    assert str(refused.value) == str(expected.value)
+
+
+def test_other_errors() -> None:
+    with pytest.raises(InputError) as wrong:
+        judge_dense("x > 0", {"x": [(0, 1)]}, "over")  # type: ignore[arg-type] # refused
+    assert str(wrong.value) == "expected end='complete', 'cut' or 'open', got 'over'"
+    with pytest.raises(InputError) as long:
+        judge_dense("always once[0:2e9](x > 0)", {"x": [(0, 1), (3e9, 1)]})
+    assert str(long.value) == (
+        "expected a trace that lasts less than 2**62 ticks of 1ns with the bounds of the formula, "
+        "got 5000000000000000003; resolution='10ns' would do"
+    )
+    with pytest.raises(TypeError) as unknown:
+        judge_dense("x > 0", {"x": [(0, 1)]}, period=1)  # type: ignore[call-arg] # refused
+    assert str(unknown.value) == (
+        "judge_dense() got an unexpected keyword argument 'period'; its arguments are spec, "
+        "signals, end, resolution, semantics, inputs, outputs, backend"
+    )
