@@ -43,6 +43,7 @@ from rtamt.program.outlook import (
     planned,
     sufficient,
     throughout,
+    together,
     unending,
 )
 from rtamt.program.program import Const, Load, Map, Program, Window
@@ -223,30 +224,41 @@ class _Reading:
         self._signals = [[Signal(column, unseen) for column in predicates] for unseen in UNSEEN]
         self._passes: dict[tuple[Program, tuple[int, ...]], tuple[list[FoldPass], Pass]] = {}
         self._roots: dict[tuple[Program, int], _Root] = {}
-        self._complete: float | None = None
+        self._at_once: dict[str, float] = {}
 
     def at_zero(self, world: int, *, cut: bool) -> float:
         """The result at time 0 in a world."""
         program = self._outlook.formulas
         if world != ENDED and not cut:
-            return self._walked(unending(program, float(UNSEEN[world][0])), world, cut=False)
-        if world != ENDED and looks_ahead(program):
+            open_end = unending(program, float(UNSEEN[world][0]))
+            result = open_end.instructions[open_end.result]
+            if isinstance(result, Const):
+                return result.value
+            if together(program) is None:
+                return self._walked(open_end, world, cut=False)
+        elif world != ENDED and looks_ahead(program):
             return self._walked(program, world, cut=True)
-        # Where only windows without an end look ahead, a recording is judged like a whole trace.
-        if self._complete is None:
-            if nested(program):
-                self._complete = self._fused(program)
+        else:  # where only windows without an end look ahead, a cut trace is like a complete one
+            world = ENDED
+        if not self._at_once:
+            joint = together(program)
+            if joint is not None:
+                self._at_once = self._fused(joint)
+            elif nested(program):
+                self._at_once = self._fused(
+                    program.restricted(program.result, {"nan": program.result})
+                )
             else:
-                self._complete = self._walked(program, ENDED, cut=False)
-        return self._complete
+                self._at_once = {"nan": self._walked(program, ENDED, cut=False)}
+        return self._at_once[str(UNSEEN[world][0])]
 
-    def _fused(self, program: Program) -> float:
-        """The result at time 0 if there is nothing after the trace, in one pass backwards."""
-        part = program.restricted(program.result, {"": program.result}).mirrored()
-        machine = self._machine(part, SampleReader(part), (part.result,))
+    def _fused(self, program: Program) -> dict[str, float]:
+        """The outputs at time 0 if there is nothing after the trace, in one pass backwards."""
+        program = program.mirrored()
+        machine = self._machine(program, SampleReader(program), tuple(program.outputs.values()))
         columns = [signal.recorded for signal in self._signals[ENDED]]
-        (values,) = machine.evaluate(columns, self._n, backwards=True)
-        return float(values[0])
+        found = machine.evaluate(columns, self._n, backwards=True)
+        return {name: float(values[0]) for name, values in zip(program.outputs, found, strict=True)}
 
     def _walked(self, program: Program, world: int, *, cut: bool) -> float:
         """The result at time 0 in a world, from what is read at time 0 alone."""

@@ -118,14 +118,15 @@ class Settled:
         """The outputs at times from begin to before end."""
         if self._variables is not None:
             return [self.columns[i][begin:end] for i in self._variables]
-        if self._past is None:
-            if self._whole is None:
-                self._whole = self._machine.evaluate(self.columns, self.n)
-            return [values[begin:end] for values in self._whole]
-        # Only the samples on which these values depend.
-        first, last = max(0, begin - self._past), min(self.n, end + self._late)
-        found = self._machine.evaluate([c[first:last] for c in self.columns], last - first)
-        return [values[begin - first : end - first] for values in found]
+        past, most = self._past, max(self.block, self.n // 2)
+        if self._whole is None and past is not None and end - begin <= most:
+            # Only the samples on which these values depend.
+            first, last = max(0, begin - past), min(self.n, end + self._late)
+            found = self._machine.evaluate([c[first:last] for c in self.columns], last - first)
+            return [values[begin - first : end - first] for values in found]
+        if self._whole is None:
+            self._whole = self._machine.evaluate(self.columns, self.n)
+        return [values[begin:end] for values in self._whole]
 
 
 class Pass:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rtamt.program.algebra import FOLDS, FUNCTIONS
@@ -28,6 +28,7 @@ __all__ = [
     "reaches",
     "sufficient",
     "throughout",
+    "together",
     "unending",
 ]
 
@@ -109,26 +110,23 @@ def unending(program: Program, unseen: float) -> Program:
     """
     needed = program.pruned()
     instructions = needed.instructions
-    last: list[float | None] = []  # the value that stays in the end, if that is known
-    fixed: dict[int, float] = {}  # that of registers which have it at all times
+    ends = _ends(needed, unseen)
+    fixed: dict[int, float] = {}  # the values of registers that have one value at all times
     for register, instruction in enumerate(instructions):
         if isinstance(instruction, Load):
-            last.append(unseen)
             continue
         if isinstance(instruction, Const):
-            last.append(instruction.value)
             fixed[register] = instruction.value
             continue
         args = instruction.args
-        stays = _stays(instruction, [last[a] for a in args])
-        last.append(stays)
         always = _stays(instruction, [fixed.get(a) for a in args])
         if isinstance(instruction, Window):
             # A window that may be empty has no value of its operands then.
             empty = instruction.hi is not None and instruction.hi < 0
             always = None if empty else always
-            if instruction.hi is None and stays == -FOLDS[instruction.fold].identity[-1]:
-                always = stays if len(args) == 1 else always
+            decides = -FOLDS[instruction.fold].identity[-1]
+            if instruction.hi is None and len(args) == 1 and ends[register] == decides:
+                always = decides
         if always is not None:
             fixed[register] = always
     if all(isinstance(instructions[register], Const) for register in fixed):
@@ -173,6 +171,81 @@ def nested(program: Program) -> bool:
     if any(window.lo is None for _, window in windows):
         return False
     return not {r for r, window in windows if window.hi is None} <= {*initial(program)}
+
+
+@functools.lru_cache(maxsize=512)
+def together(program: Program) -> Program | None:
+    """The program for all worlds in one pass over the samples of a trace; None: there is none.
+
+    Its outputs are the results if the trace goes on for ever, by the value of its unseen
+    predicates, unless that is a constant of `unending`; and, as ``"nan"``, if it is complete.
+    """
+    windows = (i for i in program.instructions if isinstance(i, Window))
+    if not nested(program) or any((window.lo, window.hi) != (0, None) for window in windows):
+        return None
+    instructions: list[Instruction] = []
+    known: dict[Instruction, int] = {}
+    outputs: dict[str, int] = {}
+
+    def emit(instruction: Instruction) -> int:
+        # The constants -0.0 and 0.0 are equal, and are two.
+        if isinstance(instruction, Const) or instruction not in known:
+            known[instruction] = len(instructions)
+            instructions.append(instruction)
+        return known[instruction]
+
+    for unseen in (-math.inf, math.inf, math.nan):
+        part = program.pruned() if math.isnan(unseen) else unending(program, unseen).pruned()
+        if isinstance(part.instructions[part.result], Const):
+            continue
+        new: list[int] = []
+        for instruction, end in zip(part.instructions, _ends(part, unseen), strict=True):
+            written = instruction
+            if not isinstance(instruction, Load | Const):
+                written = replace(instruction, args=tuple(new[a] for a in instruction.args))
+            register = emit(written)
+            if isinstance(written, Window) and not (end is None or math.isnan(unseen)):
+                register = _with_end(written, end, register, emit)
+            new.append(register)
+        outputs[str(unseen)] = new[part.result]
+    inputs = [r for r, i in enumerate(instructions) if isinstance(i, Load | Const)]
+    others = [r for r in range(len(instructions)) if r not in inputs]
+    joint = replace(
+        program,
+        instructions=tuple(instructions),
+        latencies=latencies_of(instructions),
+        result=outputs["nan"],
+        outputs=outputs,
+        sources=program.sources[-1:] * len(instructions),
+    )
+    return joint.reordered([*inputs, *others], len(inputs))
+
+
+def _with_end(window: Window, end: float, register: int, emit: Callable[[Instruction], int]) -> int:
+    """What a window over recorded samples, in a register, becomes with an end behind them."""
+    identity = FOLDS[window.fold].identity
+    empty = identity[-1]
+    if end == empty:
+        return register
+    last = emit(Const(end))
+    if len(window.args) > 1:  # as far as the first operand lasts
+        lasts = "min" if identity[0] > 0 else "max"
+        last = emit(Map(lasts, (emit(Window(lasts, 0, None, window.args[:1])), last)))
+    return emit(Map("min" if empty > 0 else "max", (register, last)))
+
+
+def _ends(program: Program, unseen: float) -> list[float | None]:
+    """The value that each register keeps in the end; None: that is not known."""
+    ends: list[float | None] = []
+    for instruction in program.instructions:
+        match instruction:
+            case Load():
+                ends.append(unseen)
+            case Const(value):
+                ends.append(value)
+            case Map() | Window():
+                ends.append(_stays(instruction, [ends[a] for a in instruction.args]))
+    return ends
 
 
 def looks_ahead(program: Program) -> bool:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from steps import StepCounter, counting_machines
 
 import rtamt
+from rtamt.machines.discrete import PythonDiscreteMachine
 
 Backend = Literal["native", "python"]
+Columns = list[NDArray[np.float64]]
 
 FORMULAS = (
     "always((a > 1) implies eventually[0:5](b > 0))",
@@ -133,3 +135,33 @@ def test_an_event_costs_the_same_while_a_variable_runs_ahead(
         return sum(count(monitor.update, {"b": [row]}) for row in late)
 
     assert spent(4_000) <= 1.1 * spent(200)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "always((a > 1) implies eventually (b > 0))",
+        "always((a > 1) implies ((a > -1) until (b > 1)))",
+        "always((a > 1) implies ((a > -1) unless (b > 1)))",
+        "eventually always eventually (a > 0)",
+        "always((once[0:5] (a > 1)) implies eventually (b > 0))",
+    ],
+)
+def test_a_judgement_reads_the_trace_twice(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluate, run, taken = PythonDiscreteMachine.evaluate, PythonDiscreteMachine.run, list[int]()
+
+    def counted_run(self: PythonDiscreteMachine, columns: Columns, n: int) -> Columns:
+        taken.append(n)
+        return run(self, columns, n)
+
+    def counted(
+        self: PythonDiscreteMachine, columns: Columns, n: int, *, backwards: bool = False
+    ) -> Columns:
+        taken.append(n)
+        return evaluate(self, columns, n, backwards=backwards)
+
+    monkeypatch.setattr(PythonDiscreteMachine, "evaluate", counted)
+    monkeypatch.setattr(PythonDiscreteMachine, "run", counted_run)
+    a, b = noise(500).T
+    rtamt.judge(text, {"a": a, "b": b}, backend="python")
+    assert 500 < sum(taken) < 1100
