@@ -177,7 +177,8 @@ def judge(
 
     It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, about the first of
     them; invariants are written ``always(...)``. It costs as much as three evaluations of the trace
-    or less; an operator without an end inside another costs more if it is over one with an end.
+    or less. Where an operator without an end is inside another and over one with an end, the
+    readings of the end differ for long: that costs up to eight.
 
     Args:
         spec: Text, a formula, or a parsed specification.
