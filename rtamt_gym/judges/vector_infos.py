@@ -36,13 +36,9 @@ def put(infos: dict[str, Any], key: str, value: Any, lanes: Lanes | None, num: i
     elif lanes is not None:
         if np.count_nonzero(lanes) == 0:
             return
-        value = np.where(lanes, value, _nothing(value.dtype))
+        value = value.copy()
+        value[~lanes] = None if value.dtype == object else 0
     infos[key], infos[f"_{key}"] = value, (_all(num) if lanes is None else lanes).copy()
-
-
-def _nothing(dtype: np.dtype[Any]) -> Any:  # noqa: ANN401
-    """What an array holds where an environment has no value."""
-    return None if dtype.hasobject else np.zeros((), dtype)
 
 
 def put_at(
@@ -58,15 +54,18 @@ def put_at(
     """
     num = len(mask)
     if isinstance(value, Where):
-        at, value = at[value.there], value.value[value.there]
-        mask = np.zeros(num, np.bool_)
-        mask[at] = True
+        count, there = np.count_nonzero(value.there), value.there
+        value = value.value
+        if count < len(at):
+            if count == 0:
+                return
+            at, value = at[there], value[there]
+            mask = np.zeros(num, np.bool_)
+            mask[at] = True
     if isinstance(value, dict):
         held: Any = {}
         for name, part in value.items():
             put_at(held, name, part, at, mask)
-    elif len(at) == 0:
-        return
     else:
         make = np.empty if value.dtype == object else np.zeros  # empty objects are None
         held = make(num, value.dtype)
@@ -75,14 +74,17 @@ def put_at(
 
 
 def put_last(
-    infos: dict[str, Any], last: Mapping[str, Any], at: NDArray[np.integer[Any]], mask: Lanes
+    infos: dict[str, Any],
+    last: Mapping[str, Any],
+    at: NDArray[np.integer[Any]],
+    mask: Lanes,
+    reported: Lanes,
 ) -> None:
-    """Sets the keys of `last_info`; keeps an ``is_success`` that environments have reported."""
+    """Sets the keys of `last_info`; keeps ``is_success`` where the environment has reported it."""
     num, before = len(mask), infos.get("is_success")
-    reported = key_mask(infos, "is_success", num)
     for key, value in last.items():
         put_at(infos, key, value, at, mask)
-    if reported.any():
+    if np.count_nonzero(reported):
         new = key_mask(infos, "is_success", num) & ~reported
         held = np.array(before)
         held[new] = infos["is_success"][new]
@@ -97,8 +99,8 @@ def _all(num: int) -> Lanes:
 
 def key_mask(infos: Mapping[str, Any], key: str, num: int) -> Lanes:
     """The mask of the environments that have a key: all, if the infos hold no mask for it."""
-    mask = infos.get(f"_{key}", np.full(num, key in infos))
-    return np.asarray(mask, np.bool_)
+    mask = infos.get(f"_{key}")
+    return np.full(num, key in infos) if mask is None else np.asarray(mask, np.bool_)
 
 
 def final_observations(

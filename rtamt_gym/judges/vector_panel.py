@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import VectorEpisodeMonitor
-from rtamt_gym.judges.infos import VERDICTS, outcome, spec_state
+from rtamt_gym.judges.infos import VERDICTS, Where, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judges.specs import Align, Nan, View
@@ -80,15 +80,15 @@ class VectorPanel:
             of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan, align=align),
             of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan, align=align),
         )
-        self._names = list(self.monitors)
+        self._names = np.array(list(self.monitors), dtype=object)
         self._judges = [judge for _, judge in self.monitors.values()]
         self._picks = [
             _pick([columns.index(name) for name in spec.variables]) for spec in specs.values()
         ]
-        # By specification and environment the sample that decided it, -1 while it is open; and in
-        # how many environments it is decided.
+        # By specification and environment the sample that decided it, -1 while it is open; and how
+        # many are decided.
         self._decided_at = np.full((len(specs), num), -1)
-        self._decided = [0] * len(specs)
+        self._decided = 0
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
         self.robustness = np.full(num, np.nan)
@@ -105,10 +105,9 @@ class VectorPanel:
         """Samples fed since the reset; a fresh array."""
         return self._judges[0].samples
 
-    @property
-    def all_decided(self) -> Lanes:
-        """For every environment, whether all its verdicts are decided."""
-        return np.asarray(np.all(self._decided_at >= 0, axis=0))
+    def all_decided(self, at: Numbers) -> Lanes:
+        """For the environments of these numbers, whether all their verdicts are decided."""
+        return np.asarray((self._decided_at.take(at, axis=1) >= 0).all(axis=0))
 
     def reset(self, lanes: Lanes | None = None) -> None:
         """Forgets the episodes of the environments of the mask; None: of all."""
@@ -117,12 +116,11 @@ class VectorPanel:
         if lanes is None:
             self._decided_at[:] = self.violated_at[:] = -1
             self.violated_by[:] = None
-            self._decided = [0] * len(self._decided)
+            self._decided = 0
             return
         at = lanes.nonzero()[0]
-        for k, decided_at in enumerate(self._decided_at):
-            self._decided[k] -= int(np.count_nonzero(decided_at[at] >= 0))
-            decided_at[at] = -1
+        self._decided -= int(np.count_nonzero(self._decided_at.take(at, axis=1) >= 0))
+        self._decided_at[:, at] = -1
         self.violated_by[at] = None
         self.violated_at[at] = -1
 
@@ -144,9 +142,9 @@ class VectorPanel:
         if len(at) == 0:
             return
         self._lower = self._upper = None
-        for k, judge in enumerate(self._judges):
+        for judge in self._judges:
             judge.finish(lanes)
-            self._record(k, at, judge.verdict[at])
+        self._record(at, self._verdicts(at))
 
     @property
     def lower(self) -> Floats:
@@ -165,28 +163,34 @@ class VectorPanel:
     def _note(self) -> None:
         """Records the verdicts that have been decided."""
         self._lower = self._upper = None
-        for k, judge in enumerate(self._judges):
-            # Verdicts stay until the reset, so a count says whether one is new.
-            verdict = judge.verdict
-            decided = int(np.count_nonzero(verdict))
-            if decided == self._decided[k]:
-                continue
-            at = verdict.nonzero()[0]
-            self._record(k, at, verdict[at])
-
-    def _record(self, k: int, at: Numbers, verdict: NDArray[np.int8]) -> None:
-        """Records the new ones among the verdicts of a specification in these environments."""
-        decided_at = self._decided_at[k]
-        new = (verdict != 0) & (decided_at[at] < 0)
-        at, verdict = at[new], verdict[new]
-        if len(at) == 0:
+        verdicts = [judge.verdict for judge in self._judges]
+        # Verdicts stay until the reset, so their number says whether one is new.
+        if sum(map(np.count_nonzero, verdicts)) == self._decided:
             return
-        self._decided[k] += len(at)
-        last = self._judges[k].samples[at] - 1
-        decided_at[at] = last
-        first = (verdict < 0) & (self.violated_at[at] < 0)
-        self.violated_by[at[first]] = self._names[k]
-        self.violated_at[at[first]] = last[first]
+        found = np.array(verdicts)
+        at = ((found != 0) & (self._decided_at < 0)).any(axis=0).nonzero()[0]
+        self._record(at, found.take(at, axis=1))
+
+    def _verdicts(self, at: Numbers) -> NDArray[np.int8]:
+        """By specification, the verdicts on the environments of these numbers."""
+        return np.array([judge.verdict[at] for judge in self._judges])
+
+    def _record(self, at: Numbers, verdicts: NDArray[np.int8]) -> None:
+        """Records the new ones among the verdicts on the environments of these numbers."""
+        before = self._decided_at.take(at, axis=1)
+        new = (verdicts != 0) & (before < 0)
+        count = int(np.count_nonzero(new))
+        if count == 0:
+            return
+        self._decided += count
+        last = self.samples[at] - 1
+        self._decided_at[:, at] = np.where(new, last, before)
+        violated = new & (verdicts < 0)
+        first = violated.any(axis=0) & (self.violated_at[at] < 0)
+        if np.count_nonzero(first):
+            lanes = at[first]
+            self.violated_by[lanes] = self._names[violated.argmax(axis=0)[first]]
+            self.violated_at[lanes] = last[first]
 
     def values(self) -> MonitorValues:
         """Reads the values of all monitors."""
@@ -207,12 +211,20 @@ class VectorPanel:
 
     def outcomes(self, at: Numbers) -> dict[str, dict[str, Any]]:
         """The outcome of every specification so far, in the environments of these numbers."""
-        return {
-            name: outcome(judge.robustness[at], judge.verdict[at], decided_at[at])
-            for (name, (_, judge)), decided_at in zip(
-                self.monitors.items(), self._decided_at, strict=True
-            )
-        }
+        found = outcome(
+            np.array([judge.robustness[at] for judge in self._judges]),
+            self._verdicts(at),
+            self._decided_at.take(at, axis=1),
+        )
+        return {name: _row(found, k) for k, name in enumerate(self.monitors)}
+
+
+def _row(found: dict[str, Any], k: int) -> dict[str, Any]:
+    """Row k of the arrays of an outcome."""
+    return {
+        key: Where(value.there[k], value.value[k]) if isinstance(value, Where) else value[k]
+        for key, value in found.items()
+    }
 
 
 def _pick(columns: list[int]) -> slice | list[int]:

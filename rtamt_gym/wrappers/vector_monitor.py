@@ -222,7 +222,6 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._table = self._columns.step(shown, actions, rewards, said, begun)
         if begun is not None:
             self._panel.reset(begun)
-            self._charged &= ~begun
         self._panel.feed(self._table)
         if ended is not None:
             self._panel.finish(np.asarray(terminated))
@@ -352,6 +351,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         if self._cost is None:
             return None
         violated = self._panel.violated_at >= 0
+        if stepped is not None:
+            self._charged &= stepped
         cost: Floats = step_cost(self._cost, self._panel.upper, violated, self._charged)
         self._charged = violated if stepped is None else violated & stepped
         return cost
@@ -366,9 +367,9 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
         panel, at = self._panel, np.flatnonzero(ended)
         found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
-        reported = key_mask(infos, "is_success", self.num_envs)[at]
-        last = last_info(*found, panel.all_decided[at], reported)
-        put_last(infos, last, at, ended)
+        reported = key_mask(infos, "is_success", self.num_envs)
+        last = last_info(*found, panel.all_decided(at), reported[at])
+        put_last(infos, last, at, ended, reported)
         flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
         self._episodes.append(at, record(*found, panel.samples[at], *flags))
 
