@@ -52,6 +52,7 @@ class SampleOptions(Options, total=False):
 
 _DEFAULTS: Options = {"semantics": "standard", "inputs": None, "outputs": None, "backend": "auto"}
 _SAMPLE_DEFAULTS: SampleOptions = {**_DEFAULTS, "nan": "raise", "align": None}
+_ENDS: tuple[End, ...] = get_args(End)
 
 _F = TypeVar("_F", bound=Callable[..., object])
 
@@ -119,11 +120,10 @@ def checked_end(end: object) -> End:
     Raises:
         InputError: If there is no such reading.
     """
-    known = get_args(End)
-    if not isinstance(end, str) or end not in known:
-        msg = f"expected end={alternatives(known)}, got {brief(end)}"
-        raise InputError(msg + nearest(brief(end), known))
-    return cast("End", end)
+    if not isinstance(end, str) or end not in _ENDS:
+        msg = f"expected end={alternatives(_ENDS)}, got {brief(end)}"
+        raise InputError(msg + nearest(brief(end), _ENDS))
+    return end
 
 
 def listed_in_signature(options: type) -> Callable[[_F], _F]:

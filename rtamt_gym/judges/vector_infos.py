@@ -100,7 +100,9 @@ def _all(num: int) -> Lanes:
 def key_mask(infos: Mapping[str, Any], key: str, num: int) -> Lanes:
     """The mask of the environments that have a key: all, if the infos hold no mask for it."""
     mask = infos.get(f"_{key}")
-    return np.full(num, key in infos) if mask is None else np.asarray(mask, np.bool_)
+    if mask is None:
+        return np.ones(num, np.bool_) if key in infos else np.zeros(num, np.bool_)
+    return np.asarray(mask, np.bool_)
 
 
 def final_observations(

@@ -107,7 +107,8 @@ class VectorPanel:
 
     def all_decided(self, at: Numbers) -> Lanes:
         """For the environments of these numbers, whether all their verdicts are decided."""
-        return np.asarray((self._decided_at.take(at, axis=1) >= 0).all(axis=0))
+        decided: Lanes = np.logical_and.reduce(self._decided_at.take(at, axis=1) >= 0)
+        return decided
 
     def reset(self, lanes: Lanes | None = None) -> None:
         """Forgets the episodes of the environments of the mask; None: of all."""
@@ -168,7 +169,7 @@ class VectorPanel:
         if sum(map(np.count_nonzero, verdicts)) == self._decided:
             return
         found = np.array(verdicts)
-        at = ((found != 0) & (self._decided_at < 0)).any(axis=0).nonzero()[0]
+        at = np.logical_or.reduce((found != 0) & (self._decided_at < 0)).nonzero()[0]
         self._record(at, found.take(at, axis=1))
 
     def _verdicts(self, at: Numbers) -> NDArray[np.int8]:
@@ -186,7 +187,7 @@ class VectorPanel:
         last = self.samples[at] - 1
         self._decided_at[:, at] = np.where(new, last, before)
         violated = new & (verdicts < 0)
-        first = violated.any(axis=0) & (self.violated_at[at] < 0)
+        first = np.logical_or.reduce(violated) & (self.violated_at[at] < 0)
         if np.count_nonzero(first):
             lanes = at[first]
             self.violated_by[lanes] = self._names[violated.argmax(axis=0)[first]]

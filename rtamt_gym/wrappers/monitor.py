@@ -232,7 +232,7 @@ class StlMonitor(
                 "expected a running episode, got step() before reset() or after the end of the "
                 "episode; call reset()"
             )
-        panel = self._panel
+        panel, feed = self._panel, self._feed  # self._feed() would be looked up as a method first
         if self._substeps:
             self._running = False  # until it is sure that no sample is missing
             obs, reward, terminated, truncated, info = self._inside.step(action)
@@ -240,7 +240,7 @@ class StlMonitor(
         else:
             obs, reward, terminated, truncated, info = self.env.step(action)
         try:
-            robustness, lower, upper = self._feed(obs, action, reward, info)
+            robustness, lower, upper = feed(obs, action, reward, info)
         except BaseException:
             # A monitor that misses a sample would count wrong ever after.
             self._running = False

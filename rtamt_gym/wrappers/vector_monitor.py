@@ -365,7 +365,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         truncated: Any,  # noqa: ANN401
     ) -> None:
         """Adds the keys that only the last infos of episodes have, and records the episodes."""
-        panel, at = self._panel, np.flatnonzero(ended)
+        panel, at = self._panel, ended.nonzero()[0]
         found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
         reported = key_mask(infos, "is_success", self.num_envs)
         last = last_info(*found, panel.all_decided(at), reported[at])
