@@ -178,7 +178,8 @@ def judge(
     It is what `EpisodeMonitor` says after ``finish(end)`` of the same samples, about the first of
     them; invariants are written ``always(...)``. It costs as much as three evaluations of the trace
     or less. Where an operator without an end is inside another and over one with an end, the
-    readings of the end differ for long: that costs up to eight.
+    bounds of a trace that was cut take passes of their own: it costs up to four evaluations for
+    each operator without an end.
 
     Args:
         spec: Text, a formula, or a parsed specification.
