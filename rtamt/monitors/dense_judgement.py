@@ -38,8 +38,8 @@ def judge_dense(
 
     It is about the first time at which all variables are known; the trace ends at the earliest of
     their last events, an instant that is known. Invariants are written ``always(...)``. It costs
-    some evaluations of the trace; the attributes `untested` and `decided_at` of the result cost
-    more, when they are first asked for.
+    about ten evaluations of the trace; the attributes `untested` and `decided_at` of the result
+    cost more, when they are first asked for.
 
     Args:
         spec: Text, a formula, or a parsed specification.
