@@ -24,7 +24,7 @@ MakeDense = Callable[[DenseProgram, EventReader, Sequence[int]], DenseMachine]
 class Steps(NamedTuple):
     """A step function of ticks: where it changes, and its values from there on."""
 
-    ticks: Sequence[float]
+    ticks: Sequence[int]
     values: Sequence[bool]
 
     def first(self, begin: float, end: float) -> float | None:
@@ -99,9 +99,11 @@ class DenseForesight:
             np.signbit(values[np.searchsorted(times, ticks, "right") - 1])
             for times, values in found
         )
-        return Steps(ticks.tolist(), (low != high).tolist())
+        later = [int(tick) + self.last for tick in ticks[1:]]  # the begin may have been rounded
+        return Steps([0, *later], (low != high).tolist())
 
     def _run(self, outlook: DenseOutlook, part: DenseProgram) -> Given:
+        """The result of a part of a program; times are counted from the end of the trace."""
         plan = outlook.plan(self.last)
         if plan.end >= MAX_TICKS:
             resolution = coarser = self._whole.resolution
@@ -121,4 +123,6 @@ class DenseForesight:
         for mask in plan.masks:
             ticks = np.array([0, mask.last + 1, plan.end], np.int64)
             given.append((ticks, np.array([mask.value, -mask.value, -mask.value])))
-        return self._machine(part, EventReader(part), ()).run(given)
+        # Times come back as doubles: those near the end of a long trace are exact as well.
+        shifted = [(ticks - self.last, values) for ticks, values in given]
+        return self._machine(part, EventReader(part), ()).run(shifted)

@@ -290,3 +290,13 @@ def test_other_errors() -> None:
         "judge_dense() got an unexpected keyword argument 'period'; its arguments are spec, "
         "signals, end, resolution, semantics, inputs, outputs, backend"
     )
+
+
+def test_a_tick_is_told_from_its_neighbours_after_years(backend: Backend) -> None:
+    for last in (3.1e7, 9e7 + 0.3, 1e9, 31536001.123456789, 31536001.123456785):
+        whole = {"x": [(0, 1), (last, 1)]}
+        for text in ("always(always[0:2](x > 0))", "always(x < 2) and always(once[0:1e-9](x > 0))"):
+            found = judge_dense(text, whole, backend=backend)
+            assert bool(found.untested) == (found.verdict is U)
+        later = judge_dense("eventually[0:2e9](x < 0 and always[0:2](x < 0))", whole, "open")
+        assert [part.end for part in later.untested] == [2_000_000_000]
