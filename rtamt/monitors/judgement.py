@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar, Unpack
 
 from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.outlook import Foresight
+from rtamt.machines.foresight import Foresight
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.evaluation import raw_trace

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rtamt.language.node import Node
-from rtamt.machines.outlook import Foresight
+from rtamt.machines.foresight import Foresight
 from rtamt.program.program import Map, Window
 
 __all__ = ["Untested", "found_untested"]

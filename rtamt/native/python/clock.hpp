@@ -65,7 +65,9 @@ private:
     Time quick(double time, Time& out) const {
         const double product = time * scale_;
         const double sum = product + kRound;
-        out = std::bit_cast<Time>(sum) - std::bit_cast<Time>(kRound);
+        // Unsigned, as the difference of the bits may overflow where the count is not sure.
+        out = static_cast<Time>(std::bit_cast<std::uint64_t>(sum) -
+                                std::bit_cast<std::uint64_t>(kRound));
         const bool sure =
             std::abs(product - (sum - kRound)) + std::abs(product) * 0x1p-51 < 0.5;
         return Time{sure} - 1;
