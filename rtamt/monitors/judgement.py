@@ -54,10 +54,10 @@ def _found(value: _T) -> _Once[_T]:
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
 class Judgement:
-    """The verdict on a whole trace, and what it rests on; made by `judge`.
+    """The verdict on a whole trace, and what it rests on; made by `judge` or `judge_dense`.
 
     ``str`` gives a text of at most 80 columns, which says what was not recorded, and the way out.
-    A trace in dense time is judged by the same class: its times are seconds, not samples.
+    `judge_dense` makes the same of a trace in dense time, with times in place of sample numbers.
 
     Attributes:
         robustness: The robustness at the first sample if the trace is all there is: `evaluate`'s.
