@@ -37,9 +37,10 @@ def machine_with_neutrals(make: MakeMachine) -> MakeMachine:
     """The function that makes a machine of a back-end, for programs with neutral predicates too."""
 
     def made(program: Program, reader: SampleReader) -> EpisodeMachine:
-        if not program.neutral:
+        readings = _readings(program)
+        if readings is None:
             return make(program, reader)
-        worst, best = _readings(program)
+        worst, best = readings
         return _NeutralMachine(make(worst, reader), make(best, reader))
 
     return made
@@ -49,16 +50,20 @@ def bank_with_neutrals(make: MakeBank) -> MakeBank:
     """The function that makes a bank of a back-end, for programs with neutral predicates too."""
 
     def made(program: Program, num: int, reader: LaneReader) -> EpisodeBank:
-        if not program.neutral:
+        readings = _readings(program)
+        if readings is None:
             return make(program, num, reader)
-        worst, best = _readings(program)
+        worst, best = readings
         return _NeutralBank(make(worst, num, reader), make(best, num, reader))
 
     return made
 
 
-@functools.lru_cache(maxsize=256)  # programs are cached, and differ by identity
-def _readings(program: Program) -> tuple[Program, Program]:
+@functools.lru_cache(maxsize=512)  # programs are cached, and differ by identity
+def _readings(program: Program) -> tuple[Program, Program] | None:
+    """The program with -0.0 and with 0.0 for its neutral predicates; None if it has none."""
+    if not program.neutral:
+        return None
     program = positive(program)  # a negated one is as neutral, and its worst reading is -0.0 too
     return program.reading(-0.0), program.reading(0.0)
 
