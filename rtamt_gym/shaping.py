@@ -304,7 +304,12 @@ def _levels(
             raise InputError(f"priorities= belongs to mode='hierarchical', got mode={mode!r}")
         return (tuple(range(len(names))),)
     if priorities is None:
-        return tuple((index,) for index in range(len(names)))
+        ranks = [*get_args(Priority), *[get_args(Priority)[-1]] * len(names)]
+        shown = ", ".join(f'"{name}": "{rank}"' for name, rank in zip(names, ranks, strict=False))
+        raise InputError(
+            "expected priorities= with mode='hierarchical', got None; say what every specification "
+            f"is for, such as priorities={{{shown}}}"
+        )
     check_known("priorities", priorities, names)
     for name in names:
         if name not in priorities:

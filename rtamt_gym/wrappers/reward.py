@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, SupportsFloat, Unpack
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 
@@ -31,7 +32,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
     The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
     the environment has already: episodes end and ``info`` is filled as that class describes. The
-    environment's own reward stays in ``info["reward"]`` (float).
+    environment's own reward stays in ``info["reward"]`` (``np.float64``, as the reward is).
 
     Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
     to [-clip, clip], and x the same before the step. The new reward is
@@ -43,10 +44,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
       observed, this leaves the optimal policies as they are
     * ``mode="terminal"``: r, and weight * x' more at the end of the episode, be it terminated or
       truncated
-    * ``mode="hierarchical"``: safety before target before comfort. The first level that is
-      violated pays its own x', raised by ``clip`` for every level before it; if none is violated,
-      the last level does. A step that violates a level pays less than any step that violates only
-      later ones. r is not part of it.
+    * ``mode="hierarchical"``: safety before target before comfort; ``priorities`` names the level
+      of every specification. The first level that is violated pays its own x', raised by ``clip``
+      for every level before it; if none is violated, the last level does. A step that violates a
+      level pays less than any step that violates only later ones. r is not part of it.
 
     :mod:`rtamt_gym.shaping` explains what each is for.
 
@@ -78,11 +79,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         ...     env, "always(abs(theta) < 0.1)", {"theta": "obs[2]"}, mode="add", weight=10.0
         ... )
         >>> _, info = env.reset(seed=123)
-        >>> round(info["robustness"], 3)
+        >>> print(f"{info['robustness']:.3f}")
         0.072
         >>> _, reward, _, _, info = env.step(1)
-        >>> round(reward, 2), info["reward"], round(info["robustness"], 3)
-        (1.71, 1.0, 0.071)
+        >>> print(f"{reward:.2f} {info['reward']} {info['robustness']:.3f}")
+        1.71 1.0 0.071
 
     Example with the state of the monitor in the observation:
         >>> env = StlReward(
@@ -139,9 +140,9 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
                 exact one
             weights: Factor of the robustness of a specification, 1 where absent, so that margins
                 in different units compare
-            priorities: For ``"hierarchical"``, ``"safety"``, ``"target"`` or ``"comfort"`` of every
-                specification; those of one level count as their minimum. ``None``: every
-                specification is a level, the first the most important
+            priorities: For ``"hierarchical"``, which needs them: ``"safety"``, ``"target"`` or
+                ``"comfort"`` of every specification, such as ``{"upright": "safety", "near":
+                "target"}``; those of one level count as their minimum
             observe: ``"state"`` appends the state of the monitor to the observation
             **monitor: The keyword arguments of :class:`StlMonitor`
 
@@ -191,7 +192,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         shaped = self._shaping.reward(
             paid, before, self._robustness, terminated, terminated or truncated
         )
-        return self._observation(obs), shaped, terminated, truncated, {**info, "reward": paid}
+        info = {**info, "reward": np.float64(paid)}
+        return self._observation(obs), np.float64(shaped), terminated, truncated, info
 
     @property
     def samples(self) -> int:

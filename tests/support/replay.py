@@ -53,6 +53,14 @@ class Replay(gym.Env[Any, Any]):
 X = {"x": "obs[0]"}
 
 
+def shaping_options(mode: str, *names: str) -> dict[str, Any]:
+    """A mode, with priorities where it needs them: safety, target and comfort in this order."""
+    if mode != "hierarchical":
+        return {"mode": mode}
+    ranks = ("safety", "target", "comfort")
+    return {"mode": mode, "priorities": dict(zip(names, ranks, strict=False))}
+
+
 def run(env: gym.Env[Any, Any], action: float = 0.5) -> list[dict[str, Any]]:
     """The infos of one episode; the last one says whether it was terminated or truncated."""
     _, info = env.reset(seed=1)

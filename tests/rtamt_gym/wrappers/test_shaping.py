@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from itertools import pairwise
 from typing import get_args
@@ -154,10 +155,6 @@ def test_specifications_of_one_priority_count_as_their_minimum() -> None:
     assert shape.robustness([0.5, 1.0, 0.5, 0.25]) == 2.5
 
 
-def test_without_priorities_the_order_of_the_specifications_is_the_hierarchy() -> None:
-    assert Shaping.of("abc", mode="hierarchical").levels == ((0,), (1,), (2,))
-
-
 def test_a_level_that_no_specification_has_is_no_level() -> None:
     shape = Shaping.of("ab", mode="hierarchical", priorities={"a": "comfort", "b": "safety"})
     assert shape.levels == ((1,), (0,))
@@ -191,6 +188,15 @@ def test_features_of_lanes_are_those_of_each() -> None:
         assert np.array_equal(lanes[i], one)
 
 
+def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
+    with pytest.raises(InputError) as caught:
+        Shaping.of("abcd", mode="hierarchical")
+    asked = str(caught.value).partition("such as priorities=")[2]
+    assert asked == '{"a": "safety", "b": "target", "c": "comfort", "d": "comfort"}'
+    given = json.loads(asked)
+    assert Shaping.of("abcd", mode="hierarchical", priorities=given).levels == ((0,), (1,), (2, 3))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -215,6 +221,13 @@ def test_features_of_lanes_are_those_of_each() -> None:
         (
             {"priorities": {"upright": "safety", "slow": "comfort"}},
             "priorities= belongs to mode='hierarchical', got mode='add'",
+        ),
+        (
+            {"mode": "hierarchical"},
+            (
+                "expected priorities= with mode='hierarchical', got None; say what every "
+                'specification is for, such as priorities={"upright": "safety", "slow": "target"}'
+            ),
         ),
         (
             {"mode": "hierarchical", "priorities": {"x": "safety"}},

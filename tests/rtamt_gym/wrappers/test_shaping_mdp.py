@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from replay import shaping_options
 
 from rtamt_gym import StlReward
 from rtamt_gym.shaping import Mode
@@ -49,7 +50,7 @@ def ledge(mode: Mode, **arguments: Any) -> StlReward[Any, Any]:  # noqa: ANN401
         Ledge(),
         SPECS,
         {"x": "obs[0]"},
-        mode=mode,
+        **shaping_options(mode, *SPECS),
         gamma=GAMMA,
         clip=3.0,
         observe="state",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from gymnasium.wrappers import FlattenObservation, TimeLimit
-from replay import INF, Replay, X
+from replay import INF, Replay, X, shaping_options
 
 from rtamt.errors import InputError, ParseError
 from rtamt_gym import StlMonitor, StlReward
@@ -33,7 +33,7 @@ def rewards(env: gym.Env[Any, Any]) -> list[float]:
     ended = False
     while not ended:
         _, reward, terminated, truncated, info = env.step(np.array([0.5]))
-        assert type(reward) is type(info["reward"]) is float
+        assert type(reward) is type(info["reward"]) is np.float64
         paid.append(reward)
         ended = terminated or truncated
     return paid
@@ -56,7 +56,7 @@ def test_every_mode_pays_by_its_formula(mode: Mode, end: str, expected: list[flo
         Replay(FALLING, end),
         "always(x > 1)",
         X,
-        mode=mode,
+        **shaping_options(mode, "spec"),
         weight=2.0,
         gamma=0.5,
         on_violation="report",
@@ -149,9 +149,9 @@ def test_the_step_view_pays_every_instant_and_its_terminal_mode_the_whole() -> N
 def test_a_monitor_that_is_there_is_used(mode: Mode) -> None:
     monitor = StlMonitor(Replay(FALLING), "always(x > 1)", X)
     outer = TimeLimit(monitor, 99)
-    env = StlReward(outer, mode=mode)
+    env = StlReward(outer, **shaping_options(mode, "spec"))
     assert env.env is outer
-    alone = StlReward(Replay(FALLING), "always(x > 1)", X, mode=mode)
+    alone = StlReward(Replay(FALLING), "always(x > 1)", X, **shaping_options(mode, "spec"))
     assert isinstance(alone.env, StlMonitor)
     assert rewards(env) == rewards(alone)
     assert monitor.samples == env.samples == 4
@@ -170,7 +170,13 @@ def test_the_arguments_of_the_monitor_are_those_of_the_reward() -> None:
 
 @modes
 def test_always_never_succeeds_before_the_end(mode: Mode) -> None:
-    env = StlReward(TimeLimit(Replay([3.0] * 99), 50), "always(x > 1)", X, mode=mode, details=True)
+    env = StlReward(
+        TimeLimit(Replay([3.0] * 99), 50),
+        "always(x > 1)",
+        X,
+        details=True,
+        **shaping_options(mode, "spec"),
+    )
     env.reset()
     for step in range(1, 51):
         _, _, terminated, truncated, info = env.step(np.array([0.5]))
@@ -187,7 +193,10 @@ def balanced(obs: Any) -> int:  # noqa: ANN401
 @modes
 def test_a_balanced_pole_earns_more_than_a_fall(mode: Mode) -> None:
     env = StlReward(
-        gym.make("CartPole-v1"), "always(abs(theta) < 0.2095)", {"theta": "obs[2]"}, mode=mode
+        gym.make("CartPole-v1"),
+        "always(abs(theta) < 0.2095)",
+        {"theta": "obs[2]"},
+        **shaping_options(mode, "spec"),
     )
     lengths, totals = [], []
     for falls in (False, True):

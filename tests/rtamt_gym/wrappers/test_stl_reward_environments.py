@@ -8,6 +8,7 @@ from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from environments import CASES, Case, Env, continued, equal, restored, rollout
 from gymnasium.envs.registration import EnvSpec
@@ -62,8 +63,8 @@ def test_only_reward_and_info_change(case: Case) -> None:
         monitored[1:], rewarded[1:], strict=True
     ):
         assert equal((obs, ends), (same, others))
-        assert equal({**info, "reward": float(reward)}, more)
-        assert type(paid) is type(more["reward"]) is float
+        assert equal({**info, "reward": np.float64(reward)}, more)
+        assert type(paid) is type(more["reward"]) is np.float64
 
 
 @cases

@@ -13,7 +13,7 @@ import pytest
 from environments import CASES
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import DtypeObservation
-from replay import Replay, X
+from replay import Replay, X, shaping_options
 from vector_environments import MODES, Make, difference, native, sync, trajectory
 
 from rtamt.errors import InputError
@@ -57,7 +57,8 @@ def compare(
 def test_every_mode_pays_what_single_environments_are_paid(
     mode: Mode, autoreset: AutoresetMode, end: str
 ) -> None:
-    options: Any = {"mode": mode, "weight": 0.5, "weights": {"calm": 0.25}, "period": 1}
+    options: Any = {"weight": 0.5, "weights": {"calm": 0.25}, "period": 1}
+    options |= shaping_options(mode, *SPECS)
     assert compare(replays(end), autoreset, SPECS, SIGNALS, **options) == ""
     if autoreset is AutoresetMode.DISABLED:
         options["on_violation"] = "terminate"

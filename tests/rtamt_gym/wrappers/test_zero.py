@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from replay import Replay, X, run
+from replay import Replay, X, run, shaping_options
 from vector_environments import difference
 
 import rtamt
@@ -130,7 +130,11 @@ def test_many_environments_say_what_one_says_of_zeros(
 
 def test_rewards_rank_a_level_that_fails_by_no_margin_as_violated() -> None:
     specs = {"safe": "always(x > 0)", "calm": "always(x < 9)"}
-    options: Any = {"mode": "hierarchical", "clip": 10.0, "on_violation": "report"}
+    options: Any = {
+        "clip": 10.0,
+        "on_violation": "report",
+        **shaping_options("hierarchical", *specs),
+    }
     env = StlReward(Replay([1, 0.5, 0]), specs, X, **options)
     many = VectorStlReward(SyncVectorEnv([lambda: Replay([1, 0.5, 0])] * 2), specs, X, **options)
     env.reset(seed=1)
