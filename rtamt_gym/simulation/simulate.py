@@ -45,6 +45,7 @@ def simulate(
     inputs: Names | None = None,
     outputs: Names | None = None,
     label: str = "",
+    substeps: bool = False,
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
 
@@ -90,6 +91,9 @@ def simulate(
             texts declare ``input``.
         outputs: Variables that the system sets; None: those that the texts declare ``output``.
         label: A name for tables and pictures that tells who acted.
+        substeps: Whether to take a sample after every step of the simulation that an environment
+            makes inside of its own, as for `StlMonitor`. The run then stops at the sample that
+            shows the violation, though the environment has made the whole step.
 
     Returns:
         The signals, the robustness with its bounds and verdicts at every sample, and why it ended.
@@ -120,8 +124,13 @@ def simulate(
     check_choice("stop", stop, get_args(Stop))
     check_choice("view", view, get_args(View))
     check_choice("nan", nan, get_args(Nan))
+    if substeps and not isinstance(system, gym.Env):
+        raise InputError(
+            f"substeps=True is for environments, whose step makes several, got {system!r}; give a "
+            "smaller period= where the system takes one"
+        )
     loaded = load_specs(specs)
-    ran = _as_system(system, policy, seed)
+    ran = _as_system(system, policy, seed, substeps=substeps)
     if period is None:
         period = ran.period
     if period is None and ran.needs_period:
@@ -253,10 +262,16 @@ def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> t
     return tuple(name for name in variables if judge.interface.role(name) == role)
 
 
-def _as_system(system: Any, policy: Policy | None, seed: int | None) -> System:  # noqa: ANN401
+def _as_system(
+    system: Any,  # noqa: ANN401
+    policy: Policy | None,
+    seed: int | None,
+    *,
+    substeps: bool,
+) -> System:
     """The caller's simulation as a `System`."""
     if isinstance(system, gym.Env):
-        return Environment(system, policy, seed)
+        return Environment(system, policy, seed, substeps=substeps)
     if isinstance(system, VectorEnv):
         raise InputError(
             f"expected one environment, got {system}; VectorStlMonitor monitors many at once"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from inspect import isgeneratorfunction
@@ -16,6 +17,7 @@ from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.judges.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
 __all__ = [
     "Environment",
@@ -84,7 +86,14 @@ class System(Protocol):
 class Environment(System):
     """A Gymnasium environment and the policy that acts in it."""
 
-    def __init__(self, env: gym.Env[Any, Any], policy: Policy | None, seed: int | None) -> None:
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        policy: Policy | None,
+        seed: int | None,
+        *,
+        substeps: bool = False,
+    ) -> None:
         if policy is None:
             raise InputError(
                 "an environment needs a policy, a function from observation to action; "
@@ -97,8 +106,13 @@ class Environment(System):
                 f"write policy={way_out or f'lambda obs: {policy!r}'}"
             )
         self.name = env.spec.id if env.spec else type(env.unwrapped).__name__
-        self.period = read_period(env)
+        self.period = read_substep_period(env) if substeps else read_period(env)
         self.limit = env.spec.max_episode_steps if env.spec else None
+        if substeps and self.limit is not None:
+            step = read_period(env)
+            self.limit = round(self.limit * step / self.period) if step and self.period else None
+        self._substeps = substeps
+        self._rest: deque[list[float]] = deque()
         self._env = env
         self._policy = policy
         self._seed = seed
@@ -112,19 +126,41 @@ class Environment(System):
     ) -> None:
         parsed = parse_signals(signals or {}, variables, SOURCES, extra=True)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
-        self._reads = [signal.bind(self._env) for signal in parsed]
+        if self._substeps:
+            self._inside = Inside(self._env, parsed)
+        else:
+            self._reads = [signal.bind(self._env) for signal in parsed]
 
     def start(self) -> list[float]:
         self.ended = ""
+        self._rest.clear()
+        self._end: SystemEnd = ""
         self._obs, info = self._env.reset(seed=self._seed)
         return [read(self._obs, None, None, info) for read in self._reads_at_reset]
 
     def advance(self) -> list[float]:
+        if not self._rest:
+            self._step()
+        values = self._rest.popleft()
+        if not self._rest:
+            self.ended = self._end
+        return values
+
+    def _step(self) -> None:
+        """Steps the environment; its samples, one or with ``substeps`` several, are the rest."""
         action = self._policy(self._obs)
-        self._obs, reward, terminated, truncated, info = self._env.step(action)
+        if self._substeps:
+            result = self._inside.step(action, self._keep, self._rest.__len__)
+        else:
+            result = self._env.step(action)
+        self._obs, reward, terminated, truncated, info = result
+        if not self._substeps:
+            self._rest.append([read(self._obs, action, reward, info) for read in self._reads])
         if terminated or truncated:
-            self.ended = "terminated" if terminated else "truncated"
-        return [read(self._obs, action, reward, info) for read in self._reads]
+            self._end = "terminated" if terminated else "truncated"
+
+    def _keep(self, *step: Any) -> None:  # noqa: ANN401 - the arguments of a `Read`
+        self._rest.append([read(*step) for read in self._inside.reads])
 
     def close(self) -> None:
         """Leaves the environment open: it belongs to the caller."""

@@ -17,26 +17,77 @@ from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.signals.signals import Env, Read, Signal
 from rtamt_gym.signals.sources import STEP
 
-__all__ = ["SubSteps", "read_substep_period"]
+__all__ = ["Inside", "SubSteps", "read_substep_period"]
 
 
-class SubSteps:
-    """Feeds a panel after every step of the simulation that an environment makes.
+class Inside:
+    """Reads the signals of an environment after every step of its simulation.
+
+    Attributes:
+        reads: What reads each signal there; observation, reward and info are not known yet.
 
     Raises:
         InputError: If the simulation of the environment cannot be followed, or if a signal needs
             what only a whole step gives.
     """
 
-    def __init__(self, env: Env, signals: Sequence[Signal], panel: Panel) -> None:
+    def __init__(self, env: Env, signals: Sequence[Signal]) -> None:
         self._env = env
-        self._panel = panel
         self._follow = _follower(env.unwrapped)
+        self.reads = [self._bind(signal) for signal in signals]
+
+    def step(
+        self,
+        action: Any,  # noqa: ANN401
+        feed: Callable[..., object],
+        fed: Callable[[], int],
+    ) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Steps the environment, and calls ``feed`` after every step of its simulation.
+
+        Args:
+            action: The action of the step.
+            feed: Takes the arguments of a `Read`.
+            fed: Says how many samples were fed so far.
+
+        Raises:
+            StateError: If the simulation was not stepped.
+        """
+        before = fed()
+        undo = self._follow(partial(feed, None, action, None, {}))
+        try:
+            result = self._env.step(action)
+        finally:
+            undo()
+        if fed() == before:
+            raise StateError(
+                f"expected a step of {self._env.unwrapped} to step its simulation, got none: it "
+                "steps it in a way of its own; leave out substeps=True"
+            )
+        return result
+
+    def _bind(self, signal: Signal) -> Read:
+        if signal.source in STEP and signal.source != "action":
+            raise InputError(
+                f"signal {signal.name!r}: {signal} is not known inside of a step, and "
+                "substeps=True takes samples there; read the simulation instead, such as qpos[0], "
+                "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read"
+            )
+        return signal.bind(self._env)
+
+
+class SubSteps:
+    """Feeds a panel after every step of the simulation that an environment makes.
+
+    Raises:
+        InputError: As `Inside` does.
+    """
+
+    def __init__(self, env: Env, signals: Sequence[Signal], panel: Panel) -> None:
+        self._panel = panel
+        self._inside = Inside(env, signals)
         names = [signal.name for signal in signals]
-        reads = [self._bind(signal) for signal in signals]
-        first = [signal.bind_reset(env) for signal in signals]
-        self._feed = panel.feeder(names, reads)
-        self._feed_first = panel.feeder(names, first)
+        self._feed = panel.feeder(names, self._inside.reads)
+        self._feed_first = panel.feeder(names, [signal.bind_reset(env) for signal in signals])
 
     def reset(self, *_: object) -> Assessment:
         """Feeds sample 0."""
@@ -49,31 +100,14 @@ class SubSteps:
             StateError: If the simulation was not stepped.
             InputError: If a signal is nan or cannot be read.
         """
-        before = self._panel.samples
-        undo = self._follow(partial(self._feed, None, action, None, {}))
-        try:
-            result = self._env.step(action)
-        finally:
-            undo()
-        if self._panel.samples == before:
-            raise StateError(
-                f"expected a step of {self._env.unwrapped} to step its simulation, got none: it "
-                "steps it in a way of its own; leave out substeps=True"
-            )
-        return result
+        return self._inside.step(action, self._feed, self._fed)
 
     def read(self, *_: object) -> Assessment:
         """The assessment of the samples that the last step has fed."""
         return self._panel.read()
 
-    def _bind(self, signal: Signal) -> Read:
-        if signal.source in STEP and signal.source != "action":
-            raise InputError(
-                f"signal {signal.name!r}: {signal} is not known inside of a step, and "
-                "substeps=True takes samples there; read the simulation instead, such as qpos[0], "
-                "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read"
-            )
-        return signal.bind(self._env)
+    def _fed(self) -> int:
+        return self._panel.samples
 
 
 def read_substep_period(env: Env) -> float | None:
