@@ -1,4 +1,4 @@
-"""Stable-Baselines3 takes what the wrappers give; run by ``pytest -m sb3``, see CONTRIBUTING.md."""
+"""Stable-Baselines3 takes what the wrappers give."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ import pytest
 from environments import CASES, Env
 
 from rtamt_gym import StlMonitor, StlReward
-
-pytestmark = pytest.mark.sb3
 
 KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
 """The keys that every last info has."""
