@@ -1,0 +1,298 @@
+"""What a wrapper says of an episode, written down from the rules; shares no code with the library.
+
+The samples of an episode, what the environment says of its end, and the options of the wrapper give
+all that it has to report. Values of formulas are those of `oracle` and `end_oracle`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from end_oracle import ended, holds
+from oracle import Trace, bounds, episode, horizon, order, robustness
+
+from rtamt import Formula
+from rtamt.language.node import Node
+
+INF = math.inf
+Flags = tuple[bool, bool]
+"""Whether a step terminates its episode, and whether it truncates it."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options of a wrapper that an episode's report depends on."""
+
+    on_violation: str = "terminate"
+    at_termination: str | None = None
+    at_truncation: str = "cut"
+    cost: str | None = None
+    view: str = "episode"
+    details: bool = False
+
+
+@dataclass
+class Report:
+    """What a wrapper says of an episode.
+
+    Attributes:
+        infos: The keys that it adds to the info of the reset and of every step.
+        flags: How each step ends the episode, the first that of the reset.
+        record: The entry of ``stl_episodes``; None while the episode runs.
+        assumed: Whether the default of ``at_termination`` has satisfied a specification.
+    """
+
+    infos: list[dict[str, Any]] = field(default_factory=list)
+    flags: list[Flags] = field(default_factory=list)
+    record: dict[str, Any] | None = None
+    assumed: bool = False
+
+
+@dataclass
+class _Judgement:
+    """Of one specification after the newest sample."""
+
+    robustness: float
+    lower: float
+    upper: float
+    overall: float
+    verdict: int = 0
+    decided_at: int | None = None
+    by_end: bool = False
+
+
+def report(
+    specs: Mapping[str, Formula],
+    trace: Trace,
+    flags: Sequence[Flags],
+    options: Options,
+    *,
+    own_success: bool | None = None,
+    left: bool = False,
+) -> Report:
+    """The report on an episode of which the environment says these flags, the first of the reset.
+
+    Args:
+        specs: The formulas, whose bounds count samples.
+        trace: The samples of all variables.
+        flags: Of every sample whether the environment terminates or truncates.
+        options: Those of the wrapper.
+        own_success: What the environment's last info says of ``is_success``, if it has the key.
+        left: Whether the episode is left after the last sample, by a reset or a close.
+    """
+    made, decided = Report(), dict[str, _Judgement]()
+    for t, ended_by in enumerate(flags):
+        before = decided
+        end = _reading(options, *ended_by)
+        decided = {
+            name: _judge(f, trace, t, options.view, end, decided.get(name))
+            for name, f in specs.items()
+        }
+        if ended_by[0] and options.at_termination is None:
+            made.assumed = any(it.verdict > 0 and it.by_end for it in decided.values())
+        violated = [it for it in decided.values() if it.verdict < 0]
+        info: dict[str, Any] = {
+            "robustness": _least([it.robustness for it in decided.values()]),
+            "stl_lower": _least([it.lower for it in decided.values()]),
+            "stl_upper": _least([it.upper for it in decided.values()]),
+            "stl_violated": bool(violated),
+        }
+        if options.details:
+            info["stl"] = {name: _state(it) for name, it in decided.items()}
+        if t and options.cost:
+            info |= _costs(specs, trace, t, options, before, decided)
+        terminated, truncated = ended_by
+        if t and not terminated and any(not it.by_end for it in violated):
+            terminated = options.on_violation == "terminate"
+            truncated = truncated or options.on_violation == "truncate"
+        over = bool(t) and (terminated or truncated)
+        if over:
+            success = all(it.verdict > 0 for it in decided.values())
+            info |= {
+                "stl_episode": {name: _outcome(it) for name, it in decided.items()},
+                "stl_success": success,
+                "stl_undecided": any(it.verdict == 0 for it in decided.values()),
+                "is_success": success if own_success is None else own_success,
+                **_blame(decided, "stl_violated"),
+            }
+            made.record = _record(decided, t + 1, terminated=terminated, truncated=truncated)
+        made.infos.append(info)
+        made.flags.append((terminated, truncated))
+        if over:
+            return made
+    if left:
+        t = len(flags) - 1
+        end = options.at_truncation
+        read = {
+            name: _judge(f, trace, t, options.view, end, decided[name]) for name, f in specs.items()
+        }
+        made.record = _record(read, t + 1, terminated=False, truncated=True)
+    return made
+
+
+def chargeable(specs: Mapping[str, Formula], view: str) -> bool:
+    """Whether every demand can be charged for while the episode runs."""
+    return all(horizon(p) < INF for f in specs.values() for p, _, _ in _demands(f, view))
+
+
+def _reading(options: Options, terminated: bool, truncated: bool) -> str | None:  # noqa: FBT001 - as Gymnasium has them
+    """How the end is read; None: it goes on."""
+    if terminated:
+        return options.at_termination or "complete"
+    return options.at_truncation if truncated else None
+
+
+def _judge(
+    f: Formula, trace: Trace, t: int, view: str, end: str | None, before: _Judgement | None
+) -> _Judgement:
+    """What is known of a formula after sample t."""
+    judged = f.always() if view == "step" else f
+    now, low, high = episode(judged, trace, t + 1)
+    it = _Judgement(_instant(f, trace, t) if view == "step" else now, low, high, now)
+    if before is not None and before.verdict:
+        it.verdict, it.decided_at = before.verdict, before.decided_at
+        return it
+    it.verdict = _verdict(low, high)
+    if not it.verdict and end is not None:
+        if end == "failure":
+            it.upper = -0.0
+        else:
+            _, it.lower, it.upper = ended(judged, trace, t + 1, end)
+        it.verdict = _verdict(it.lower, it.upper)
+        it.by_end = it.verdict != 0
+    it.decided_at = t if it.verdict else None
+    return it
+
+
+def _verdict(low: float, high: float) -> int:
+    return -1 if not holds(high) else int(holds(low))
+
+
+def _instant(f: Node, trace: Trace, t: int) -> float:
+    """The value of the newest instant whose horizon has passed; before, that of sample 0."""
+    assert f.op is not None
+    endless = f.op.name in ("always", "eventually") and bounds(f) == (0, INF)
+    late = horizon(f.args[0] if endless else f)
+    if t < late:
+        return robustness(f, trace, t + 1)[0]
+    if not endless:
+        return robustness(f, trace, t + 1)[int(t - late)]
+    seen = robustness(f.args[0], trace, t + 1)[: int(t - late) + 1]
+    return min(seen, key=order) if f.op.name == "always" else max(seen, key=order)
+
+
+def _demands(f: Formula, view: str) -> list[tuple[Node, float, float]]:
+    """What is demanded, and the first and the last instant at which it is."""
+    if view == "step":
+        return [(f, 0, INF)]
+    parts: list[Node] = [f]
+    while any(_named(part, "and") for part in parts):
+        parts = [p for part in parts for p in (part.args if _named(part, "and") else [part])]
+    return [
+        (part.args[0], *bounds(part)) if _named(part, "always") else (part, 0, 0) for part in parts
+    ]
+
+
+def _named(f: Node, name: str) -> bool:
+    return f.op is not None and f.op.name == name
+
+
+def _costs(
+    specs: Mapping[str, Formula],
+    trace: Trace,
+    t: int,
+    options: Options,
+    before: Mapping[str, _Judgement],
+    decided: Mapping[str, _Judgement],
+) -> dict[str, np.float64]:
+    """The cost of step t and, of several specifications, that of each."""
+    each = {}
+    for name, f in specs.items():
+        violated = decided[name].verdict < 0
+        match options.cost:
+            case "latched":
+                each[name] = float(violated)
+            case "first":
+                each[name] = float(violated and (t == 1 or before[name].verdict >= 0))
+            case kind:
+                depths = [
+                    -value
+                    for p, first, last in _demands(f, options.view)
+                    if first <= t - horizon(p) <= last
+                    and not holds(value := robustness(p, trace, t + 1)[int(t - horizon(p))])
+                ]
+                each[name] = max(depths, default=0.0) if kind == "depth" else float(bool(depths))
+    found = {"cost": np.float64(max(each.values()))}
+    if len(specs) > 1:
+        found |= {f"cost_{name}": np.float64(cost) for name, cost in each.items()}
+    return found
+
+
+_NAMES = {-1: "VIOLATED", 0: "UNDECIDED", 1: "SATISFIED"}
+
+
+def _state(it: _Judgement) -> dict[str, Any]:
+    found = {"robustness": it.robustness, "lower": it.lower, "upper": it.upper}
+    return {key: np.float64(value) for key, value in found.items()} | {
+        "verdict": _NAMES[it.verdict]
+    }
+
+
+def _outcome(it: _Judgement) -> dict[str, Any]:
+    found = {
+        "robustness": np.float64(it.overall),
+        "verdict": _NAMES[it.verdict],
+        "satisfied": it.verdict > 0,
+    }
+    return found if it.decided_at is None else {**found, "decided_at": it.decided_at}
+
+
+def _blame(decided: Mapping[str, _Judgement], prefix: str) -> dict[str, Any]:
+    """The specification that was violated first; of a sample before the end, in their order."""
+    violated = {name: it for name, it in decided.items() if it.verdict < 0}
+    if not violated:
+        return {}
+    first = min(violated, key=lambda name: (violated[name].decided_at, violated[name].by_end))
+    return {f"{prefix}_by": first, f"{prefix}_at": violated[first].decided_at}
+
+
+def _record(
+    decided: Mapping[str, _Judgement], samples: int, *, terminated: bool, truncated: bool
+) -> dict[str, Any]:
+    return {
+        "samples": samples,
+        "terminated": terminated,
+        "truncated": truncated,
+        "specs": {name: _outcome(it) for name, it in decided.items()},
+        **_blame(decided, "violated"),
+    }
+
+
+def _least(values: Sequence[float]) -> np.float64:
+    return np.float64(min(values, key=order))
+
+
+def mismatch(expected: object, got: object, at: str = "") -> str:
+    """The first place where infos or records differ, in type or bit; empty if nowhere."""
+    if type(expected) is not type(got):
+        return f"{at}: {expected!r} and {got!r}"
+    match expected, got:
+        case dict(), dict():
+            if expected.keys() != got.keys():
+                return f"{at}: {sorted(expected.keys() ^ got.keys())} in one of them alone"
+            parts = (mismatch(expected[key], got[key], f"{at}[{key!r}]") for key in expected)
+            return next(filter(None, parts), "")
+        case list(), list():
+            if len(expected) != len(got):
+                return f"{at}: {len(expected)} and {len(got)} elements"
+            pairs = enumerate(zip(expected, got, strict=True))
+            return next(filter(None, (mismatch(a, b, f"{at}[{i}]") for i, (a, b) in pairs)), "")
+        case float(), float():
+            same = expected == got and holds(expected) == holds(got)
+        case _:
+            same = expected == got
+    return "" if same else f"{at}: {expected!r} and {got!r}"

@@ -1,0 +1,178 @@
+"""Scripted environments, and generated specifications, scripts and options for them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import gymnasium as gym
+import numpy as np
+from episode_oracle import Flags, Options
+from gymnasium import spaces
+from hypothesis import strategies as st
+from oracle import horizon
+from strategies import INTEGERS, VARIABLES, Trace, formulas, length, traces
+
+from rtamt import Formula
+from rtamt.language.formula import make
+
+AT_RESET = 1.0
+"""The reward's signal has no value at a reset but this one."""
+
+SIGNALS: dict[str, Any] = {"a": "obs[0]", "b": "obs[1]", "c": ("reward", AT_RESET)}
+
+ENDS: dict[str, Flags] = {
+    "terminated": (True, False),
+    "truncated": (False, True),
+    "both": (True, True),
+    "none": (False, False),
+}
+
+
+@dataclass(frozen=True)
+class Script:
+    """What an environment does in an episode.
+
+    Attributes:
+        trace: The samples.
+        end: How the episode ends at the last sample, a name of `ENDS`.
+        success: What the last info says of ``is_success``; None: nothing.
+    """
+
+    trace: Trace
+    end: str
+    success: bool | None = None
+
+    def __len__(self) -> int:
+        return length(self.trace)
+
+    @property
+    def flags(self) -> list[Flags]:
+        """Those of the reset and of every step."""
+        return [(False, False)] * (len(self) - 1) + [ENDS[self.end]]
+
+
+class Scripted(gym.Env[Any, Any]):
+    """Plays scripts, one an episode, and begins again after the last; none ends before its end.
+
+    After a script without an end it stays at the last sample.
+    """
+
+    observation_space = spaces.Box(-np.inf, np.inf, (2,), np.float64)
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, scripts: Sequence[Script]) -> None:
+        self.scripts = scripts
+        self.episode = -1
+        self.at = 0
+
+    @property
+    def script(self) -> Script:
+        return self.scripts[self.episode % len(self.scripts)]
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:  # noqa: ANN401
+        super().reset(seed=seed, options=options)
+        self.episode += 1
+        self.at = 0
+        return self._observation(), {}
+
+    def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
+        script, last = self.script, len(self.script) - 1
+        self.at = min(self.at + 1, last)
+        info: dict[str, Any] = {}
+        ended = self.at == last and script.end != "none"
+        if ended and script.success is not None:
+            info["is_success"] = script.success
+        flags = ENDS[script.end] if ended else (False, False)
+        return self._observation(), script.trace["c"][self.at], *flags, info
+
+    def _observation(self) -> Any:  # noqa: ANN401
+        return np.array([self.script.trace[name][self.at] for name in ("a", "b")])
+
+
+@dataclass(frozen=True)
+class Case:
+    """Specifications, options, and the scripts of every environment."""
+
+    specs: dict[str, Formula]
+    options: Options
+    lanes: list[list[Script]]
+
+
+@functools.cache
+@st.composite
+def scripts(draw: st.DrawFn) -> Script:
+    """An episode of two samples or more, of integers full of zeros."""
+    trace = draw(traces(2, 8, INTEGERS))
+    trace["c"][0] = AT_RESET
+    own = draw(st.sampled_from((None, None, None, True, False)))
+    return Script(trace, draw(st.sampled_from(tuple(ENDS))), own)
+
+
+@functools.cache
+@st.composite
+def requirements(draw: st.DrawFn, view: str, depth: int = 1) -> Formula:
+    """A formula that speaks of more than the first sample, as people write them."""
+    endless = view == "episode"
+    if depth and draw(st.integers(0, 3)) == 0:
+        parts = draw(st.lists(requirements(view, depth - 1), min_size=2, max_size=3))
+        return cast("Formula", make("and", tuple(parts)))
+    begin, width = draw(_few), draw(_few)
+    end = None if endless and draw(st.booleans()) else begin + width
+    p = draw(formulas(draw(_depth), endless=endless and draw(_seldom)))
+    match draw(_shape):
+        case "always":
+            return p.always()
+        case "within":
+            return p.always(begin, end)
+        case "eventually":
+            return p.eventually(begin, end)
+        case "until":
+            return p.until(draw(formulas(1)), begin, end)
+        case "response":
+            return p.implies(draw(formulas(0)).eventually(0, width)).always()
+        case _:
+            return p if horizon(p) else p.always()
+
+
+_few = st.integers(0, 3)
+_depth = st.integers(0, 2)
+_seldom = st.sampled_from((False,) * 5 + (True,))
+_shape = st.sampled_from(("always", "within", "eventually", "until", "response", "any"))
+
+
+@functools.cache
+@st.composite
+def cases(draw: st.DrawFn, costs: tuple[str | None, ...], num: int = 1) -> Case:
+    """A case for ``num`` environments with these costs."""
+    view = draw(st.sampled_from(("episode", "episode", "step")))
+    options = Options(
+        on_violation=draw(st.sampled_from(("terminate", "truncate", "report"))),
+        at_termination=draw(st.sampled_from((None, "complete", "cut", "failure"))),
+        at_truncation=draw(st.sampled_from(("cut", "complete", "open"))),
+        cost=draw(st.sampled_from(costs)),
+        view=view,
+        details=draw(st.booleans()),
+    )
+    drawn = draw(st.lists(_wanted(view), min_size=1, max_size=3))
+    lane = st.lists(scripts(), min_size=1, max_size=3)
+    lanes = draw(st.lists(lane, min_size=num, max_size=num))
+    return Case({f"r{i}": f for i, f in enumerate(drawn)}, options, lanes)
+
+
+@functools.cache
+def _wanted(view: str) -> st.SearchStrategy[Formula]:
+    """In the view of steps a formula of a sample will do; its future ends, or it is at the root."""
+    drawn = requirements(view)
+    if view == "episode":
+        return drawn.filter(horizon)
+    bounded = drawn.filter(lambda f: horizon(f) < float("inf"))
+    return st.one_of(bounded, formulas(2), formulas(1).map(Formula.always))
+
+
+def variables(specs: dict[str, Formula]) -> dict[str, Any]:
+    """The signals that the specifications read."""
+    read = {name for f in specs.values() for name in f.variables}
+    return {name: SIGNALS[name] for name in VARIABLES if name in read}
