@@ -1,10 +1,14 @@
 """Signal temporal logic for simulations: Gymnasium environments under `rtamt` monitors.
 
 Names are imported when first used: the command line monitors recorded traces without Gymnasium.
+Without an optional package, ``from rtamt_gym import *`` gives the names that do not need it, and to
+import one that does is an error that says which extra installs the package.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
@@ -19,19 +23,19 @@ if TYPE_CHECKING:
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
     from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
-__all__ = [
-    "Fmus",
-    "Run",
-    "Snapshot",
-    "Step",
-    "StepMonitor",
-    "StlMonitor",
-    "StlReward",
-    "VectorStlMonitor",
-    "VectorStlReward",
-    "evaluate_rollouts",
-    "simulate",
-]
+    __all__ = [
+        "Fmus",
+        "Run",
+        "Snapshot",
+        "Step",
+        "StepMonitor",
+        "StlMonitor",
+        "StlReward",
+        "VectorStlMonitor",
+        "VectorStlReward",
+        "evaluate_rollouts",
+        "simulate",
+    ]
 
 _MODULES = {
     "Fmus": "rtamt_gym.simulation.fmi",
@@ -49,9 +53,25 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+    if name == "__all__":
+        return [each for each in _MODULES if _is_there(each)]
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+    try:
+        return getattr(import_module(_MODULES[name]), name)
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, f"{__name__}.{name}") from error
+
+
+def _is_there(name: str) -> bool:
+    """Whether the packages that a name needs are installed."""
+    try:
+        __getattr__(name)
+    except ModuleNotFoundError as error:
+        if missing(error) is None:
+            raise
+        return False
+    return True
 
 
 def __dir__() -> list[str]:

@@ -18,19 +18,11 @@ from typing import NoReturn
 
 import rtamt
 from rtamt import InputError, RtamtError
+from rtamt_gym.checks.extras import EXTRAS, missing
 from rtamt_gym.commands import COMMANDS
 from rtamt_gym.tables import shorten
 
 __all__ = ["main"]
-
-_EXTRAS = {
-    "gymnasium": "gym",
-    "mujoco": "gym",
-    "highway_env": "highway",
-    "matplotlib": "plot",
-    "pyarrow": "parquet",
-}
-"""The extra that installs each optional package."""
 
 _OPTIONS = (
     # The library's errors give advice in Python; on the command line the same advice is an option.
@@ -68,11 +60,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except RtamtError as error:
         return _refuse(": ".join([*getattr(error, "__notes__", []), str(error)]))
     except ModuleNotFoundError as error:
-        missing = (error.name or "").partition(".")[0]
-        if missing not in _EXTRAS:
+        package = missing(error)
+        if package is None:
             return _unexpected(error)
         return _refuse(
-            f"{missing} is not installed; from the checkout: pip install '.[{_EXTRAS[missing]}]'"
+            f"{package} is not installed; from the checkout: pip install '.[{EXTRAS[package]}]'"
         )
     except OSError as error:
         name = "" if error.filename is None else f" {error.filename}"

@@ -9,17 +9,20 @@ import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from fractions import Fraction
+from importlib import import_module
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import fmpy  # type: ignore[import-untyped]
+from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.simulation.fmi_instance import Instance, Reader, Writer, kind_of
+from rtamt_gym.simulation.fmi_variables import Variable, fit, kind_of
 from rtamt_gym.simulation.systems import Signals, System, exact, named_signals, whole_steps
+
+if TYPE_CHECKING:  # it imports FMPy, which is optional
+    from rtamt_gym.simulation.fmi_instance import Instance, Reader, Writer
 
 __all__ = ["Fmus"]
 
@@ -30,20 +33,6 @@ _Source = str | float | Callable[[float], float]
 
 _InputSource = int | Callable[[float], float]
 """The source of an input during a run: the index of a connected output, or a function of time."""
-
-
-class _Variable(NamedTuple):
-    """A variable of one of the FMUs.
-
-    Attributes:
-        name: The name of its FMU, a dot, its own name.
-        fmu: The index of its FMU.
-        entry: Its entry in the model description.
-    """
-
-    name: str
-    fmu: int
-    entry: Any
 
 
 class Fmus(System):
@@ -105,18 +94,18 @@ class Fmus(System):
         experiments = [described.defaultExperiment for described in self._described]
         sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
         self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
-        self._variables: dict[str, _Variable] = {}
+        self._variables: dict[str, Variable] = {}
         for i, (name, described) in enumerate(zip(self._paths, self._described, strict=True)):
             for entry in described.modelVariables:
-                variable = _Variable(f"{name}.{entry.name}", i, entry)
+                variable = Variable(f"{name}.{entry.name}", i, entry)
                 self._variables[variable.name] = variable
                 if len(self._paths) == 1:
                     self._variables[entry.name] = variable
-        self._start_values: list[tuple[_Variable, float]] = []
+        self._start_values: list[tuple[Variable, float]] = []
         for name, value in (parameters or {}).items():
             variable = self._parameter(name)
-            self._start_values.append((variable, _fit(variable, value)))
-        self._wires: list[tuple[_Variable, _Variable | Callable[[float], float]]] = []
+            self._start_values.append((variable, fit(variable, value)))
+        self._wires: list[tuple[Variable, Variable | Callable[[float], float]]] = []
         for name, source in (inputs or {}).items():
             self._connect(self._input(name), source)
         self._folders: list[Path] = []
@@ -139,13 +128,15 @@ class Fmus(System):
         self._count = 0
         self._now = 0.0
         self._unpack()
+        from rtamt_gym.simulation.fmi_instance import Instance
+
         for name, described, folder in zip(
             self._paths, self._described, self._folders, strict=True
         ):
             self._instances.append(Instance(name, described, folder))
         for i, instance in enumerate(self._instances):
             instance.enter([(v, value) for (_, fmu, v), value in self._start_values if fmu == i])
-        sources = [source for _, source in self._wires if isinstance(source, _Variable)]
+        sources = [source for _, source in self._wires if isinstance(source, Variable)]
         self._outputs = self._reader(list(dict.fromkeys(sources)))
         self._connections = self._connected(list(dict.fromkeys(sources)))
         for _ in self._instances:  # a value may pass through all FMUs
@@ -191,10 +182,10 @@ class Fmus(System):
         weakref.finalize(self, shutil.rmtree, top, ignore_errors=True)
         folders = [top / str(i) for i in range(len(self._paths))]
         for path, folder in zip(self._paths.values(), folders, strict=True):
-            fmpy.extract(path, folder)
+            _fmpy().extract(path, folder)
         self._folders = folders
 
-    def _reader(self, variables: Sequence[_Variable]) -> Reader:
+    def _reader(self, variables: Sequence[Variable]) -> Reader:
         """The function that reads variables, which may belong to several FMUs."""
         parts = []
         for i, instance in enumerate(self._instances):
@@ -213,7 +204,7 @@ class Fmus(System):
 
         return read
 
-    def _connected(self, outputs: Sequence[_Variable]) -> list[tuple[Writer, list[_InputSource]]]:
+    def _connected(self, outputs: Sequence[Variable]) -> list[tuple[Writer, list[_InputSource]]]:
         """For each FMU with connected inputs: the function that writes them, and their sources."""
         connections = []
         for i, instance in enumerate(self._instances):
@@ -221,7 +212,7 @@ class Fmus(System):
             if mine:
                 write = instance.writer([target.entry for target, _ in mine])
                 sources = [
-                    outputs.index(source) if isinstance(source, _Variable) else source
+                    outputs.index(source) if isinstance(source, Variable) else source
                     for _, source in mine
                 ]
                 connections.append((write, sources))
@@ -233,7 +224,7 @@ class Fmus(System):
         for write, sources in self._connections:
             write([outputs[of] if isinstance(of, int) else of(now) for of in sources])
 
-    def _connect(self, target: _Variable, source: object) -> None:
+    def _connect(self, target: Variable, source: object) -> None:
         if isinstance(source, str):
             variable = self._find(source)
             if kind_of(target.entry) is int and kind_of(variable.entry) is float:
@@ -245,14 +236,14 @@ class Fmus(System):
         elif callable(source):
             self._wires.append((target, source))
         elif isinstance(source, Real):
-            self._start_values.append((target, _fit(target, source)))
+            self._start_values.append((target, fit(target, source)))
         else:
             raise InputTypeError(
                 f"input {target.name!r}: expected the name of a variable, a number or a function "
                 f"of time, got {source!r}"
             )
 
-    def _find(self, name: str) -> _Variable:
+    def _find(self, name: str) -> Variable:
         """The variable of a name, which holds a single number."""
         if name not in self._variables:
             raise InputError(
@@ -266,7 +257,7 @@ class Fmus(System):
             raise InputError(f"{name!r} is an array, expected a single number")
         return variable
 
-    def _input(self, name: str) -> _Variable:
+    def _input(self, name: str) -> Variable:
         variable = self._find(name)
         if variable.entry.causality != "input":
             raise InputError(
@@ -275,7 +266,7 @@ class Fmus(System):
             )
         return variable
 
-    def _parameter(self, name: str) -> _Variable:
+    def _parameter(self, name: str) -> Variable:
         variable = self._find(name)
         entry = variable.entry
         if entry.causality == "input":
@@ -316,6 +307,7 @@ def _named(fmus: object) -> dict[str, Path]:
 
 def _describe(path: Path) -> Any:  # noqa: ANN401 - FMPy is not typed
     """Reads the model description of an FMU."""
+    fmpy = _fmpy()
     try:
         described = fmpy.read_model_description(path)
     except OSError:
@@ -331,15 +323,8 @@ def _describe(path: Path) -> Any:  # noqa: ANN401 - FMPy is not typed
     return described
 
 
-def _fit(variable: _Variable, value: object) -> float:
-    """The value as a number of the variable's type."""
-    if not isinstance(value, Real):
-        raise InputTypeError(f"expected a number for {variable.name!r}, got {value!r}")
-    number = float(value)
-    if kind_of(variable.entry) is float:
-        return number
-    if not number.is_integer():
-        raise InputError(
-            f"expected a whole number for {variable.name!r}, a {variable.entry.type}, got {value!r}"
-        )
-    return int(number)
+def _fmpy() -> Any:  # noqa: ANN401 - FMPy is not typed
+    try:
+        return import_module("fmpy")
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, "Fmus") from error

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -12,39 +12,15 @@ from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmpy.fmi2 import fmi2Discard, fmi2Fatal, fmi2Terminated  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError
+from rtamt_gym.simulation.fmi_variables import TYPES
 
-__all__ = ["Instance", "Reader", "Writer", "kind_of"]
+__all__ = ["Instance", "Reader", "Writer"]
 
 Reader = Callable[[], Sequence[float]]
 Writer = Callable[[Sequence[float]], None]
 
-_TYPES: Final[Mapping[str, tuple[str, type[Any]]]] = {
-    "Real": ("Real", ctypes.c_double),
-    "Integer": ("Integer", ctypes.c_int),
-    "Enumeration": ("Integer", ctypes.c_int),
-    "Boolean": ("Boolean", ctypes.c_int),
-}
-"""FMI 2.0: for each type, the word in the names of its functions, and the type in C."""
-
-_TYPES_3: Final[Mapping[str, tuple[str, type[Any]]]] = {
-    "Float32": ("Float32", ctypes.c_float),
-    "Float64": ("Float64", ctypes.c_double),
-    "Boolean": ("Boolean", ctypes.c_bool),
-    "Enumeration": ("Int64", ctypes.c_int64),
-    **{f"Int{n}": (f"Int{n}", getattr(ctypes, f"c_int{n}")) for n in (8, 16, 32, 64)},
-    **{f"UInt{n}": (f"UInt{n}", getattr(ctypes, f"c_uint{n}")) for n in (8, 16, 32, 64)},
-}
-"""FMI 3.0: for each type, the word in the names of its functions, and the type in C."""
-
 _MESSAGES: Final = 3
 """The number of an FMU's latest messages that an error repeats."""
-
-
-def kind_of(variable: Any) -> type[float | int] | None:  # noqa: ANN401 - FMPy is not typed
-    """The type of a variable's value: float, int, or None if it is not a number."""
-    if variable.type in {"Real", "Float32", "Float64"}:
-        return float
-    return int if variable.type in _TYPES or variable.type in _TYPES_3 else None
 
 
 class Instance:
@@ -168,7 +144,7 @@ class Instance:
         self, verb: str, variables: Sequence[Any]
     ) -> list[tuple[Callable[..., object], tuple[Any, ...], Any, list[int]]]:
         """For each type: its function, the arguments, the values in them, the indices."""
-        types = _TYPES if self._version == 2 else _TYPES_3
+        types = TYPES[self._version]
         groups: dict[tuple[str, type[Any]], list[int]] = {}
         for k, variable in enumerate(variables):
             groups.setdefault(types[variable.type], []).append(k)
