@@ -2,16 +2,17 @@
 
 A selector is the word of a source, then names, a field and indices as its `Syntax` allows::
 
-    source  [":" name ["," name]]  ["." field]  {"[" (integer | string) "]"}
+    [agent ":"]  source  [":" name ["," name]]  ["." field]  {"[" (integer | string) "]"}
 
-A name is text without blanks, quotes and ``. , : [ ]``, or any text in quotes:
-``body:'arm.left'.xpos[2]``. Nothing is ever evaluated as Python.
+Only selectors of several agents have an agent in front: ``agent_0: obs[2]``. A name is text without
+blanks, quotes and ``. , : [ ]``, or any text in quotes: ``body:'arm.left'.xpos[2]``. Nothing is
+ever evaluated as Python.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NoReturn
 
@@ -48,12 +49,14 @@ class Selector:
         names: The names behind the colon.
         field: The word behind the dot, or an empty string.
         path: The indices and keys in brackets.
+        agent: The agent in front, or an empty string.
     """
 
     source: str
     names: tuple[str, ...] = ()
     field: str = ""
     path: tuple[int | str, ...] = ()
+    agent: str = ""
 
     def __str__(self) -> str:
         return self.whole + "".join(f"[{part!r}]" for part in self.path)
@@ -62,16 +65,23 @@ class Selector:
     def whole(self) -> str:
         """The selector without its indices."""
         names = ",".join(map(_written, self.names))
-        return self.source + f":{names}" * bool(names) + f".{self.field}" * bool(self.field)
+        agent = f"{_written(self.agent)}: " * bool(self.agent)
+        field = f".{self.field}" * bool(self.field)
+        return f"{agent}{self.source}" + f":{names}" * bool(names) + field
 
 
-def parse_selector(name: str, text: str, sources: Mapping[str, Syntax]) -> Selector:
+def parse_selector(
+    name: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
+) -> Selector:
     """Parses the selector of the signal ``name``, which begins with one of the sources.
+
+    Where there are agents, one of them stands in front.
 
     Raises:
         InputError: With the column, what was expected there, and a caret.
     """
     scan = _Scanner(name, text, sources)
+    agent = _agent(scan, agents) if agents else ""
     source = scan.peek()
     if source not in sources:
         scan.refuse(f"one of {', '.join(sources)}")
@@ -90,13 +100,22 @@ def parse_selector(name: str, text: str, sources: Mapping[str, Syntax]) -> Selec
         scan.expect("]", "']'")
     if syntax.brackets == "key" and not path:
         scan.refuse(f"a key in quotes, {syntax.example}")
-    return Selector(source, names, field, tuple(path))
+    return Selector(source, names, field, tuple(path), agent)
 
 
 def hint(sources: Mapping[str, Syntax]) -> str:
     """Lists common selectors of some sources."""
     *examples, last = [syntax.example for syntax in sources.values() if syntax.common]
     return f"{', '.join(examples)} or {last}"
+
+
+def _agent(scan: _Scanner, agents: Collection[str]) -> str:
+    agent = _unquoted(scan.peek(_NAME))
+    if agent not in agents:
+        scan.refuse(f"one of the agents {', '.join(map(_written, agents))}, and ':'")
+    scan.next(_NAME)
+    scan.expect(":", "':' behind the agent")
+    return agent
 
 
 def _names(scan: _Scanner, syntax: Syntax) -> tuple[str, ...]:
@@ -165,7 +184,7 @@ class _Scanner:
         if token[1:-1] == "" if quoted else token in {"", *".,:[]'\""}:
             self.refuse("a name")
         self.next(_NAME)
-        return token[1:-1] if quoted else token
+        return _unquoted(token)
 
     def refuse(self, expected: str) -> NoReturn:
         token = self.peek()
@@ -177,6 +196,10 @@ class _Scanner:
             f"  {' ' * column}^\n"
             f"  hint: write {hint(self._sources)}"
         )
+
+
+def _unquoted(token: str) -> str:
+    return token[1:-1] if len(token) > 1 and token[0] in "'\"" else token
 
 
 def _written(name: str) -> str:

@@ -12,6 +12,9 @@ A signal is a text selector, a callable, or a pair of one of them and its value 
 | ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
 | a callable | what it returns for a `Step` | called, unless it has a default |
 
+Where there are several agents a selector says whose it is, ``agent_0: obs[2]``: see
+`rtamt_gym.signals.agents`.
+
 Selectors are parsed by the grammar of `rtamt_gym.signals.selectors`, and bound to an environment by
 the rows of `rtamt_gym.signals.sources`.
 """
@@ -19,7 +22,7 @@ the rows of `rtamt_gym.signals.sources`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any, Final, NamedTuple, cast
@@ -122,8 +125,16 @@ class Signal:
     row: Source | None = None
 
     @classmethod
-    def parse(cls, name: str, value: SignalLike, sources: Mapping[str, Source]) -> Signal:
+    def parse(
+        cls,
+        name: str,
+        value: SignalLike,
+        sources: Mapping[str, Source],
+        agents: Collection[str] = (),
+    ) -> Signal:
         """Parses one entry of ``signals=``; ``sources`` are the words selectors may begin with.
+
+        Where there are agents, one of them stands in front of a selector.
 
         Raises:
             InputError: On a selector that the grammar does not read, on a default that is nan, and
@@ -142,7 +153,7 @@ class Signal:
                 f"signal {name!r}: expected a selector, a callable, or a pair of one of them and "
                 f"its value at reset, got {value!r}; a selector is {hint(sources)}"
             )
-        selector = parse_selector(name, value, sources)
+        selector = parse_selector(name, value, sources, agents)
         row = sources[selector.source]
         if default is None and not row.at_reset:
             raise InputError(
@@ -220,6 +231,7 @@ def parse_signals(
     variables: Iterable[str],
     sources: Mapping[str, Source],
     *,
+    agents: Collection[str] = (),
     extra: bool = False,
 ) -> tuple[Signal, ...]:
     """Parses ``signals=``: the signals of the variables in their order, then all others.
@@ -229,6 +241,7 @@ def parse_signals(
             `SignalLike`.
         variables: Names that the specifications read.
         sources: The words that selectors may begin with.
+        agents: The agents, one of which stands in front of every selector, if there are any.
         extra: Whether signals that no specification reads are allowed; they are recorded.
 
     Raises:
@@ -240,7 +253,9 @@ def parse_signals(
             f'expected a mapping such as signals={{"x": "obs[0]"}}, got {signals!r}'
         )
     names = list(dict.fromkeys(variables))
-    example = "obs[0]" if "obs" in sources else "qpos[0]"
+    example = (f"{next(iter(agents))}: " if agents else "") + (
+        "obs[0]" if "obs" in sources else "qpos[0]"
+    )
     others = [name for name in signals if name not in names]
     for name in names:
         if name not in signals:
@@ -254,7 +269,7 @@ def parse_signals(
         )
     if extra:
         names += others
-    return tuple(Signal.parse(name, signals[name], sources) for name in names)
+    return tuple(Signal.parse(name, signals[name], sources, agents) for name in names)
 
 
 def _default(name: str, value: object) -> float:

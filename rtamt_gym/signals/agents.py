@@ -1,0 +1,68 @@
+"""Selectors of several agents: ``agent_0: obs[2]`` is what one agent observes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple, cast
+
+from gymnasium import spaces
+
+from rtamt import InputError
+from rtamt_gym.checks.names import listing
+from rtamt_gym.signals.selectors import Selector
+from rtamt_gym.signals.signals import Env, Read, Signal, Source
+from rtamt_gym.signals.sources import STEP
+
+__all__ = ["agent_sources"]
+
+
+class _Seat(NamedTuple):
+    """What one agent sees of an environment, as the selectors of one agent are bound to it."""
+
+    observation_space: spaces.Space[Any]
+    action_space: spaces.Space[Any]
+
+
+def agent_sources(agents: Mapping[str, Hashable], *, hold: bool) -> dict[str, Source]:
+    """The words behind an agent, which read its part of observations, actions, rewards and infos.
+
+    Args:
+        agents: The agents by the names that selectors give them.
+        hold: Whether a signal is nan while its agent is not there; else that is an error.
+    """
+    first = next(iter(agents))
+    sources = {}
+    for place, (word, row) in enumerate(STEP.items()):
+
+        def bind(signal: Signal, env: Env, row: Source = row, place: int = place) -> Read:
+            agent = agents[cast("Selector", signal.reads).agent]
+            return _of_agent(agent, place, signal, row.bind(signal, _seat(agent, env)), hold=hold)
+
+        sources[word] = replace(row, example=f"{first}: {row.example.split(', ')[0]}", bind=bind)
+    return sources
+
+
+def _seat(agent: Hashable, env: Any) -> Any:  # noqa: ANN401 - environments of two forms
+    """The spaces of one agent, as those of an environment that selectors are bound to."""
+    return _Seat(env.observation_space(agent), env.action_space(agent))
+
+
+def _of_agent(agent: Hashable, place: int, signal: Signal, read: Read, *, hold: bool) -> Read:
+    """Reads an agent's part of observations, actions, rewards or infos, by its place among them."""
+
+    def read_part(*parts: Any) -> float:  # noqa: ANN401
+        part = parts[place]
+        if agent in part:
+            own: list[Any] = [None] * len(parts)
+            own[place] = part[agent]
+            return read(*own)
+        if hold:
+            return math.nan
+        raise InputError(
+            f"signal {signal.name!r}: {signal} has no value, for the agents of this step are "
+            f"{listing(part)}; nan='hold' keeps the last value of an agent that left"
+        )
+
+    return read_part

@@ -1,0 +1,129 @@
+"""Signals of several agents: each selector reads its agent's part, or says what is wrong."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from parallel_environments import Crew
+
+from rtamt.errors import InputError
+from rtamt_gym.signals.agents import agent_sources
+from rtamt_gym.signals.signals import Read, Signal, SignalLike, Step, parse_signals
+
+AGENTS = ["scout_0", "scout_1", "'s:2"]
+CREW = Crew(dict.fromkeys(AGENTS, (1.0, 2.0)))
+NAMES = {agent: agent for agent in AGENTS}
+HINT = "  hint: write scout_0: obs[2], scout_0: action[0], scout_0: reward or scout_0: info['key']"
+
+
+def parse(value: SignalLike, *, hold: bool = False) -> Signal:
+    return Signal.parse("x", value, agent_sources(NAMES, hold=hold), NAMES)
+
+
+def bind(value: SignalLike, *, hold: bool = False) -> Read:
+    return parse(value, hold=hold).bind(CREW)  # type: ignore[arg-type]  # of PettingZoo's form
+
+
+def step_of(agents: list[str]) -> tuple[Any, ...]:
+    """Observations, actions, rewards and infos in which every number is another."""
+    number = {agent: 10.0 * at for at, agent in enumerate(AGENTS)}
+    return (
+        {agent: np.array([number[agent], number[agent] + 1]) for agent in agents},
+        {agent: np.array([number[agent] + 2]) for agent in agents},
+        {agent: number[agent] + 3 for agent in agents},
+        {agent: {"own": number[agent] + 4} for agent in agents},
+    )
+
+
+READINGS: list[tuple[SignalLike, float]] = [
+    ("obs[0]", 0),
+    ("obs[-1]", 1),
+    (("action[0]", 0.0), 2),
+    (("reward", 0.0), 3),
+    (("info['own']", 0.0), 4),
+]
+
+
+@pytest.mark.parametrize("at", range(len(AGENTS)))
+@pytest.mark.parametrize(("reading", "number"), READINGS)
+def test_a_selector_reads_the_part_of_its_agent(reading: Any, number: float, at: int) -> None:  # noqa: ANN401
+    written = ["scout_0: ", " scout_1 :", '"\'s:2": '][at]
+    value = (written + reading[0], 5.0) if isinstance(reading, tuple) else written + reading
+    signal = parse(value)
+    again = parse((str(signal), 5.0) if isinstance(reading, tuple) else str(signal))
+    assert (again.reads, again.default) == (signal.reads, signal.default)
+    for each in (signal, again):
+        assert each.bind(CREW)(*step_of(AGENTS)) == 10 * at + number  # type: ignore[arg-type]  # see above
+
+
+@given(st.lists(st.sampled_from(AGENTS), min_size=1, unique=True))
+def test_a_callable_gets_the_step_of_all_agents(agents: list[str]) -> None:
+    def highest(step: Step) -> float:
+        assert step.env is CREW
+        return max(float(seen[1]) for seen in step.obs.values()) + len(step.info)
+
+    expected = 10 * max(AGENTS.index(agent) for agent in agents) + 1 + len(agents)
+    assert bind(highest)(*step_of(agents)) == expected
+
+
+@pytest.mark.parametrize(("reading", "number"), READINGS)
+def test_an_agent_that_left_gives_no_number(reading: Any, number: float) -> None:  # noqa: ANN401
+    pair = isinstance(reading, tuple)
+    text = f"scout_1: {reading[0] if pair else reading}"
+    value = (text, 0.0) if pair else text
+    held = bind(value, hold=True)
+    assert math.isnan(held(*step_of(["scout_0"])))
+    assert held(*step_of(["scout_1"])) == 10 + number
+    with pytest.raises(InputError) as caught:
+        bind(value)(*step_of(["scout_0"]))
+    assert str(caught.value) == (
+        f"signal 'x': {text} has no value, for the agents of this step are 'scout_0'; nan='hold' "
+        "keeps the last value of an agent that left"
+    )
+
+
+WORDS = "one of the agents scout_0, scout_1, \"'s:2\", and ':'"
+
+
+@pytest.mark.parametrize(
+    ("selector", "column", "wrong"),
+    [
+        ("", 1, f"expected {WORDS}, got the end of the selector"),
+        ("obs[2]", 1, f"expected {WORDS}, got 'obs'"),
+        ("scuot_0: obs[2]", 1, f"expected {WORDS}, got 'scuot_0'"),
+        ("[scout_0]: obs[2]", 1, f"expected {WORDS}, got '['"),
+        ("scout_0 obs[2]", 9, "expected ':' behind the agent, got 'obs'"),
+        ("scout_0.obs[2]", 8, "expected ':' behind the agent, got '.'"),
+        ("scout_0:", 9, "expected one of obs, action, reward, info, got the end of the selector"),
+        ("scout_0: qpos[2]", 10, "expected one of obs, action, reward, info, got 'qpos'"),
+        ("scout_0: info[0]", 15, "expected a key in quotes, scout_0: info['key'], got '0'"),
+    ],
+)
+def test_a_selector_that_cannot_be_read_gets_a_caret(
+    selector: str, column: int, wrong: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        parse(selector)
+    caret = " " * (column - 1) + "^"
+    expected = f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
+    assert str(caught.value) == expected
+
+
+def test_a_selector_that_does_not_fit_says_what_the_space_is() -> None:
+    with pytest.raises(InputError) as caught:
+        bind("scout_1: obs[2]")
+    assert str(caught.value) == (
+        "signal 'x': scout_1: obs[2] does not fit: the observation space has 2 elements there, "
+        "0 to 1; it is Box(shape=(2,), dtype=float64)"
+    )
+
+
+def test_a_variable_without_a_signal_is_shown_how_to_write_one() -> None:
+    with pytest.raises(InputError) as caught:
+        parse_signals({}, ["x"], agent_sources(NAMES, hold=False), agents=NAMES)
+    assert str(caught.value) == 'variable \'x\' has no signal; give one: "x": "scout_0: obs[0]"'

@@ -1,0 +1,151 @@
+"""An environment of several agents in the form of PettingZoo, and the same as one of Gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+INF = np.inf
+Five = tuple[
+    dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+]
+
+
+class Crew:
+    """Every agent observes its numbers one after the other, and leaves after the last of them.
+
+    It has the form of PettingZoo's ``ParallelEnv`` and needs no PettingZoo. An observation is a
+    number and how many samples came before, a reward the number plus the action.
+
+    Args:
+        numbers: The numbers of every agent.
+        ends: How the agents leave, ``"terminated"`` or ``"truncated"``; ``"terminated"`` if an
+            agent is not named.
+        tau: Seconds between two samples, where a monitor looks for it; None: it is not said.
+    """
+
+    def __init__(
+        self,
+        numbers: Mapping[str, Sequence[float]],
+        ends: Mapping[str, str] | None = None,
+        tau: float | None = None,
+    ) -> None:
+        self.metadata = {"name": "crew_v0", "render_modes": []}
+        self.render_mode = None
+        self.tau = tau
+        self.possible_agents = list(numbers)
+        self.agents: list[str] = []
+        self.numbers = numbers
+        self.ends = ends or {}
+        self.seeds: list[int | None] = []
+        self.closed = False
+        self._seen = {each: spaces.Box(-INF, INF, (2,), np.float64) for each in numbers}
+        self._done = {each: spaces.Box(-1.0, 1.0, (1,), np.float64) for each in numbers}
+        self._at = 0
+
+    @property
+    def unwrapped(self) -> Crew:
+        return self
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        return self._seen[agent]
+
+    def action_space(self, agent: str) -> spaces.Box:
+        return self._done[agent]
+
+    def reset(
+        self,
+        seed: int | None = None,
+        options: dict[str, Any] | None = None,  # noqa: ARG002
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        self.seeds.append(seed)
+        self._at = 0
+        self.agents = list(self.possible_agents)
+        return self._observed(), {agent: {"own": 0.0} for agent in self.agents}
+
+    def step(self, actions: dict[str, Any]) -> Five:
+        assert actions.keys() == set(self.agents)
+        self._at += 1
+        here = self.agents
+        seen = self._observed()
+        last = {agent: self._at == len(self.numbers[agent]) - 1 for agent in here}
+        end = {agent: self.ends.get(agent, "terminated") if last[agent] else "" for agent in here}
+        self.agents = [agent for agent in here if not last[agent]]
+        return (
+            seen,
+            {agent: float(seen[agent][0] + actions[agent][0]) for agent in here},
+            {agent: end[agent] == "terminated" for agent in here},
+            {agent: end[agent] == "truncated" for agent in here},
+            {agent: {"own": float(self._at)} for agent in here},
+        )
+
+    def state(self) -> Any:  # noqa: ANN401
+        return np.array([self._at], np.float64)
+
+    def render(self) -> str:
+        return f"sample {self._at}"
+
+    def close(self) -> None:
+        self.closed = True
+
+    def _observed(self) -> dict[str, Any]:
+        return {
+            agent: np.array([self.numbers[agent][self._at], self._at], np.float64)
+            for agent in self.agents
+        }
+
+
+class OneOf(gym.Env[Any, Any]):
+    """A crew as an environment of Gymnasium, where those who left keep what they had last.
+
+    The episode ends when the last of the crew leave: it is terminated if one of them is.
+    """
+
+    def __init__(self, crew: Crew) -> None:
+        self.crew = crew
+        agents = crew.possible_agents
+        self.observation_space = spaces.Dict(
+            {each: crew.observation_space(each) for each in agents}
+        )
+        self.action_space = spaces.Dict({each: crew.action_space(each) for each in agents})
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        super().reset(seed=seed)
+        self._seen, infos = self.crew.reset(seed, options)
+        self._info: dict[str, Any] = {"infos": infos, "rewards": {}}
+        return dict(self._seen), self._info
+
+    def step(self, action: dict[str, Any]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        here = list(self.crew.agents)
+        seen, rewards, terminated, truncated, infos = self.crew.step(
+            {agent: action[agent] for agent in here}
+        )
+        self._seen = {**self._seen, **seen}
+        self._info = {
+            "infos": {**self._info["infos"], **infos},
+            "rewards": {**self._info["rewards"], **rewards},
+        }
+        over = not self.crew.agents
+        ends = over and any(terminated.values()), over and any(truncated.values())
+        return dict(self._seen), 0.0, *ends, self._info
+
+
+def selector_of_one(selector: Any) -> Any:  # noqa: ANN401
+    """The selector of an agent as one of `OneOf`: what ``agent: obs[1]`` is there."""
+    if isinstance(selector, tuple):
+        return selector_of_one(selector[0]), selector[1]
+    agent, rest = selector.split(": ")
+    word, bracket, path = rest.partition("[")
+    place = {
+        "obs": f"obs['{agent}']",
+        "action": f"action['{agent}']",
+        "reward": f"info['rewards']['{agent}']",
+        "info": f"info['infos']['{agent}']",
+    }[word]
+    return place + bracket + path
