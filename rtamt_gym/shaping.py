@@ -44,6 +44,7 @@ __all__ = [
     "Shaping",
     "add",
     "clip",
+    "flattening",
     "hierarchical",
     "least",
     "potential",
@@ -131,16 +132,51 @@ def hierarchical(levels: Sequence[Value], bound: float) -> Value:
         >>> hierarchical([0.5, 0.5, -0.5], 1.0), hierarchical([0.5, 0.5, 0.5], 1.0)
         (1.5, 2.5)
     """
-    last = len(levels) - 1
-    value = levels[last] + last * bound if last else levels[0]
-    for rank in range(last - 1, -1, -1):
+    # Not level + 0 * bound, which would lose the sign of a zero.
+    raised = [level + rank * bound if rank else level for rank, level in enumerate(levels)]
+    return _of_first_negative(levels, raised)
+
+
+def _of_first_negative(levels: Sequence[Value], values: Sequence[Value]) -> Value:
+    """The value that belongs to the first negative level, else the last value."""
+    value = values[-1]
+    for rank in range(len(levels) - 2, -1, -1):
         level = levels[rank]
-        paid = level + rank * bound if rank else level
         if isinstance(level, np.ndarray):
-            value = np.where(np.signbit(level), paid, value)
+            value = np.where(np.signbit(level), values[rank], value)
         elif math.copysign(1.0, level) < 0.0:
-            value = paid
+            value = values[rank]
     return value
+
+
+def flattening(seen: int, clipped: int, low: float, high: float, bound: float) -> str | None:
+    """What to say to a user whose clip hides what robustness could tell a learner.
+
+    Args:
+        seen: How many values of `Shaping.deciding` were seen, infinite ones not counted.
+        clipped: How many of them the clip changes: ``abs(value) > bound``.
+        low: The least of them.
+        high: The greatest of them.
+        bound: The bound to which the robustness is clipped.
+
+    Returns:
+        The warning; None if the clip changes at most 9 of 10 values.
+
+    Example:
+        >>> print(flattening(seen=200, clipped=190, low=0.5, high=48.0, bound=1.0))
+        clip=1 flattens the reward: at 190 of 200 samples of the first episodes the robustness
+        that decides it was outside of [-1, 1]; it ranged from 0.5 to 48; take a clip= about that
+        range, such as clip=48, or weights= that bring the robustness inside
+        >>> flattening(seen=200, clipped=180, low=0.5, high=48.0, bound=1.0)
+    """
+    if 10 * clipped <= 9 * seen:
+        return None
+    return (
+        f"clip={bound:g} flattens the reward: at {clipped} of {seen} samples of the first episodes "
+        f"the robustness that decides it was outside of [-{bound:g}, {bound:g}]; it ranged from "
+        f"{low:.3g} to {high:.3g}; take a clip= about that range, such as "
+        f"clip={max(-low, high):.3g}, or weights= that bring the robustness inside"
+    )
 
 
 def add(reward: Value, after: Value, weight: float) -> Value:
@@ -262,14 +298,25 @@ class Shaping:
 
     def robustness(self, values: Sequence[Value]) -> Value:
         """Combines the robustness of the specifications into the number that the reward uses."""
+        return hierarchical(self._levels_of(values), self.clip)
+
+    def deciding(self, values: Sequence[Value]) -> Value:
+        """The robustness that decides `robustness`, as it is before it is clipped.
+
+        It is the least of the specifications, each times its weight; of ``hierarchical`` that of
+        the level that pays. Where it is beyond the clip, no small change of any specification of
+        that level changes the reward.
+        """
+        weighted = [factor * value for factor, value in zip(self.weights, values, strict=True)]
+        lows = [least([weighted[i] for i in level]) for level in self.levels]
+        return _of_first_negative(self._levels_of(values), lows)
+
+    def _levels_of(self, values: Sequence[Value]) -> list[Value]:
         scaled = self.scaled(values)
-        return hierarchical(
-            [
-                clip(least([scaled[i] for i in level], self.temperature), self.clip)
-                for level in self.levels
-            ],
-            self.clip,
-        )
+        return [
+            clip(least([scaled[i] for i in level], self.temperature), self.clip)
+            for level in self.levels
+        ]
 
     def reward(
         self, reward: Value, before: Value, after: Value, terminated: Value, ended: Value

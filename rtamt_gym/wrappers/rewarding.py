@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Required, TypedDict, TypeVar, get_args
@@ -16,6 +17,7 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping, Value
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.clipping import ClipWatch
 from rtamt_gym.wrappers.features import features, time_left
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
@@ -51,12 +53,23 @@ class Rewarding:
         monitors: Mapping[str, tuple[Any, Any]],
         options: ShapingOptions,
         observe: Observe | None,
+        num: int,
     ) -> None:
         self._shaping = Shaping.of(list(monitors), **options)
         check_choice("observe", observe, (None, *get_args(Observe)))
         self._observes = observe is not None
         self._judged = options["mode"] == "terminal"
         self._horizons = [judge.program.latency for _, judge in monitors.values()]
+        self._watch: ClipWatch | None = ClipWatch(self._shaping, num)
+
+    def _warn_if_flat(self) -> None:
+        """Ends the watch over the first episodes once they are over."""
+        watch = self._watch
+        if watch is not None and watch.finished:
+            self._watch = None
+            report = watch.report
+            if report is not None:
+                warnings.warn(report, UserWarning, stacklevel=3)
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:

@@ -34,6 +34,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     step that resets an environment, in the autoreset mode ``NEXT_STEP``, pays what the vector
     environment pays: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode
     is in ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
+    The warning about a ``clip`` that flattens counts the first 10 episodes that end, in whichever
+    environments, and the samples of all until then.
 
     The scalar version of the wrapper is :class:`StlReward`.
 
@@ -92,7 +94,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, **options, observe=observe)
         env, self._monitor = find_or_make(VectorStlMonitor, env, specs, signals, monitor)
         VectorWrapper.__init__(self, env)
-        self._set_up(self._monitor.monitors, options, observe)
+        self._set_up(self._monitor.monitors, options, observe, env.num_envs)
         if self._observes:
             space = appended_space(env.single_observation_space, feature_box(self._shaping))
             self.single_observation_space = space
@@ -106,9 +108,13 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
         """Resets environments; the potential of a first state is that of its observation."""
+        mask = None if options is None else options.get("reset_mask")
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
         values = self._monitor.values()
         self._robustness = self._potential(values)
+        if self._watch is not None:
+            self._watch.reset(self._paying(values), mask)
+            self._warn_if_flat()
         return self._observed(obs, values), infos
 
     def step(
@@ -139,6 +145,11 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             put(infos, "reward", paid, ~ended, self.num_envs)
             if self._observes and "final_obs" in infos:
                 infos["final_obs"] = self._observed_last(infos["final_obs"], last, ended)
+        if self._watch is not None:
+            self._watch.step(self._paying(last), ended)
+            if last is not now:
+                self._watch.reset(self._paying(now), ended)
+            self._warn_if_flat()
         return self._observed(obs, now), shaped, terminated, truncated, infos
 
     @property

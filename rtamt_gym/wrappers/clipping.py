@@ -1,0 +1,76 @@
+"""Whether the clip of a shaping hides what robustness could tell a learner: the first episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rtamt_gym.shaping import Shaping, flattening
+from rtamt_gym.signals.columns import Floats, Lanes
+
+__all__ = ["ClipWatch"]
+
+EPISODES = 10
+"""How many episodes are looked at."""
+
+
+class ClipWatch:
+    """Counts over the first episodes at how many samples the clip flattens the reward.
+
+    The samples of all environments count until ten episodes have ended, in whichever of them. With
+    ``mode="terminal"`` the last samples of episodes count alone, as no other is paid. An infinite
+    robustness does not count: no clip could show it.
+
+    Args:
+        shaping: What makes the reward of the robustness.
+        num: The number of environments.
+    """
+
+    def __init__(self, shaping: Shaping, num: int) -> None:
+        self._shaping = shaping
+        self._all = np.ones(num, np.bool_)
+        self._running = np.zeros(num, np.bool_)
+        self._episodes = 0
+        self._seen = self._clipped = 0
+        self._low, self._high = math.inf, -math.inf
+
+    @property
+    def finished(self) -> bool:
+        """Whether ten episodes have ended."""
+        return self._episodes >= EPISODES
+
+    @property
+    def report(self) -> str | None:
+        """What is to be said of the samples seen; None if the clip does not flatten."""
+        return flattening(self._seen, self._clipped, self._low, self._high, self._shaping.clip)
+
+    def reset(self, values: Sequence[Floats], lanes: Lanes | None = None) -> None:
+        """Sees the first samples of the environments of the mask; None: of all.
+
+        An episode that was running has ended without a last sample.
+        """
+        begun = self._all if lanes is None else lanes
+        self._episodes += np.count_nonzero(self._running & begun)
+        if not self.finished:
+            self._running |= begun
+            self._count(values, begun, ended=False)
+
+    def step(self, values: Sequence[Floats], ended: Lanes) -> None:
+        """Sees a sample of every environment, the last one of those that ended."""
+        self._count(values, self._all, ended=False)
+        self._count(values, ended, ended=True)
+        self._episodes += np.count_nonzero(ended)
+        self._running = ~ended
+
+    def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
+        if ended is not (self._shaping.mode == "terminal"):
+            return
+        deciding = self._shaping.deciding(values)[lanes]
+        deciding = deciding[np.isfinite(deciding)]
+        if len(deciding):
+            self._seen += len(deciding)
+            self._clipped += np.count_nonzero(np.abs(deciding) > self._shaping.clip)
+            self._low = min(self._low, deciding.min())
+            self._high = max(self._high, deciding.max())
