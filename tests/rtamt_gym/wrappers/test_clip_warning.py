@@ -59,6 +59,10 @@ def play(env: gym.Env[Any, Any], episodes: int) -> list[list[dict[str, Any]]]:
     return played
 
 
+def gather(env: gym.Env[Any, Any], played: list[list[dict[str, Any]]]) -> None:
+    played += play(env, 10)
+
+
 def text(clip: float, clipped: int, seen: int, low: float, high: float) -> str:
     return (
         f"clip={clip:g} flattens the reward: at {clipped} of {seen} samples of the first episodes "
@@ -74,23 +78,23 @@ def shaped(env: gym.Env[Any, Any], specs: Any = "always(x > 0)", **options: Any)
 
 def test_a_clip_that_flattens_is_warned_of_at_the_end_of_the_tenth_episode() -> None:
     env = shaped(Replay([48, 30, 3.5, 0.5]), clip=3.5)
-    assert warned(lambda: play(env, 9)) == []
-    assert warned(lambda: play(env, 30)) == []  # half of the samples
+    assert warned(functools.partial(play, env, 9)) == []
+    assert warned(functools.partial(play, env, 30)) == []  # half of the samples
     env = shaped(Replay([48, 30, 3.5]), clip=3.25)
-    assert warned(lambda: play(env, 9)) == []
+    assert warned(functools.partial(play, env, 9)) == []
     env.reset()
     env.step(ACTION)
     with pytest.warns(UserWarning, match="^clip=3.25 flattens the reward") as caught:
         env.step(ACTION)
     assert str(caught[0].message) == text(3.25, 30, 30, 3.5, 48)
     assert caught[0].filename == __file__
-    assert warned(lambda: play(env, 30)) == []
+    assert warned(functools.partial(play, env, 30)) == []
 
 
 @pytest.mark.parametrize(("length", "flat"), [(10, []), (11, [text(1, 100, 110, 0.5, 2)])])
 def test_nine_of_ten_samples_are_not_yet_too_many(length: int, flat: list[str]) -> None:
     env = shaped(Replay([2.0] * (length - 1) + [0.5]))
-    assert warned(lambda: play(env, 10)) == flat
+    assert warned(functools.partial(play, env, 10)) == flat
 
 
 SPECS = {
@@ -136,7 +140,7 @@ def test_the_figures_are_those_of_a_count_by_hand(mode: str) -> None:
         clip = 0.05 * (1 + seed % 4)
         env = shaped(Tour(drawn(seed)), SPECS, clip=clip, **options)
         played: list[list[dict[str, Any]]] = []
-        found = warned(lambda env=env, played=played: played.extend(play(env, 10)))
+        found = warned(functools.partial(gather, env, played))
         samples = [infos[-1:] if mode == "terminal" else infos for infos in played]
         numbers = [decided(info["stl"], mode) for infos in samples for info in infos]
         assert found == expected(numbers, clip)
@@ -156,11 +160,11 @@ def test_many_environments_are_watched_as_one(mode: str, autoreset: AutoresetMod
             makes = [functools.partial(Tour, tour) for tour in tours[:num]]
             envs = VectorStlReward(sync(makes, autoreset), SPECS, X, **options)
             numbers: list[float] = []
-            found = warned(lambda envs=envs, numbers=numbers: watch(envs, numbers, mode))
+            found = warned(functools.partial(watch, envs, numbers, mode))
             assert found == expected(numbers, clip)
             if num == 1:
                 alone = shaped(Tour(tours[0]), SPECS, **options)
-                assert warned(lambda alone=alone: play(alone, 10)) == found
+                assert warned(functools.partial(play, alone, 10)) == found
             said += len(found)
     assert 0 < said < 6
 
@@ -199,11 +203,11 @@ def watch(envs: Any, numbers: list[float], mode: str) -> None:  # noqa: ANN401
 def test_an_infinite_robustness_is_at_every_clip_and_does_not_count() -> None:
     # The window opens at sample 4: -inf before, 2 or less after.
     env = shaped(Replay([2.0] * 6), "eventually[4:9](x > 0)", period=1)
-    assert warned(lambda: play(env, 10)) == [text(1, 20, 20, 2, 2)]
+    assert warned(functools.partial(play, env, 10)) == [text(1, 20, 20, 2, 2)]
     env = shaped(Replay([2.0] * 3), "eventually[4:9](x > 0)", period=1, on_violation="report")
-    assert warned(lambda: play(env, 10)) == []
+    assert warned(functools.partial(play, env, 10)) == []
     env = shaped(Replay([2.0] * 6), semantics="boolean")
-    assert warned(lambda: play(env, 10)) == []
+    assert warned(functools.partial(play, env, 10)) == []
 
 
 def test_a_terminal_reward_is_judged_by_what_it_pays() -> None:
@@ -215,14 +219,14 @@ def test_a_terminal_reward_is_judged_by_what_it_pays() -> None:
         (flat_at_end, "add", []),
     ]:
         env = shaped(Replay(values), mode=mode)
-        assert warned(lambda env=env: play(env, 10)) == found
+        assert warned(functools.partial(play, env, 10)) == found
 
 
 def test_an_episode_that_a_time_limit_outside_cuts_is_an_episode() -> None:
     env = TimeLimit(shaped(Replay([9.0] * 99)), 5)
-    assert warned(lambda: play(env, 10)) == []
+    assert warned(functools.partial(play, env, 10)) == []
     assert warned(env.reset) == [text(1, 60, 60, 9, 9)]
-    assert warned(lambda: play(env, 20)) == []
+    assert warned(functools.partial(play, env, 20)) == []
     envs = VectorStlReward(
         sync([lambda: Replay([9.0] * 99)] * 2, AutoresetMode.DISABLED),
         "always(x > 0)",
