@@ -202,12 +202,14 @@ def _specification_from_text(
     given: dict[str, Fraction],
     chains: bool,  # noqa: FBT001 - in a pickle arguments have no names
     imports: dict[str, tuple[str, type | None]],
+    requirement: str | None = None,
 ) -> Specification:
     modules: dict[str, SimpleNamespace] = {}
     for name, (module, kind) in imports.items():
         vars(modules.setdefault(module, SimpleNamespace()))[name] = kind
     classes = any(kind is not None for _, kind in imports.values())
-    return _parsed(text, unit, given, modules if classes else None, chains=chains)
+    spec = _parsed(text, unit, given, modules if classes else None, chains=chains)
+    return spec if requirement is None else spec.requirements[requirement]
 
 
 def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[object, ...]]:
@@ -215,7 +217,8 @@ def _reduced(spec: Specification) -> tuple[Callable[..., Specification], tuple[o
     imports = {
         name: (module, _by_name(spec.types.get(name))) for name, module in spec.imports.items()
     }
-    arguments = (spec.text, spec.unit, dict(spec.given), spec.chains, imports)
+    given = dict(spec.given)
+    arguments = (spec.text, spec.unit, given, spec.chains, imports, spec.requirement)
     return _specification_from_text, arguments
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 from rtamt.language.node import Node
@@ -23,6 +23,9 @@ def number_text(value: float) -> str:
 
 def node_text(root: Node, names: Mapping[Node, str] = _NO_NAMES) -> str:
     """The text of a term or formula, in which the formulas that have a name are that name."""
+    # A formula that is the value of a term is that term where it is an operand.
+    value = OPERATORS["value"]
+    names = {**{node.args[0]: name for node, name in names.items() if node.op is value}, **names}
     # Operands before what uses them: no recursion, and a shared part is written once.
     texts = dict(names)
     for node in root.nodes():
@@ -35,8 +38,9 @@ def _compose(node: Node, texts: Mapping[Node, str], names: Mapping[Node, str]) -
     op = node.op
     if op is None:
         return node.leaf if isinstance(node.leaf, str) else number_text(cast("float", node.leaf))
-    operands = [texts[a] for a in node.args]
-    rows = [None if a in names else _row(a) for a in node.args]
+    args = _joined(node, names)
+    operands = [texts[a] for a in args]
+    rows = [None if a in names else _row(a) for a in args]
     interval = "" if node.interval is None else str(node.interval)
     match op.notation:
         case "atom":
@@ -54,6 +58,27 @@ def _compose(node: Node, texts: Mapping[Node, str], names: Mapping[Node, str]) -
                 for text, row, strength in zip(operands, rows, least, strict=True)
             ]
             return f" {op.symbol}{interval} ".join(parts)
+
+
+def _joined(node: Node, names: Mapping[Node, str]) -> Sequence[Node]:
+    """The operands; a formula with a name whose own operands became some of them stands again."""
+    op, args = cast("Operator", node.op), node.args
+    if op.grouping not in ("flat", "left-flat"):
+        return args
+    runs = [named for named in names if named.op is op and named is not node]
+    if not runs:
+        return args
+    joined: list[Node] = []
+    at = 0
+    while at < len(args):
+        fits = [r for r in runs if args[at : at + len(r.args)] == r.args]
+        if fits and (op.grouping == "flat" or at == 0):
+            joined.append(max(fits, key=lambda r: len(r.args)))
+            at += len(joined[-1].args)
+        else:
+            joined.append(args[at])
+            at += 1
+    return joined
 
 
 def _prefix(op: Operator, interval: str, operand: str, row: Operator | None) -> str:

@@ -51,7 +51,9 @@ class Declaration:
 class Specification:
     """One formula or more, the last of which is the result.
 
-    ``str`` gives a canonical text; under the same ``unit`` it parses to an equal specification.
+    ``str`` gives a canonical text; under the same ``unit`` it parses to an equal specification. It
+    has the same requirements too, unless a formula names two that are equal, or negates a number
+    that has a name: the text then shows the first name, or the number, alone.
 
     Attributes:
         text: The text as it was given.
@@ -68,6 +70,10 @@ class Specification:
         given: Exact values of the text's constants that were given to `parse`.
         chains: Whether the text was read with operators that group to the left where they chain.
         positions: Line and column in the text of a node's interval, operator or name.
+        uses: Formula to the names of the formulas that its text names; a result without a name is
+            under ``""``.
+        requirement: The name under which this is one of several `requirements` of the text; None
+            if it is the whole.
     """
 
     text: str
@@ -83,6 +89,8 @@ class Specification:
     given: Mapping[str, Fraction] = field(default_factory=dict)
     chains: bool = False
     positions: Mapping[Node, tuple[int, int]] = field(default_factory=dict)
+    uses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    requirement: str | None = None
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""
@@ -97,8 +105,56 @@ class Specification:
 
     def always(self) -> Specification:
         """The same requirement on every instant: ``always`` of the result."""
-        lasting = replace(self, formula=self.formula.always(), positions={})
+        named = self._result_name
+        lasting = replace(
+            self,
+            formula=self.formula.always(),
+            positions={},
+            uses=self.uses if named is None else {**self.uses, "": (named,)},
+            requirement=None,
+        )
         return replace(lasting, text=str(lasting))
+
+    @cached_property
+    def title(self) -> str | None:
+        """The name that the text gives to the whole, else that of the result, else None."""
+        return self.name or self._result_name
+
+    @cached_property
+    def requirements(self) -> Mapping[str, Specification]:
+        """What the text requires, by name: every formula that no other formula uses, in order.
+
+        A formula uses those whose names stand in its text. In ``a = x > 0; b = a`` only ``b`` is a
+        requirement; in ``a = x > 0; b = always(x > 0)`` both are, for ``b`` does not name ``a``.
+
+        Each is the result of a specification of its own, with the formulas that it uses and with
+        the declarations and constants of the text; its errors show their place in the whole text.
+        A requirement alone is this specification, under its `title`, else ``"spec"``. One of
+        several has the name of its formula; a last formula without a name has that of the whole,
+        else ``"spec"``.
+
+        A monitor of this package judges the result, which is the last formula, alone. For another
+        requirement give it that specification: ``Monitor(spec.requirements["slow"])``.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse("gap = x - y; apart = always(gap > 1); slow = always(v < 5)")
+            >>> for name, requirement in spec.requirements.items():
+            ...     print(f"{name}: {requirement.formula} of {requirement.variables}")
+            apart: always(x - y > 1) of ('x', 'y')
+            slow: always(v < 5) of ('v',)
+        """
+        used = {name for names in self.uses.values() for name in names}
+        roots = {name: name for name in self.formulas if name not in used}
+        if all(self.formulas[name] is not self.formula for name in roots):
+            wanted = (self._result_name or self.name or "spec", "spec")
+            numbered = (f"spec{count}" for count in itertools.count(2))
+            names = itertools.chain(wanted, numbered)
+            roots[next(name for name in names if name not in roots)] = ""
+        if len(roots) == 1:
+            return MappingProxyType({self.title or "spec": self})
+        parts = {name: self._requirement(name, root) for name, root in roots.items()}
+        return MappingProxyType(parts)
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
@@ -188,12 +244,10 @@ class Specification:
             words += [] if d.default is None else ["=", number_text(d.default)]
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
-        names: dict[Node, str] = {}
         for name, formula in self.formulas.items():
-            lines.append(f"{name} = {node_text(formula, names)}")
-            names.setdefault(formula, name)
-        if [self.formula] != list(self.formulas.values())[-1:]:
-            lines.append(node_text(self.formula, names))
+            lines.append(f"{name} = {node_text(formula, self._named_in(name))}")
+        if [self.formula] != list(self.formulas.values())[-1:] or self.uses.get(""):
+            lines.append(node_text(self.formula, self._named_in("")))
         text = lines[0]
         for before, line in itertools.pairwise(lines):
             # "-" would continue the line before it, and "(" make a call of a variable named "min".
@@ -209,6 +263,32 @@ class Specification:
         said = (self.declarations, self.constants, self.topics, self.imports)
         formulas = tuple(self.formulas.items())
         return (self.formula, self.name, formulas, self.unit, *map(dict, said))
+
+    @cached_property
+    def _result_name(self) -> str | None:
+        """The name of the last formula, or the name that it consists of."""
+        last = (*self.formulas,)[-1:]
+        candidates = (*last, *self.uses.get("", ()))
+        return next((n for n in candidates if self.formulas[n] is self.formula), None)
+
+    def _named_in(self, name: str) -> dict[Node, str]:
+        """The formulas that a formula uses; of several names for one formula, the first."""
+        return {self.formulas[used]: used for used in reversed(self.uses.get(name, ()))}
+
+    def _requirement(self, name: str, root: str) -> Specification:
+        """One of several requirements; its root is a key of `uses`."""
+        needed = {root}
+        for each in ("", *reversed([*self.formulas])):  # a formula uses only those before it
+            if each in needed:
+                needed.update(self.uses.get(each, ()))
+        return replace(
+            self,
+            formula=self.formulas.get(root, self.formula),
+            name=None if name in self.formulas else name,
+            formulas={each: f for each, f in self.formulas.items() if each in needed},
+            uses={each: names for each, names in self.uses.items() if each in needed},
+            requirement=name,
+        )
 
     def _declared(self, variable: str) -> str:
         while variable not in self.declarations and "." in variable:

@@ -23,6 +23,7 @@ __all__ = [
     "add_specs_and_trace",
     "check_outputs",
     "positive",
+    "read_requirements",
     "read_samples",
     "read_specs",
     "variables_of",
@@ -109,7 +110,7 @@ def _is_file(argument: str) -> bool:
 
 
 def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
-    """Reads specifications, each under a different name.
+    """Reads specifications whose last formulas are judged, each under a different name.
 
     The name is that given in ``name=path``, else that in the text, else that of the file, else
     ``spec``, ``spec2`` and so on.
@@ -119,17 +120,48 @@ def read_specs(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
     """
     specs: dict[str, rtamt.Specification] = {}
     for argument in arguments:
-        named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
-        spec = _read_spec(named[2] if named else argument)
-        own = (n for n, formula in spec.formulas.items() if formula is spec.formula)
-        name = named[1] if named else spec.name or next(own, None)
-        if name is None:
-            is_path = argument.endswith(".stl")
-            name = Path(argument).stem if is_path else f"spec{len(specs) + 1 if specs else ''}"
-        if name in specs:
-            raise InputError(f"expected one specification {name!r}, got two; name one of them")
-        specs[name] = spec
+        given, spec = _read_argument(argument)
+        _add(specs, given or spec.title or _name(argument, specs), spec)
     return specs
+
+
+def read_requirements(arguments: Sequence[str]) -> dict[str, rtamt.Specification]:
+    """Reads specifications of which every requirement is judged, each under a different name.
+
+    One with a single requirement has the name that `read_specs` gives it. Of several requirements
+    each has its own name in the text, behind that given in ``name=path``: ``safe.near``.
+
+    Raises:
+        InputError: If two requirements have the same name.
+    """
+    specs: dict[str, rtamt.Specification] = {}
+    for argument in arguments:
+        given, spec = _read_argument(argument)
+        if len(spec.requirements) == 1:
+            _add(specs, given or spec.title or _name(argument, specs), spec)
+            continue
+        for name, requirement in spec.requirements.items():
+            _add(specs, f"{given}.{name}" if given else name, requirement)
+    return specs
+
+
+def _read_argument(argument: str) -> tuple[str | None, rtamt.Specification]:
+    """Reads the name that an argument gives, or None, and the specification."""
+    named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
+    return (named[1], _read_spec(named[2])) if named else (None, _read_spec(argument))
+
+
+def _name(argument: str, specs: Mapping[str, rtamt.Specification]) -> str:
+    """Names a specification that has no name: after its file, or by its number."""
+    if argument.endswith(".stl"):
+        return Path(argument).stem
+    return f"spec{len(specs) + 1 if specs else ''}"
+
+
+def _add(specs: dict[str, rtamt.Specification], name: str, spec: rtamt.Specification) -> None:
+    if name in specs:
+        raise InputError(f"expected one specification {name!r}, got two; name one of them")
+    specs[name] = spec
 
 
 def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:

@@ -14,7 +14,7 @@ from rtamt_gym.commands.arguments import (
     add_reading,
     check_outputs,
     positive,
-    read_specs,
+    read_requirements,
     whole,
 )
 
@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.simulation.policies import POLICIES, make
     from rtamt_gym.simulation.simulate import simulate
 
-    specs = read_specs(options.spec)
+    specs = read_requirements(options.spec)
     signals = _read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
     with closing(make(options.env_id, options.max_steps)) as env:

@@ -146,9 +146,14 @@ def make_monitors(
     for name, options in interface.options(specs).items():
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
+            way_out = f"write always({shorten(str(spec.formula), 60)}) or view='step'"
+            if spec.requirement is not None:
+                way_out = (
+                    "no other formula uses it, so that it is a requirement by itself: use it in "
+                    f"another, {way_out}"
+                )
             raise SpecificationError(
-                f"specification {name!r} speaks of the first sample only; "
-                f"write always({shorten(str(spec.formula), 60)}) or view='step'"
+                f"specification {name!r} speaks of the first sample only; {way_out}"
             )
         make = of_instants if view == "step" else of_episode
         try:

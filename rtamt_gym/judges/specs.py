@@ -50,25 +50,34 @@ Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 
 
 def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:
-    """Loads specifications by name; one alone has the name that its text gives it, else ``"spec"``.
+    """Loads what specifications require, by name.
+
+    Each formula that no other formula of its text uses is a requirement, and is judged by itself;
+    see `rtamt.Specification.requirements`. Text alone gives them their names. Of several
+    specifications, one with a single requirement has the name that it is given, ``"safe"``, and one
+    with several adds theirs: ``"safe.near"``, ``"safe.slow"``.
 
     Raises:
         SpecificationError: If a specification is wrong; a note names it if there are several.
-        InputError: If there is no specification.
+        InputError: If there is no specification, or two requirements have the same name.
         InputTypeError: If one is neither text, nor a path, nor a ``Specification``.
     """
     if not isinstance(specs, Mapping):
-        alone = _load(specs)
-        return {_name(alone): alone}
+        return dict(_load(specs).requirements)
     if not specs:
         raise InputError("expected at least one specification, got an empty mapping")
-    loaded = {}
+    loaded: dict[str, rtamt.Specification] = {}
     for name, spec in specs.items():
         try:
-            loaded[name] = _load(spec)
+            requirements = _load(spec).requirements
         except RtamtError as error:
             error.add_note(f"in specification {name!r}")
             raise
+        for part, requirement in requirements.items():
+            whole = name if len(requirements) == 1 else f"{name}.{part}"
+            if whole in loaded:
+                raise InputError(f"expected one specification {whole!r}, got two; rename one")
+            loaded[whole] = requirement
     return loaded
 
 
@@ -185,14 +194,6 @@ def _positive(value: object) -> float | None:
         return None
     number = float(value)
     return number if 0.0 < number < math.inf else None
-
-
-def _name(spec: rtamt.Specification) -> str:
-    return spec.name or _result_name(spec) or "spec"
-
-
-def _result_name(spec: rtamt.Specification) -> str | None:
-    return next((name for name, formula in spec.formulas.items() if formula is spec.formula), None)
 
 
 def _text(spec: SpecLike) -> str:

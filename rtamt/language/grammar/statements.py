@@ -68,7 +68,9 @@ class _Reader:
         self.all_declared = False  # whether a variable must be declared
         self.topics: dict[str, str] = {}
         self.formulas: dict[str, Formula] = {}
-        self.used: set[str] = set()
+        self.used: set[str] = set()  # variables
+        self.uses: dict[str, tuple[str, ...]] = {}
+        self.named: dict[str, None] = {}  # formulas that the formula being read names
         self.builder = TreeBuilder(text, tokens, self.constants, self._resolve, chains=chains)
 
     def specification(self, statements: Statements, unit: str) -> Specification:
@@ -115,6 +117,7 @@ class _Reader:
             given=self.given,
             chains=self.builder.chains,
             positions=self.builder.positions,
+            uses=self.uses,
         )
 
     def _import(self, statement: Statement) -> None:
@@ -184,6 +187,7 @@ class _Reader:
         part, name = statement.formula, statement.name
         if name is not None:
             self._check_free(name)
+        self.named = {}
         node = self.builder.build(part.start.tokenIndex, part.stop.tokenIndex)
         formula = node.formula() if isinstance(node, Term) else cast("Formula", node)
         if name is not None:
@@ -192,6 +196,7 @@ class _Reader:
                 hint = "choose another name, or use it in later formulas only"
                 raise self._fail(name, reason, hint)
             self.formulas[name.text] = formula
+        self.uses["" if name is None else name.text] = tuple(self.named)
         return formula
 
     def _check_free(self, name: Token) -> None:
@@ -204,6 +209,7 @@ class _Reader:
     def _resolve(self, token: Token) -> Node:
         name = token.text
         if name in self.formulas:
+            self.named[name] = None
             return self.formulas[name]
         if name in self.constants:
             return number(float(self.constants[name]))

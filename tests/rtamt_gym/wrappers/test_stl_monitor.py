@@ -301,7 +301,8 @@ def test_one_specification_has_the_name_that_its_text_gives(text: str, name: str
 
 
 @pytest.mark.parametrize("view", ["episode", "step"])
-def test_a_variable_that_only_a_named_formula_reads_is_fed_too(view: View) -> None:
+def test_requirements_of_one_text_are_each_fed_what_they_read(view: View) -> None:
     signals = {"y": ("reward", 0.0), **X}
-    env = StlMonitor(Replay([3, 2, 4]), "r = y > 9; q = always(x > 1)", signals, view=view)
+    text = "r = always(y > -9); q = always(x > 1)"
+    env = StlMonitor(Replay([3, 2, 4]), text, signals, view=view)
     assert [info["robustness"] for info in run(env)] == [2.0, 1.0, 1.0]
