@@ -34,6 +34,7 @@ _OPTIONS = (
     (r"take samples (\S+) s apart, or let align= round it$", r"or take samples \1 s apart"),
     (r"\bperiod= ?", "--period "),
     (r"semantics='([\w-]+)'", r"--semantics \1"),
+    (r"\bsubsteps=True\b", "--substeps"),
     (r" or name them: (in|out)puts=\('.*',\)$", ""),
     (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
     (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),

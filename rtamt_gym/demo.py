@@ -14,9 +14,9 @@ import numpy as np
 
 from rtamt_gym.drawing import save
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.environments import import_highway, make
 from rtamt_gym.simulation.outcomes import report, saved_note
 from rtamt_gym.simulation.plot import draw
-from rtamt_gym.simulation.policies import import_highway, make
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
 from rtamt_gym.simulation.systems import Policy

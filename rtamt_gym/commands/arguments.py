@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 import re
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import rtamt
 from rtamt import InputError
@@ -18,17 +19,69 @@ if TYPE_CHECKING:
     from rtamt_gym.recorded.trace import Trace
 
 __all__ = [
+    "add_environment",
     "add_output",
     "add_reading",
     "add_specs_and_trace",
     "check_outputs",
     "positive",
+    "read_options",
     "read_requirements",
     "read_samples",
     "read_specs",
     "variables_of",
     "whole",
 ]
+
+
+def add_environment(parser: argparse.ArgumentParser) -> None:
+    """Adds the id of an environment and ``--env-kwarg``, which `read_options` reads."""
+    parser.add_argument("env_id", metavar="ENV_ID", help="such as CartPole-v1 or module:Name-v0")
+    parser.add_argument(
+        "--env-kwarg",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="an argument of the environment, its value in JSON or else text: frame_skip=2, "
+        "xml_file=./hopper.xml, 'config={\"duration\": 20}'; may be repeated",
+    )
+
+
+def read_options(arguments: Sequence[str]) -> dict[str, Any]:
+    """Reads ``--env-kwarg``: values in JSON, or as Python writes them, or else text.
+
+    Raises:
+        InputError: If an argument has no ``=``, a key comes twice, or a list or an object is not
+            JSON.
+    """
+    options: dict[str, Any] = {}
+    for argument in arguments:
+        key, _, value = (part.strip() for part in argument.partition("="))
+        if not (key.isidentifier() and value):
+            raise InputError(
+                f"--env-kwarg: expected KEY=VALUE, such as frame_skip=2, got {argument!r}"
+            )
+        if key in options:
+            raise InputError(f"--env-kwarg: expected one {key!r}, got two")
+        options[key] = _read_value(value)
+    return options
+
+
+_PYTHON = {"True": True, "False": False, "None": None}
+"""What would be text, and so true, if it were not read as Python writes it."""
+
+
+def _read_value(text: str) -> Any:  # noqa: ANN401 - what JSON holds
+    if text in _PYTHON:
+        return _PYTHON[text]
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        if text[0] in "[{":
+            raise InputError(
+                f"--env-kwarg: expected JSON, such as '{{\"duration\": 20}}', got {text!r}: {error}"
+            ) from error
+        return text
 
 
 def add_reading(parser: argparse.ArgumentParser, default: str) -> None:

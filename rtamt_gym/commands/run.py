@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands.arguments import (
+    add_environment,
     add_output,
     add_reading,
     check_outputs,
     positive,
+    read_options,
     read_requirements,
     whole,
 )
@@ -33,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "example: rtamt run CartPole-v1 --spec 'upright = always(abs(angle) < 0.1)' "
         "--signal 'angle=obs[2]' --episodes 3"
     )
-    parser.add_argument("env_id", metavar="ENV_ID", help="such as CartPole-v1 or module:Name-v0")
+    add_environment(parser)
     parser.add_argument(
         "--spec",
         action="append",
@@ -60,9 +62,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--policy",
-        choices=("random", "zero"),
         default="random",
-        help="how to act (default: random)",
+        metavar="POLICY",
+        help="how to act: random, zero, sb3:FILE.zip (a model of Stable-Baselines3, which acts "
+        "deterministically; its file holds pickled objects, so trust it), or module:function, "
+        "from observation to action (default: random)",
     )
     parser.add_argument(
         "--seed",
@@ -77,6 +81,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="time limit of an episode in steps (default: the environment's own)",
     )
+    parser.add_argument(
+        "--substeps",
+        action="store_true",
+        help="take a sample after every step of the simulation that the environment makes inside "
+        "of its own; signals are then read from the simulation (qpos[1], vehicle.speed)",
+    )
     add_reading(parser, "the environment's own")
     add_output(parser, "--plot", "draw the first violated episode")
     infinities = 'with "inf" and "-inf" for infinities'
@@ -85,15 +95,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
+    from rtamt_gym.simulation.environments import make
     from rtamt_gym.simulation.outcomes import report, saved_note, to_json
-    from rtamt_gym.simulation.policies import POLICIES, make
+    from rtamt_gym.simulation.policies import policy_of
     from rtamt_gym.simulation.simulate import simulate
 
     specs = read_requirements(options.spec)
     signals = _read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
-    with closing(make(options.env_id, options.max_steps)) as env:
-        make_policy = POLICIES[options.policy](env.action_space)
+    kwargs = read_options(options.env_kwarg)
+    with closing(make(options.env_id, options.max_steps, kwargs)) as env:
+        make_policy = policy_of(options.policy, env)
         runs = [
             simulate(
                 env,
@@ -105,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
                 stop="end" if options.on_violation == "report" else "violation",
                 view=options.view,
                 semantics=options.semantics,
+                substeps=options.substeps,
             )
             for seed in range(options.seed, options.seed + options.episodes)
         ]

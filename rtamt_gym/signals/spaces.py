@@ -12,7 +12,7 @@ from rtamt import InputError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.signals.signals import Signal
 
-__all__ = ["fit"]
+__all__ = ["described", "fit"]
 
 Space = spaces.Space[Any]
 
@@ -63,7 +63,7 @@ def _check_range(part: int | str, size: int, refuse: Callable[[str], NoReturn]) 
 def _refuse(signal: Signal, space: Space, what: str, reason: str, way_out: str = "") -> NoReturn:
     raise InputError(
         f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
-        f"{_shape(space)}{way_out}"
+        f"{described(space)}{way_out}"
     )
 
 
@@ -72,14 +72,14 @@ def _count(number: int, noun: str) -> str:
     return f"{number or 'no'} {noun if number == 1 else plural}"
 
 
-def _shape(space: Space) -> str:
+def described(space: Space) -> str:
     """Describes a space without its bounds, which fill a page for a robot."""
     match space:
         case spaces.Dict():
-            inner = ", ".join(f"{key!r}: {_shape(part)}" for key, part in space.spaces.items())
+            inner = ", ".join(f"{key!r}: {described(part)}" for key, part in space.spaces.items())
             return f"Dict({inner})"
         case spaces.Tuple():
-            return f"Tuple({', '.join(_shape(part) for part in space.spaces)})"
+            return f"Tuple({', '.join(described(part) for part in space.spaces)})"
         case spaces.Box():
             return f"Box(shape={space.shape}, dtype={space.dtype})"
         case _:

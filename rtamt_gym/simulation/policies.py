@@ -1,57 +1,113 @@
-"""Environments by their id and policies that need no training, for the command line."""
+"""Policies by name, for the command line."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
-from rtamt import InputError
+from rtamt import InputError, RtamtError
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.signals.spaces import described
+from rtamt_gym.simulation.imported import find_object, line_in
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["POLICIES", "SeededPolicy", "import_highway", "make"]
+__all__ = ["SeededPolicy", "policy_of"]
 
 SeededPolicy = Callable[[int], Policy]
 """Makes the policy of an episode from the seed of the episode."""
 
 
-def make(env_id: str, max_steps: int | None = None) -> gym.Env[Any, Any]:
-    """Makes the environment of an id; the user need not import highway-env first.
+def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
+    """Makes the policy that a text names, for an environment.
 
-    Args:
-        env_id: The id that `gymnasium.make` takes.
-        max_steps: Time limit in steps; None: the environment's own.
+    | text | policy |
+    |---|---|
+    | ``random`` | actions drawn from the space of actions, from the seed of the episode |
+    | ``zero`` | the action zero, or the one nearest to it that the space has |
+    | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `rtamt_gym.simulation.saved` |
+    | ``module:function`` | a function from observation to action |
 
     Raises:
-        InputError: If there is no such environment (names the nearest), or it cannot be made.
+        InputError: If the text names none, it cannot be loaded, or it does not fit the environment;
+            from the policy, if it raises or gives no action.
     """
-    name = env_id.rpartition(":")[2].rpartition("-v")[0]
-    if ":" not in env_id and not _known(name) and find_spec("highway_env"):
-        import_highway()
+    if text in _UNTRAINED:
+        return _UNTRAINED[text](env.action_space)
+    kind, colon, rest = text.partition(":")
+    if not (kind and colon and rest):
+        raise InputError(
+            "--policy: expected random, zero, sb3:FILE.zip or module:function, got "
+            f"{text!r}{_meant(text)}"
+        )
+    if kind == "sb3":
+        from rtamt_gym.simulation.saved import load_policy
+
+        return load_policy(rest, env)
+    if kind.endswith(".py"):
+        raise InputError(
+            f"--policy: expected module:function, got the name of a file; write "
+            f"{kind.removesuffix('.py').replace('/', '.')}:{rest}"
+        )
+    policy = _checked(text, _function(kind, rest), env.action_space)
+    return lambda _seed: policy
+
+
+def _meant(text: str) -> str:
+    if text.endswith(".zip"):
+        return f"; write sb3:{text}"
+    return nearest(text, _UNTRAINED) or f"; write {text}:FUNCTION for a function of a module"
+
+
+def _function(module: str, name: str) -> Callable[[Any], Any]:
+    found = find_object(module, name)
+    if callable(found) and not isinstance(found, type):
+        function: Callable[[Any], Any] = found
+        return function
+    way_out = ""
+    if hasattr(found, "predict"):
+        way_out = "; write one that returns model.predict(obs, deterministic=True)[0]"
+    kind = "a class" if isinstance(found, type) else repr(found)
+    raise InputError(
+        f"--policy {module}:{name}: expected a function from observation to action, got "
+        f"{kind}{way_out}"
+    )
+
+
+def _checked(text: str, function: Callable[[Any], Any], space: spaces.Space[Any]) -> Policy:
+    """The function; its errors, and what is no action, become messages that name it."""
+
+    def act(obs: Any) -> Any:  # noqa: ANN401
+        try:
+            action = function(obs)
+        except RtamtError:
+            raise
+        except Exception as error:
+            where = line_in(str(function.__module__), error)
+            raise InputError(
+                f"the policy {text} raised {type(error).__name__}: {error}"
+                f"{where or '; it is called with the observation'}"
+            ) from error
+        if not _fits(action, space):
+            raise InputError(
+                f"the policy {text} gave {action!r}; expected an action of {described(space)}"
+            )
+        return action
+
+    return act
+
+
+def _fits(action: Any, space: spaces.Space[Any]) -> bool:  # noqa: ANN401
+    """Whether a value is an action; numbers of another precision, or out of bounds, are left."""
+    if not isinstance(space, spaces.Box):
+        return space.contains(action)
     try:
-        return gym.make(env_id, max_episode_steps=max_steps, disable_env_checker=True)
-    except (gym.error.Error, ModuleNotFoundError) as error:
-        hint = ""
-        if isinstance(error, gym.error.NameNotFound) and not find_spec("highway_env"):
-            hint = "; the environments of highway-env need pip install '.[highway]'"
-        raise InputError(f"cannot make {env_id}: {error}{hint}") from error
-
-
-def import_highway() -> None:
-    """Registers the environments of highway-env."""
-    # Without this, pygame prints a greeting on stdout.
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    import_module("highway_env")
-
-
-def _known(name: str) -> bool:
-    return any(spec.id.rpartition("-v")[0] == name for spec in gym.registry.values())
+        return np.asarray(action, np.float64).shape == space.shape
+    except (TypeError, ValueError):
+        return False
 
 
 def _random(space: spaces.Space[Any]) -> SeededPolicy:
@@ -75,7 +131,7 @@ def _zero(space: spaces.Space[Any]) -> SeededPolicy:
     return lambda _seed: lambda _obs: action
 
 
-POLICIES: Mapping[str, Callable[[spaces.Space[Any]], SeededPolicy]] = {
+_UNTRAINED: Mapping[str, Callable[[spaces.Space[Any]], SeededPolicy]] = {
     "random": _random,
     "zero": _zero,
 }

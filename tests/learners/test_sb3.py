@@ -12,6 +12,7 @@ import pytest
 from environments import CASES, Env
 
 from rtamt_gym import StlMonitor, StlReward
+from rtamt_gym.simulation.policies import policy_of
 
 KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
 """The keys that every last info has."""
@@ -122,3 +123,36 @@ def test_a_truncation_by_the_monitor_is_a_time_limit_to_a_learner() -> None:
     assert infos[0]["stl_violated_by"] == "spec"
     assert abs(infos[0]["terminal_observation"][2]) >= 0.1
     envs.close()
+
+
+@pytest.mark.parametrize("name", ["A2C", "PPO", "DQN", "SAC", "TD3", "DDPG"])
+def test_a_saved_model_acts_on_the_command_line_as_it_predicts(name: str, tmp_path: Path) -> None:
+    import stable_baselines3
+
+    env = gym.make("Pendulum-v1" if name in {"SAC", "TD3", "DDPG"} else "CartPole-v1")
+    replay = {"buffer_size": 50} if name in {"DQN", "SAC", "TD3", "DDPG"} else {}
+    model = getattr(stable_baselines3, name)("MlpPolicy", env, seed=3, device="cpu", **replay)
+    model.save(tmp_path / "best")
+    act = policy_of(f"sb3:{tmp_path / 'best.zip'}", env)(0)
+    env.observation_space.seed(5)
+    for _ in range(20):
+        obs = np.clip(env.observation_space.sample(), -5, 5)
+        assert np.array_equal(act(obs), model.predict(obs, deterministic=True)[0])
+
+
+def test_a_saved_model_that_learned_from_goals_needs_no_memory_to_act(tmp_path: Path) -> None:
+    from stable_baselines3 import SAC, HerReplayBuffer
+
+    env = gym.make("highway_env:parking-v0")
+    model = SAC(
+        "MultiInputPolicy",
+        env,
+        buffer_size=50,
+        replay_buffer_class=HerReplayBuffer,
+        replay_buffer_kwargs={"n_sampled_goal": 2},
+        seed=1,
+        device="cpu",
+    )
+    model.save(tmp_path / "goals")
+    obs, _ = env.reset(seed=1)
+    assert env.action_space.contains(policy_of(f"sb3:{tmp_path / 'goals'}", env)(0)(obs))

@@ -1,0 +1,63 @@
+"""Environments by their registered id, for the command line."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+import gymnasium as gym
+
+from rtamt import InputError
+
+__all__ = ["import_highway", "make"]
+
+
+def make(
+    env_id: str, max_steps: int | None = None, options: Mapping[str, Any] | None = None
+) -> gym.Env[Any, Any]:
+    """Makes the environment of an id; the user need not import highway-env first.
+
+    Args:
+        env_id: The id that `gymnasium.make` takes.
+        max_steps: Time limit in steps; None: the environment's own.
+        options: Further keyword arguments of the environment.
+
+    Raises:
+        InputError: If there is no such environment (names the nearest), or it cannot be made.
+    """
+    name = env_id.rpartition(":")[2].rpartition("-v")[0]
+    if ":" not in env_id and not _known(name) and find_spec("highway_env"):
+        import_highway()
+    try:
+        return gym.make(
+            env_id, max_episode_steps=max_steps, disable_env_checker=True, **(options or {})
+        )
+    except (gym.error.Error, ModuleNotFoundError) as error:
+        hint = ""
+        if isinstance(error, gym.error.NameNotFound) and not find_spec("highway_env"):
+            hint = "; the environments of highway-env need pip install '.[highway]'"
+        raise InputError(f"cannot make {env_id}: {error}{hint}") from error
+    except Exception as error:
+        if not options:
+            raise
+        # An environment may refuse its arguments with any error.
+        given = ", ".join(f"{key}={value!r}" for key, value in options.items())
+        # Gymnasium adds the id and the arguments to a TypeError.
+        what = str(error).partition(" was raised from the environment creator")[0]
+        raise InputError(
+            f"cannot make {env_id} with {given}: {type(error).__name__}: {what}"
+        ) from error
+
+
+def import_highway() -> None:
+    """Registers the environments of highway-env."""
+    # Without this, pygame prints a greeting on stdout.
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    import_module("highway_env")
+
+
+def _known(name: str) -> bool:
+    return any(spec.id.rpartition("-v")[0] == name for spec in gym.registry.values())
