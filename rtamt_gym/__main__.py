@@ -27,12 +27,8 @@ __all__ = ["main"]
 _OPTIONS = (
     # The library's errors give advice in Python; on the command line the same advice is an option.
     (r"view='step'", "--view step"),
-    (
-        r"give period= for bounds in time, or let align= round it$",
-        "or give --period for bounds in time",
-    ),
-    (r"take samples (\S+) s apart, or let align= round it$", r"or take samples \1 s apart"),
     (r"\bperiod= ?", "--period "),
+    (r"\balign= ?", "--align "),
     (r"semantics='([\w-]+)'", r"--semantics \1"),
     (r"\bsubsteps=True\b", "--substeps"),
     (r" or name them: (in|out)puts=\('.*',\)$", ""),
@@ -40,9 +36,13 @@ _OPTIONS = (
     (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),
 )
 
+_WITHOUT_ALIGN = r"((give|take) [^,\n]*), or let align= round it$", r"or \1"
+"""The advice of commands that do not take ``--align``."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
+    options = argparse.Namespace()
     try:
         options = _options(sys.argv[1:] if argv is None else argv)
         code: int = options.run(options)
@@ -59,7 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except RtamtError as error:
-        return _refuse(": ".join([*getattr(error, "__notes__", []), str(error)]))
+        message = ": ".join([*getattr(error, "__notes__", []), str(error)])
+        return _refuse(message if "align" in options else re.sub(*_WITHOUT_ALIGN, message))
     except ModuleNotFoundError as error:
         package = missing(error)
         if package is None:

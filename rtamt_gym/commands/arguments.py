@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rtamt_gym.recorded.trace import Trace
 
 __all__ = [
+    "add_align",
     "add_environment",
     "add_output",
     "add_reading",
@@ -105,6 +106,16 @@ def add_reading(parser: argparse.ArgumentParser, default: str) -> None:
         default="standard",
         help=f"how predicates count: {', '.join(get_args(Semantics))}; those about inputs or "
         "outputs read the declarations of the text (default: standard)",
+    )
+
+
+def add_align(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--align``."""
+    parser.add_argument(
+        "--align",
+        choices=("outward", "inward", "nearest"),
+        help="how a bound that is no multiple of the period is rounded to samples (default: such "
+        "a bound is an error)",
     )
 
 

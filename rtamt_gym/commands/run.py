@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands.arguments import (
+    add_align,
     add_environment,
     add_output,
     add_reading,
@@ -88,6 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "of its own; signals are then read from the simulation (qpos[1], vehicle.speed)",
     )
     add_reading(parser, "the environment's own")
+    add_align(parser)
     add_output(parser, "--plot", "draw the first violated episode")
     infinities = 'with "inf" and "-inf" for infinities'
     add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
@@ -114,6 +116,7 @@ def run(options: argparse.Namespace) -> int:
                 policy=make_policy(seed),
                 seed=seed,
                 period=options.period,
+                align=options.align,
                 stop="end" if options.on_violation == "report" else "violation",
                 view=options.view,
                 semantics=options.semantics,

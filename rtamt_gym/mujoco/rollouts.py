@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 import rtamt
 from rtamt import InputError
 from rtamt_gym.judges.interface import Interface, InterfaceOptions
-from rtamt_gym.judges.specs import SpecsLike, load_specs
+from rtamt_gym.judges.specs import Align, SpecsLike, load_specs
 from rtamt_gym.signals.mujoco import bind_signal
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Signal, SignalLike, parse_signals
@@ -31,6 +31,7 @@ def evaluate_rollouts(
     sensordata: ArrayLike | None = None,
     *,
     period: float | str | None = None,
+    align: Align | None = None,
     **interface: Unpack[InterfaceOptions],
 ) -> dict[str, Floats]:
     """Robustness of many rollouts at every sample, offline.
@@ -49,6 +50,8 @@ def evaluate_rollouts(
         states: Of shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
         sensordata: Of shape (rollouts, steps, sensor data); needed if a signal reads it.
         period: Time between samples; None is ``model.opt.timestep``.
+        align: How a bound that is no multiple of the period becomes samples, as for
+            `rtamt.Monitor`; None refuses it.
         **interface: ``semantics``, ``inputs`` and ``outputs``, as for `StepMonitor`.
 
     Returns:
@@ -94,7 +97,11 @@ def evaluate_rollouts(
     timestep = float(model.opt.timestep) if period is None else period
     return {
         name: rtamt.evaluate_many(
-            spec, data if spec.variables else columns[:, :, :0], timestep, **options[name]
+            spec,
+            data if spec.variables else columns[:, :, :0],
+            timestep,
+            align=align,
+            **options[name],
         )
         for name, spec in loaded.items()
     }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rtamt import Verdict
 from rtamt_gym.judges.interface import InterfaceOptions, Semantics, robustness_text
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judges.specs import Align, View
 from rtamt_gym.tables import sample_text
 
 __all__ = ["Course", "Floats", "RunEnd", "RunRecord", "Stop"]
@@ -119,6 +119,7 @@ class RunRecord(_ComparesArrays):
     seed: int | None
     label: str
     wall_time: float = field(compare=False)
+    align: Align | None = None
 
     @property
     def steps(self) -> int:

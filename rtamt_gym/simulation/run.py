@@ -36,6 +36,7 @@ class Run(RunRecord):
         seed: The seed that it was given, or None.
         label: The label that it was given, which tells who acted; may be empty.
         wall_time: Seconds that it took, monitors included.
+        align: How bounds that are no multiple of the period became samples, or None.
 
     Example:
         >>> from rtamt_gym import simulate
@@ -66,8 +67,8 @@ class Run(RunRecord):
         `rtamt.Monitor`.
 
         Args:
-            specs: Specifications that read the signals of the run, under the standard semantics.
-                None: the run's own, under theirs.
+            specs: Specifications that read the signals of the run, under the standard semantics;
+                their bounds are rounded as those of the run. None: the run's own, under theirs.
 
         Returns:
             The robustness at every sample, by name of the specification.
@@ -93,7 +94,12 @@ class Run(RunRecord):
                     )
         return {
             name: rtamt.evaluate(
-                spec, self.signals, self.period, n=self.steps + 1, **interfaces.get(name, {})
+                spec,
+                self.signals,
+                self.period,
+                n=self.steps + 1,
+                align=self.align,
+                **interfaces.get(name, {}),
             )
             for name, spec in loaded.items()
         }

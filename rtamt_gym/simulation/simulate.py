@@ -20,7 +20,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.interface import EXACT, Interface, Names, Semantics
 from rtamt_gym.judges.panel import Assessment, Panel
-from rtamt_gym.judges.specs import Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Course, Floats, RunEnd, Stop
 from rtamt_gym.simulation.run import Run
@@ -41,6 +41,7 @@ def simulate(
     stop: Stop = "violation",
     view: View = "episode",
     nan: Nan = "raise",
+    align: Align | None = None,
     semantics: Semantics = "standard",
     inputs: Names | None = None,
     outputs: Names | None = None,
@@ -86,6 +87,8 @@ def simulate(
             instant.
         nan: ``"raise"`` refuses a signal that is nan; ``"hold"`` keeps its last value, in the
             record too.
+        align: How a bound that is no multiple of the period becomes samples, as for
+            `rtamt.Monitor`; None refuses it.
         semantics: How predicates count, as for `rtamt.Monitor`.
         inputs: Variables that the system reads, for interface-aware semantics; None: those that the
             texts declare ``input``.
@@ -100,7 +103,7 @@ def simulate(
 
     Raises:
         SpecificationError: If a specification is wrong, reads the first sample only, has a bound
-            that is not a multiple of the period, or needs a period and has none.
+            that is not a multiple of the period without ``align``, or needs a period and has none.
         InputError: If a variable cannot be read, a policy, a period or a duration is missing, a
             signal is nan, the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
             variable.
@@ -124,6 +127,7 @@ def simulate(
     check_choice("stop", stop, get_args(Stop))
     check_choice("view", view, get_args(View))
     check_choice("nan", nan, get_args(Nan))
+    check_choice("align", align, (None, *get_args(Align)))
     if substeps and not isinstance(system, gym.Env):
         raise InputError(
             f"substeps=True is for environments, whose step makes several, got {system!r}; give a "
@@ -137,7 +141,7 @@ def simulate(
         raise InputError(f"{ran.name} does not say how long a step lasts; give period= in seconds")
     check_period(loaded, period, ran.name)
     interface = Interface(semantics, inputs, outputs)
-    panel = Panel(loaded, period, view, interface=interface)
+    panel = Panel(loaded, period, view, interface=interface, align=align)
     most = _most(duration, panel.period, ran)
     limits = [steps for steps in (most, ran.limit) if steps is not None]
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
@@ -160,6 +164,7 @@ def simulate(
         seed=seed,
         label=label,
         wall_time=wall_time,
+        align=align,
     )
 
 

@@ -1,5 +1,6 @@
-"""Bounds that fit no step: wrappers and `StepMonitor` round them as the monitors do."""
+"""Bounds that fit no step are rounded, as the monitors do it, by all that run simulations."""
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -9,6 +10,7 @@ import pytest
 
 import rtamt_gym
 from rtamt import InputError, SpecificationError
+from rtamt_gym.__main__ import main
 
 # CartPole makes a step in 0.02 s.
 MISFIT = "always(eventually[0.01:0.05](abs(x) < 0.03))"
@@ -63,6 +65,48 @@ def test_a_simulation_is_monitored_as_with_the_rounded_bounds(align: Any) -> Non
     assert found[0] == found[1]
 
 
+@pytest.mark.parametrize("align", FITTING)
+def test_a_run_and_its_replay_are_those_of_the_rounded_bounds(align: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    env = gym.make("CartPole-v1", max_episode_steps=12)
+    run, fitting = (
+        rtamt_gym.simulate(env, {"s": text}, SIGNALS, policy=lambda _: 1, seed=3, **options)
+        for text, options in ((MISFIT, {"align": align}), (FITTING[align], {}))
+    )
+    np.testing.assert_array_equal(run.courses["s"].robustness, fitting.courses["s"].robustness)
+    run.save(tmp_path / "run.parquet")
+    for again in (run, rtamt_gym.Run.load(tmp_path / "run.parquet")):
+        assert again == run
+        assert again.align == align
+        np.testing.assert_array_equal(again.replay()["s"], fitting.replay()["s"])
+        np.testing.assert_array_equal(again.replay({"s": MISFIT})["s"], fitting.replay()["s"])
+
+
+@pytest.mark.parametrize("align", FITTING)
+def test_rollouts_are_evaluated_with_the_rounded_bounds(align: Any) -> None:  # noqa: ANN401
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    states = np.random.default_rng(0).uniform(-0.1, 0.1, (2, 20, size))
+    found, fitting = (
+        rtamt_gym.evaluate_rollouts(model, text, {"x": "qpos[0]"}, states, **options)["spec"]
+        for text, options in ((MISFIT, {"align": align}), (FITTING[align], {}))
+    )
+    np.testing.assert_array_equal(found, fitting)
+
+
+def test_the_command_takes_it_and_its_advice_names_it(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["run", "CartPole-v1", "--spec", MISFIT, "--signal", "x=obs[0]"]
+    assert main([*command, "--align", "nearest"]) == 0
+    assert main(["run", "CartPole-v1", "--spec", FITTING["nearest"], *command[4:]]) == 0
+    first, second = capsys.readouterr().out.split("spec: ")[1:]
+    assert first.splitlines()[1:] == second.splitlines()[1:]
+    assert main(command) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: STL:1:18: bound 0.01 s is not a multiple of the period 0.02 s (0.5 steps)\n"
+        f"  {MISFIT}\n                   ^\n"
+        "  hint: use 0 s or 0.02 s, take samples 0.01 s apart, or let --align round it\n"
+    )
+
+
 def test_a_reward_takes_it_and_a_wrapper_can_be_made_again() -> None:
     env = rtamt_gym.StlReward(gym.make("CartPole-v1"), MISFIT, SIGNALS, mode="add", align="inward")
     env.reset(seed=3)
@@ -77,3 +121,11 @@ def test_without_it_bounds_must_fit_and_another_way_is_refused() -> None:
         episode(MISFIT)
     with pytest.raises(InputError, match="align"):
         episode(MISFIT, align="up")
+    env = gym.make("CartPole-v1")
+    with pytest.raises(SpecificationError, match="or let align= round it"):
+        rtamt_gym.simulate(env, MISFIT, SIGNALS, policy=lambda _: 0)
+    with pytest.raises(InputError) as caught:
+        rtamt_gym.simulate(env, MISFIT, SIGNALS, policy=lambda _: 0, align="up")  # type: ignore[arg-type]  # refused
+    assert str(caught.value) == (
+        "expected align=None or 'outward' or 'inward' or 'nearest', got 'up'"
+    )
