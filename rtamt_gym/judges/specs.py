@@ -25,6 +25,7 @@ __all__ = [
     "View",
     "autoreset_mode",
     "check_period",
+    "find_period",
     "load_specs",
     "read_period",
     "recordable",
@@ -113,15 +114,21 @@ def read_period(env: Env) -> float | None:
                 f"s in {simulation}; give period=, or period=1 to count steps"
             )
         return periods.pop()
+    found = find_period(simulation)
+    return None if found is None else found[0]
+
+
+def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - an environment's own
+    """The seconds between two steps of a simulation, and what says them; None if nothing does."""
     for name in ("dt", "tau"):
         period = _positive(getattr(simulation, name, None))
         if period is not None:
-            return period
+            return period, name
     config = getattr(simulation, "config", None)
     if isinstance(config, Mapping):
         frequency = _positive(config.get("policy_frequency"))
         if frequency is not None:
-            return 1.0 / frequency
+            return 1.0 / frequency, "config['policy_frequency']"
     return None
 
 
