@@ -6,20 +6,18 @@ Every key is written here once; a key that not every environment has gets a `Whe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 __all__ = [
     "VERDICTS",
-    "Cost",
     "Lanewise",
     "Where",
     "last_info",
     "outcome",
     "present",
     "spec_state",
-    "step_cost",
     "step_info",
 ]
 
@@ -28,9 +26,6 @@ VERDICTS = np.array(["UNDECIDED", "SATISFIED", "VIOLATED"], dtype=object)
 
 Lanewise = Any
 """A value of one environment, or an array with an element for each of many."""
-
-Cost = Literal["indicator", "depth", "first"]
-"""What ``info["cost"]`` measures."""
 
 
 class Where(NamedTuple):
@@ -47,12 +42,12 @@ def step_info(
     upper: Lanewise,
     violated: Lanewise,
     states: Mapping[str, Any] | None = None,
-    cost: Lanewise = None,
+    costs: Mapping[str, Lanewise] | None = None,
 ) -> dict[str, Any]:
     """The info of an environment with the keys that every info has.
 
     ``violated`` says whether a specification is; ``states`` are those of the specifications, by
-    `spec_state`; they and the cost are optional.
+    `spec_state`; they and the costs, with their keys, are optional.
     """
     made = {
         "robustness": robustness,
@@ -62,8 +57,8 @@ def step_info(
     }
     if states is not None:
         made["stl"] = states
-    if cost is not None:
-        made["cost"] = cost
+    if costs is not None:
+        made.update(costs)
     return {**info, **made} if info else made
 
 
@@ -72,13 +67,6 @@ def spec_state(
 ) -> dict[str, Any]:
     """The state of one specification, an entry of ``info["stl"]``."""
     return {"robustness": robustness, "lower": lower, "upper": upper, "verdict": verdict}
-
-
-def step_cost(kind: Cost, upper: Lanewise, violated: Lanewise, charged: Lanewise) -> Lanewise:
-    """The cost of a step; ``charged``: whether the episode was violated before it."""
-    if kind == "depth":
-        return max(0.0, -upper) if isinstance(upper, float) else np.maximum(0.0, -upper)
-    return 1.0 * (violated > charged if kind == "first" else violated)
 
 
 def outcome(robustness: Lanewise, verdict: Lanewise, decided_at: Lanewise) -> dict[str, Any]:
@@ -98,21 +86,28 @@ def last_info(
     outcomes: Mapping[str, Any],
     violated_by: Lanewise,
     violated_at: Lanewise,
-    decided: Lanewise,
+    success: Lanewise,
+    undecided: Lanewise,
     reported: Lanewise,
 ) -> dict[str, Any]:
     """The keys that only the last info of an episode has.
 
-    ``violated_at`` is -1 if no specification was violated, ``decided`` says whether all verdicts
-    are decided, ``reported`` whether the environment has its own ``is_success``, which is kept.
+    Args:
+        outcomes: That of every specification, by `outcome`.
+        violated_by: The specification that was violated first.
+        violated_at: The sample that showed it; -1 if none was violated.
+        success: Whether all specifications are satisfied.
+        undecided: Whether the verdict on one is open.
+        reported: Whether the environment has its own ``is_success``, which is kept.
     """
     violated = violated_at >= 0
-    known = np.logical_and(np.logical_or(violated, decided), np.logical_not(reported))
     return {
         "stl_episode": outcomes,
         "stl_violated_by": Where(violated, violated_by),
         "stl_violated_at": Where(violated, violated_at),
-        "is_success": Where(known, violated_at < 0),
+        "stl_success": success,
+        "stl_undecided": undecided,
+        "is_success": Where(np.logical_not(reported), success),
     }
 
 

@@ -7,10 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
+from rtamt_gym.judges.costs import Cost, CostMeter
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judges.interface import STANDARD, Interface
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
@@ -18,7 +21,13 @@ from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Element, Read
 
-__all__ = ["Assessment", "Feed", "Monitors", "Panel"]
+__all__ = ["Assessment", "AtTermination", "AtTruncation", "Feed", "Monitors", "Panel"]
+
+AtTermination = Literal["complete", "cut", "failure"]
+"""How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
+
+AtTruncation = Literal["cut", "complete", "open"]
+"""How a time limit is read, as `rtamt.EpisodeMonitor.finish` does."""
 
 Assessment = tuple[float, float, float]
 """Robustness of the samples so far, and the lower and upper bound of what it can become."""
@@ -48,10 +57,11 @@ class Panel:
         nan: Whether a signal that is nan is refused, or keeps its last value.
         interface: How predicates count.
         align: How bounds that are no multiple of the period become samples; None refuses them.
+        cost: What `take_costs` measures; None: nothing.
 
     Raises:
-        SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` does.
-        InputError: As `rtamt_gym.judges.monitors.make_monitors` does.
+        SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` and `CostMeter` do.
+        InputError: As `rtamt_gym.judges.monitors.make_monitors` and `CostMeter` do.
     """
 
     def __init__(
@@ -62,6 +72,7 @@ class Panel:
         nan: Nan = "raise",
         interface: Interface = STANDARD,
         align: Align | None = None,
+        cost: Cost | None = None,
     ) -> None:
         self.monitors: Monitors = make_monitors(
             specs,
@@ -74,7 +85,9 @@ class Panel:
         self._specs = specs
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
+        self._meter = cost and CostMeter(cost, specs, period, view, nan, interface, align)
         self._decided: dict[str, int] = {}
+        self._failed: frozenset[str] = frozenset()  # by the end alone
         self.settled = 0
         self.violated_by: str | None = None
 
@@ -106,6 +119,20 @@ class Panel:
         return self.settled == len(self.monitors)
 
     @property
+    def success(self) -> bool:
+        """Whether every specification is satisfied."""
+        return self.all_decided and self.violated_by is None
+
+    def satisfies(self, name: str) -> bool:
+        """Whether the verdict on a specification is that it is satisfied."""
+        return self.monitors[name][1].verdict > 0
+
+    @property
+    def undecided(self) -> list[str]:
+        """The specifications whose verdict is open."""
+        return [name for name in self.monitors if name not in self._decided]
+
+    @property
     def robustness(self) -> float:
         """The least robustness over the specifications; nan before the first sample."""
         return least([source.robustness for source in self._sources])
@@ -118,7 +145,10 @@ class Panel:
     @property
     def upper(self) -> float:
         """The greatest that the robustness can still become."""
-        return least([judge.upper for judge in self._judges])
+        return least([self._upper(name, judge) for name, (_, judge) in self.monitors.items()])
+
+    def _upper(self, name: str, judge: EpisodeMonitor) -> float:
+        return -0.0 if name in self._failed else judge.upper
 
     def read(self) -> Assessment:
         """Reads robustness, lower and upper bound of the samples so far."""
@@ -144,7 +174,8 @@ class Panel:
         """
         note = decide or self.note
         elements, others = _split(reads or ())
-        if len(self.monitors) == 1 and len(elements) + len(others) == 1:
+        meter = self._meter
+        if len(self.monitors) == 1 and len(elements) + len(others) == 1 and meter is None:
             return self._feeder_of_one(elements, others, note)
         parts = [
             (source.update, *_pick([names.index(v) for v in self.variables[name]]), judge)
@@ -184,6 +215,8 @@ class Panel:
                     decided += 1
             if decided > self.settled:
                 note()
+            if meter is not None:
+                meter.feed(names, values)
             if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
                 return self.read()
             return robustness, lower, upper
@@ -220,7 +253,10 @@ class Panel:
     def reset(self) -> None:
         for source in self._sources:
             source.reset()
+        if self._meter is not None:
+            self._meter.reset()
         self._decided = {}
+        self._failed = frozenset()
         self.settled = 0
         self.violated_by = None
 
@@ -233,17 +269,53 @@ class Panel:
                     self.violated_by = name
         self.settled = len(self._decided)
 
-    def finish(self) -> tuple[float, float]:
-        """Ends the trace, which settles the bounds; returns the least of each."""
-        for judge in self._judges:
-            judge.finish()
-        self.note()
+    def finish(self, end: AtTermination | AtTruncation = "complete") -> tuple[float, float]:
+        """Ends the trace, which settles the bounds as the end is read; returns the least of each.
+
+        ``"failure"``: what is not decided yet is violated at the last sample, whatever its
+        robustness is.
+        """
+        if end == "failure":
+            self._fail()
+        else:
+            for judge in self._judges:
+                judge.finish(end)
+            self.note()
         return self.lower, self.upper
+
+    def _fail(self) -> None:
+        self._failed = frozenset(self.undecided)
+        for name in self.undecided:
+            self._decided[name] = self.samples - 1
+            if self.violated_by is None:
+                self.violated_by = name
+        self.settled = len(self._decided)
+
+    def take_costs(self) -> dict[str, np.float64] | None:
+        """The costs of the step that ends; None if they are not measured."""
+        if self._meter is None:
+            return None
+        return self._meter.take(
+            {name: self._verdict(name, judge) < 0 for name, (_, judge) in self.monitors.items()}
+        )
+
+    def begin(self) -> None:
+        """Begins a step: the sample of a reset costs nothing."""
+        if self._meter is not None:
+            self._meter.begin()
+
+    def _verdict(self, name: str, judge: EpisodeMonitor) -> Verdict:
+        return Verdict.VIOLATED if name in self._failed else judge.verdict
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``info["stl"]``."""
         return {
-            name: spec_state(source.robustness, judge.lower, judge.upper, _NAMES[judge.verdict])
+            name: spec_state(
+                np.float64(source.robustness),
+                np.float64(judge.lower),
+                np.float64(self._upper(name, judge)),
+                _NAMES[self._verdict(name, judge)],
+            )
             for name, (source, judge) in self.monitors.items()
         }
 
@@ -251,7 +323,13 @@ class Panel:
         """The outcome of every specification so far: ``info["stl_episode"]``."""
         decided = self._decided
         return {
-            name: present(outcome(judge.robustness, judge.verdict, decided.get(name, -1)))
+            name: present(
+                outcome(
+                    np.float64(judge.robustness),
+                    self._verdict(name, judge),
+                    decided.get(name, -1),
+                )
+            )
             for name, (_, judge) in self.monitors.items()
         }
 
@@ -276,6 +354,7 @@ class Panel:
             else:
                 source.__setstate__(held)
         self._decided = dict(decided)
+        self._failed = frozenset()
         self.settled = len(self._decided)
         self.violated_by = violated_by
 

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.logger import warn
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.wrappers import MaxAndSkipObservation
+from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
@@ -25,6 +27,7 @@ __all__ = [
     "View",
     "autoreset_mode",
     "check_period",
+    "checked_mask",
     "find_period",
     "load_specs",
     "read_period",
@@ -151,6 +154,20 @@ def autoreset_mode(env: VectorEnv[Any, Any, Any]) -> AutoresetMode:
         "AutoresetMode.NEXT_STEP"
     )
     return AutoresetMode.NEXT_STEP
+
+
+def checked_mask(mask: Any, num: int) -> NDArray[np.bool_]:  # noqa: ANN401 - whatever is given
+    """Refuses an ``options["reset_mask"]`` that is not what Gymnasium asks for."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        raise InputTypeError(
+            f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
+        )
+    if mask.shape != (num,) or not mask.any():
+        raise InputError(
+            f"expected options['reset_mask'] of shape ({num},), true for one environment or more, "
+            f"got {mask!r}"
+        )
+    return mask
 
 
 def check_period(

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import VectorEpisodeMonitor
+from rtamt_gym.judges.costs import Cost, VectorCostMeter
 from rtamt_gym.judges.infos import VERDICTS, Where, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
+from rtamt_gym.judges.panel import AtTermination, AtTruncation
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
@@ -72,6 +74,7 @@ class VectorPanel:
         columns: Sequence[str],
         interface: Interface,
         align: Align | None = None,
+        cost: Cost | None = None,
     ) -> None:
         self.monitors: VectorMonitors = make_monitors(
             specs,
@@ -89,6 +92,12 @@ class VectorPanel:
         # many are decided.
         self._decided_at = np.full((len(specs), num), -1)
         self._decided = 0
+        self._violated = np.zeros((len(specs), num), np.bool_)
+        self._failed = np.zeros((len(specs), num), np.bool_)  # by the end alone
+        self._columns = columns
+        self._meter = cost and VectorCostMeter(
+            cost, specs, num, period, view, nan, interface, align
+        )
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
         self.robustness = np.full(num, np.nan)
@@ -105,23 +114,35 @@ class VectorPanel:
         """Samples fed since the reset; a fresh array."""
         return self._judges[0].samples
 
-    def all_decided(self, at: Numbers) -> Lanes:
-        """For the environments of these numbers, whether all their verdicts are decided."""
-        decided: Lanes = np.logical_and.reduce(self._decided_at.take(at, axis=1) >= 0)
-        return decided
+    def undecided(self, at: Numbers) -> NDArray[np.bool_]:
+        """By specification, whether the verdict on the environments of these numbers is open."""
+        return self._decided_at.take(at, axis=1) < 0
+
+    def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
+        """By specification, whether the environments of these numbers satisfy it."""
+        return np.array([judge.verdict[at] > 0 for judge in self._judges])
+
+    def success(self, at: Numbers) -> Lanes:
+        """For the environments of these numbers, whether all specifications are satisfied."""
+        failed: Lanes = np.logical_or.reduce(self.undecided(at) | self._violated.take(at, axis=1))
+        return ~failed
 
     def reset(self, lanes: Lanes | None = None) -> None:
         """Forgets the episodes of the environments of the mask; None: of all."""
         for source, _ in self.monitors.values():
             source.reset(lanes)
+        if self._meter is not None:
+            self._meter.reset(lanes)
         if lanes is None:
             self._decided_at[:] = self.violated_at[:] = -1
+            self._violated[:] = self._failed[:] = False
             self.violated_by[:] = None
             self._decided = 0
             return
         at = lanes.nonzero()[0]
         self._decided -= int(np.count_nonzero(self._decided_at.take(at, axis=1) >= 0))
         self._decided_at[:, at] = -1
+        self._violated[:, at] = self._failed[:, at] = False
         self.violated_by[at] = None
         self.violated_at[at] = -1
 
@@ -136,16 +157,28 @@ class VectorPanel:
         ]
         self.robustness = least(found)
         self._note()
+        if self._meter is not None:
+            self._meter.feed(self._columns, table, lanes)
 
-    def finish(self, lanes: Lanes) -> None:
-        """Ends the traces of the environments of the mask, which settles their bounds."""
+    def finish(self, lanes: Lanes, end: AtTermination | AtTruncation = "complete") -> None:
+        """Ends the traces of the environments of the mask, as `Panel.finish` does."""
         at = lanes.nonzero()[0]
         if len(at) == 0:
             return
         self._lower = self._upper = None
-        for judge in self._judges:
-            judge.finish(lanes)
+        if end == "failure":
+            self._failed[:, at] = self._decided_at.take(at, axis=1) < 0
+        else:
+            for judge in self._judges:
+                judge.finish(lanes, end=end)
         self._record(at, self._verdicts(at))
+
+    def take_costs(self, stepped: Lanes | None) -> dict[str, Floats] | None:
+        """The costs of the step that the environments of the mask made; None: that all made.
+
+        None if they are not measured.
+        """
+        return None if self._meter is None else self._meter.take(self._violated, stepped)
 
     @property
     def lower(self) -> Floats:
@@ -158,8 +191,15 @@ class VectorPanel:
     def upper(self) -> Floats:
         """The greatest that the robustness can still become."""
         if self._upper is None:
-            self._upper = least([judge.upper for judge in self._judges])
+            self._upper = least(self._uppers())
         return self._upper
+
+    def _uppers(self) -> list[Floats]:
+        """By specification, the upper bounds."""
+        found = [judge.upper for judge in self._judges]
+        if not self._failed.any():
+            return found
+        return [np.where(row, -0.0, upper) for row, upper in zip(self._failed, found, strict=True)]
 
     def _note(self) -> None:
         """Records the verdicts that have been decided."""
@@ -174,7 +214,8 @@ class VectorPanel:
 
     def _verdicts(self, at: Numbers) -> NDArray[np.int8]:
         """By specification, the verdicts on the environments of these numbers."""
-        return np.array([judge.verdict[at] for judge in self._judges])
+        found = np.array([judge.verdict[at] for judge in self._judges])
+        return np.where(self._failed.take(at, axis=1), np.int8(-1), found)
 
     def _record(self, at: Numbers, verdicts: NDArray[np.int8]) -> None:
         """Records the new ones among the verdicts on the environments of these numbers."""
@@ -187,6 +228,7 @@ class VectorPanel:
         last = self.samples[at] - 1
         self._decided_at[:, at] = np.where(new, last, before)
         violated = new & (verdicts < 0)
+        self._violated[:, at] |= violated
         first = np.logical_or.reduce(violated) & (self.violated_at[at] < 0)
         if np.count_nonzero(first):
             lanes = at[first]
@@ -206,8 +248,15 @@ class VectorPanel:
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``infos["stl"]``."""
         return {
-            name: spec_state(source.robustness, judge.lower, judge.upper, VERDICTS[judge.verdict])
-            for name, (source, judge) in self.monitors.items()
+            name: spec_state(
+                source.robustness,
+                judge.lower,
+                upper,
+                VERDICTS[np.where(failed, -1, judge.verdict)],
+            )
+            for (name, (source, judge)), upper, failed in zip(
+                self.monitors.items(), self._uppers(), self._failed, strict=True
+            )
         }
 
     def outcomes(self, at: Numbers) -> dict[str, dict[str, Any]]:

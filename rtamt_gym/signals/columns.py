@@ -17,7 +17,7 @@ from gymnasium import spaces
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
-from rtamt import InputError, InputTypeError
+from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.signals import Signal, Step
 from rtamt_gym.signals.spaces import fit
@@ -96,11 +96,26 @@ class SignalColumns:
         """A new table in Fortran's order: it is filled and read by columns."""
         return np.empty((len(self._signals), len(self._all))).T
 
-    def differ(self, table: Floats, other: Floats, lanes: Lanes) -> Lanes:
-        """The environments of the mask whose observations differ, as far as signals read them."""
-        now, then = table[:, self._observed], other[:, self._observed]
+    def check_untouched(self, table: Floats, before: Floats, others: Lanes) -> None:
+        """Refuses a reset that has changed the observations of other environments than it should.
+
+        Args:
+            table: The signals after the reset.
+            before: The signals before it.
+            others: The environments that it should leave alone.
+
+        Raises:
+            StateError: If it has reset one of these, as far as signals see it.
+        """
+        now, then = table[:, self._observed], before[:, self._observed]
         changed = np.any((now != then) & ~(np.isnan(now) & np.isnan(then)), axis=1)
-        return np.logical_and(lanes, changed)
+        touched = np.logical_and(others, changed)
+        if touched.any():
+            raise StateError(
+                f"expected a reset of the environments of reset_mask alone, but {self._env} has "
+                f"reset others, such as {np.flatnonzero(touched)[0]}: it does not know reset_mask; "
+                "reset all, or take gym.make_vec(..., vectorization_mode='sync')"
+            )
 
 
 def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:

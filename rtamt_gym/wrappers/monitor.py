@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import InputError, Specification, SpecificationError, StateError
+from rtamt import Specification, SpecificationError, StateError
+from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.episodes import record
-from rtamt_gym.judges.infos import Cost, last_info, present, step_cost, step_info
+from rtamt_gym.judges.infos import last_info, present, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Feed, Monitors, Panel
+from rtamt_gym.judges.panel import AtTermination, AtTruncation, Feed, Monitors, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.books import Books
+from rtamt_gym.wrappers.callable_spec import CallableSpec
 from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
 from rtamt_gym.wrappers.substeps import SubSteps, read_substep_period
 
@@ -40,24 +43,33 @@ class StlMonitor(
     * ``stl_lower``, ``stl_upper`` (float): bounds of what it can still become
     * ``stl_violated`` (bool): no continuation can satisfy all specifications
     * ``stl`` (dict): with ``details=True``, ``{spec: {"robustness", "lower", "upper", "verdict"}}``
-    * ``cost`` (float): with ``cost=``, in the info of every step
+    * ``cost`` (float): with ``cost=``, in the info of every step; with several specifications also
+      ``cost_NAME`` of each, of which ``cost`` is the greatest
 
     and the last info of an episode also
 
     * ``stl_episode`` (dict): ``{spec: {"robustness", "verdict", "satisfied", "decided_at"}}``;
       ``verdict`` is ``"VIOLATED"``, ``"UNDECIDED"`` or ``"SATISFIED"``, ``decided_at`` the sample
       that decided it, absent from an open verdict
+    * ``stl_success`` (bool): all specifications are satisfied
+    * ``stl_undecided`` (bool): the verdict on one is open
+    * ``is_success`` (bool): ``stl_success``, unless the environment reports its own, which is kept
     * ``stl_violated_by`` (str), ``stl_violated_at`` (int): the specification that was violated
       first and the sample that showed it; absent if none was
-    * ``is_success`` (bool): all specifications are satisfied; absent while a verdict is open, and
-      where the environment reports its own
 
-    An episode that the environment itself terminates is a complete trace, and its verdicts are
-    final. An episode cut short, by a time limit or by this wrapper, could have gone on: a verdict
-    that is open then stays ``"UNDECIDED"``, neither success nor failure. Place time limits inside
-    this wrapper; it does not see the truncation of a wrapper around it.
+    Floats are ``numpy.float64``.
+
+    What an open verdict becomes at the end of an episode is said by ``at_termination``, where the
+    environment ends it, and by ``at_truncation``, where a time limit does; if both do, by the
+    first. The end that this wrapper makes of a violated episode decides nothing more: verdicts on
+    other specifications stay open. Place time limits inside this wrapper; the truncation of a
+    wrapper around it is seen at the next :meth:`reset` or :meth:`close`, which records the episode
+    in ``stl_episodes``, and its last info is missing.
     A copy or a pickle of a MuJoCo environment is a new simulation, as Gymnasium makes it, with the
     monitors of the old one: reset it.
+
+    A ``Monitor`` of Stable-Baselines3 or a ``RecordEpisodeStatistics`` of Gymnasium inside of this
+    wrapper counts the episodes that the wrapper ends too.
 
     :func:`rtamt_gym.simulate` runs whole episodes and records the signals too, sample by sample;
     it can also stop at a certain satisfaction.
@@ -87,7 +99,7 @@ class StlMonitor(
         >>> env = gym.make("CartPole-v1")
         >>> env = StlMonitor(env, "always(abs(theta) < 0.1)", {"theta": "obs[2]"})
         >>> _, info = env.reset(seed=123)
-        >>> round(info["robustness"], 3), info["stl_violated"]
+        >>> round(float(info["robustness"]), 3), info["stl_violated"]
         (0.072, False)
         >>> terminated = False
         >>> while not terminated:
@@ -114,6 +126,8 @@ class StlMonitor(
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "terminate",
+        at_termination: AtTermination | None = None,
+        at_truncation: AtTruncation = "cut",
         view: View = "episode",
         nan: Nan = "raise",
         align: Align | None = None,
@@ -139,6 +153,14 @@ class StlMonitor(
                 it from the environment; ``1`` with bounds in the default unit counts steps
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode, or only ``"report"`` it
+            at_termination: How the environment's own end is read: ``"complete"``, the episode is
+                all there is (an invariant that held is satisfied, a goal not reached is violated);
+                ``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated,
+                whatever its robustness is. ``None`` is ``"complete"``, and warns once where that
+                settles what was open
+            at_truncation: How a time limit is read: ``"cut"``, invariants over the recorded time
+                are satisfied, and windows that were not seen to their end stay open;
+                ``"complete"``; or ``"open"``, the episode could have gone on
             view: ``"episode"`` evaluates a formula at sample 0 of the episode, ``"step"`` at
                 every instant
             nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value
@@ -152,23 +174,27 @@ class StlMonitor(
             outputs: Variables that the system sets; ``None``: those that the texts declare
                 ``output``
             details: Whether to add ``info["stl"]``, the state of every specification
-            cost: What ``info["cost"]`` is, if it is to be added: ``"indicator"`` is 1 while the
-                episode is violated, ``"depth"`` is how far ``stl_upper`` is below 0, ``"first"`` is
-                1 only at the step that shows the violation
+            cost: What ``info["cost"]`` is, if it is to be added: ``"violation"`` is 1 at a step
+                that shows that an instant violates p, where the formula is ``always(p)``, so that
+                the sum counts unsafe instants; ``"depth"`` is how deep; ``"latched"`` is 1 from
+                the first violation on; ``"first"`` is 1 only at the step that shows it
             buffer_length: How many records :attr:`stl_episodes` keeps
             substeps: Whether to take a sample after every step of the simulation, see above
 
         Raises:
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
-                a bound that is not a multiple of the period, or needs a period and has none
-            InputError: If a variable has no signal, a signal no variable, or a selector does not
-                fit the environment; if ``substeps`` does not; if the semantics is unknown, or a
-                name in ``inputs`` or ``outputs`` is no variable
+                a bound that is not a multiple of the period, or needs a period and has none; if
+                ``cost`` asks when an instant violates a formula whose future has no end
+            InputError: If the environment has a monitor; if a variable has no signal, a signal no
+                variable, or a selector does not fit the environment; if ``substeps`` does not; if
+                the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no variable
         """
         interface = Interface(semantics, inputs, outputs)
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
+            at_termination=at_termination,
+            at_truncation=at_truncation,
             view=view,
             nan=nan,
             align=align,
@@ -187,7 +213,7 @@ class StlMonitor(
         loaded = self._set_up(env, specs, signals, options, find_period)
         self.stl_episodes: deque[dict[str, Any]] = deque(maxlen=buffer_length)
         try:
-            self._panel = Panel(loaded, self._period, view, nan, interface, align)
+            self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
         except SpecificationError as error:
             inner = None if substeps else read_substep_period(env)
             if inner is not None and period is None and _fits(loaded, inner, view):
@@ -195,7 +221,7 @@ class StlMonitor(
             raise
         self._substeps = substeps
         self._bind_signals()
-        self._charged = False
+        self._books = Books(env)
         self._running = False
 
     def reset(
@@ -207,17 +233,22 @@ class StlMonitor(
             InputError: If a signal is nan or cannot be read.
             StateError: If the environment has changed its period since construction.
         """
-        self._running = False
+        self._abandon()
         obs, info = self.env.reset(seed=seed, options=options)
         self._check_period(self.env)
-        self._panel.reset()
-        self._charged = False
-        found = self._feed_reset(obs, None, None, info)
-        violated = self._panel.violated_by is not None
-        states = self._panel.describe() if self._details else None
-        info = step_info(info, *found, violated, states)
+        panel = self._panel
+        panel.reset()
+        robustness, lower, upper = self._feed_reset(obs, None, None, info)
+        panel.begin()
+        found = _float(robustness), _float(lower), _float(upper), panel.violated_by is not None
+        info = step_info(info, *found, panel.describe() if self._details else None)
         self._running = True
         return obs, info
+
+    def close(self) -> None:
+        """Closes the environment; an episode that has not ended is recorded as truncated."""
+        self._abandon()
+        super().close()
 
     def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, dict[str, Any]]:
         """Steps through the environment, feeds one sample, and ends a violated episode.
@@ -245,24 +276,27 @@ class StlMonitor(
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        if terminated:
-            lower, upper = panel.finish()
         violated = panel.violated_by is not None
-        if self._details or self._cost is not None:
-            states = panel.describe() if self._details else None
-            cost = None
-            if self._cost is not None:
-                cost = step_cost(self._cost, upper, violated, self._charged)
-                self._charged = violated
-            info = step_info(info, robustness, lower, upper, violated, states, cost)
-        else:
-            info = step_info(info, robustness, lower, upper, violated)
+        ended = terminated or truncated
+        if ended:
+            lower, upper = self._finish(terminated)
         if violated and not terminated:
             terminated = self._on_violation == "terminate"
             truncated = truncated or self._on_violation == "truncate"
+        info = step_info(
+            info,
+            _float(robustness),
+            _float(lower),
+            _float(upper),
+            panel.violated_by is not None,
+            panel.describe() if self._details else None,
+            panel.take_costs() if self._cost is not None else None,
+        )
         if terminated or truncated:
             self._running = False
             self._conclude(info, terminated, truncated)
+            if not ended:
+                self._books.close(terminated, truncated, info)
         return obs, reward, terminated, truncated, info
 
     @property
@@ -280,8 +314,7 @@ class StlMonitor(
         """The ``EnvSpec`` with this wrapper; with a callable signal it has no JSON."""
         spec = super().spec
         if spec is not None and any(signal.source is None for signal in self._signals):
-            spec = _CallableSpec(**{f.name: getattr(spec, f.name) for f in fields(spec) if f.init})
-            self._cached_spec = spec
+            self._cached_spec = spec = CallableSpec.of(spec)
         return spec
 
     def _bind_signals(self) -> None:
@@ -296,13 +329,51 @@ class StlMonitor(
         self._feed = self._panel.feeder(names, reads)
         self._feed_reset = self._panel.feeder(names, reset_reads)
 
+    def _finish(self, terminated: bool) -> tuple[float, float]:  # noqa: FBT001 - as Gymnasium has it
+        """Reads the end that the environment has made; returns the bounds after it."""
+        panel = self._panel
+        if not terminated:
+            return panel.finish(self._at_truncation)
+        undecided = panel.undecided if self._unasked else ()
+        bounds = panel.finish(self._at_termination)
+        held = next((name for name in undecided if panel.satisfies(name)), None)
+        if held is not None:
+            self._tell_complete(held)
+        return bounds
+
     def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them
         """Adds the keys that only the last info of an episode has, and records the episode."""
+        panel, found, reported = self._panel, self._found(), "is_success" in info
+        last = last_info(*found, panel.success, bool(panel.undecided), reported)
+        info.update(present(last))
+        self._record(found, terminated=terminated, truncated=truncated)
+        if reported and not self._told_success:
+            self._tell_success(self.env.unwrapped)
+
+    def _found(self) -> tuple[dict[str, Any], str | None, int]:
+        """The outcomes, the specification that was violated first, and the sample; -1 if none."""
         panel = self._panel
-        at = -1 if panel.violated_at is None else panel.violated_at
-        found = panel.outcomes(), panel.violated_by, at
-        info.update(present(last_info(*found, panel.all_decided, "is_success" in info)))
-        self.stl_episodes.append(present(record(*found, panel.samples, terminated, truncated)))
+        return (
+            panel.outcomes(),
+            panel.violated_by,
+            -1 if panel.violated_at is None else panel.violated_at,
+        )
+
+    def _record(
+        self, found: tuple[dict[str, Any], str | None, int], *, terminated: bool, truncated: bool
+    ) -> None:
+        made = record(*found, self._panel.samples, terminated, truncated)
+        self.stl_episodes.append(present(made))
+
+    def _abandon(self) -> None:
+        """Records an episode that goes on as truncated: something around has ended it."""
+        if self._running and self._panel.samples > 1:
+            self._panel.finish(self._at_truncation)
+            self._record(self._found(), terminated=False, truncated=True)
+        self._running = False
+
+
+_float = np.float64
 
 
 def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool:
@@ -312,19 +383,3 @@ def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool
     except SpecificationError:
         return False
     return True
-
-
-class _CallableSpec(EnvSpec):
-    """An ``EnvSpec`` with a callable signal: for `gym.make`, not for JSON."""
-
-    def to_json(self) -> str:
-        for wrapper in self.additional_wrappers:
-            signals = (wrapper.kwargs or {}).get("signals")
-            for name, signal in signals.items() if isinstance(signals, dict) else ():
-                function = signal[0] if isinstance(signal, list | tuple) else signal
-                if callable(function):
-                    raise InputError(
-                        f"signal {name!r} is a callable, which JSON cannot hold; use a selector "
-                        'such as "obs[0]", or pass env.spec itself to gym.make'
-                    )
-        return super().to_json()

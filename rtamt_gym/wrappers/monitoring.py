@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, ClassVar, Literal, TypedDict, get_args
+from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
+
+import gymnasium as gym
+from gymnasium.vector import SyncVectorEnv, VectorWrapper
 
 from rtamt import InputError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judges.infos import Cost
+from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.panel import Panel
+from rtamt_gym.judges.panel import AtTermination, AtTruncation, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
-__all__ = ["MonitorOptions", "Monitoring", "OnViolation"]
+__all__ = ["MonitorOptions", "Monitoring", "OnViolation", "refuse_monitored"]
 
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
 
-_CHOICES: dict[Literal["on_violation", "view", "nan", "align", "cost"], tuple[object, ...]] = {
+_Choice = Literal["on_violation", "at_termination", "at_truncation", "view", "nan", "align", "cost"]
+_CHOICES: dict[_Choice, tuple[object, ...]] = {
     "on_violation": get_args(OnViolation),
+    "at_termination": (None, *get_args(AtTermination)),
+    "at_truncation": get_args(AtTruncation),
     "view": get_args(View),
     "nan": get_args(Nan),
     "align": (None, *get_args(Align)),
@@ -35,6 +42,8 @@ class MonitorOptions(TypedDict, total=False):
 
     period: float | str | None
     on_violation: OnViolation
+    at_termination: AtTermination | None
+    at_truncation: AtTruncation
     view: View
     nan: Nan
     align: Align | None
@@ -63,12 +72,17 @@ class Monitoring:
         read_period: Callable[[Any], float | None],
     ) -> dict[str, Specification]:
         """Checks the options, parses specifications and signals, and finds the period."""
+        _refuse_monitored(env)
         for name, choices in _CHOICES.items():
             check_choice(name, options[name], choices)
         length: object = options["buffer_length"]
         if not isinstance(length, int) or length < 0:
             raise InputError(f"expected buffer_length= as an integer, 0 or more, got {length!r}")
         self._on_violation = options["on_violation"]
+        self._at_termination: AtTermination = options["at_termination"] or "complete"
+        self._at_truncation = options["at_truncation"]
+        self._unasked = options["at_termination"] is None  # and nobody was told yet
+        self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
         loaded = load_specs(specs)
@@ -90,6 +104,26 @@ class Monitoring:
                 f"construction, got {self._read_period(env)} s; wrap it again, or give period="
             )
 
+    def _tell_complete(self, name: str) -> None:
+        """Warns once that the end of an episode has settled what was open."""
+        self._unasked = False
+        warnings.warn(
+            f"the environment ended an episode while specification {name!r} was open, and counts "
+            "it as satisfied: a terminated episode is taken for all there is. Say what its end "
+            'means: at_termination="complete" for this, "failure" where an environment ends what '
+            'has failed, such as a fall, or "cut" where an episode could have gone on',
+            stacklevel=4,
+        )
+
+    def _tell_success(self, env: object) -> None:
+        """Warns once that an ``is_success`` of the environment's own is kept."""
+        self._told_success = True
+        warnings.warn(
+            f"{env} reports an is_success of its own, which is kept; "
+            'info["stl_success"] says whether the specifications are satisfied',
+            stacklevel=4,
+        )
+
     @property
     def period(self) -> Fraction | None:
         """Seconds between samples; ``None`` if neither the argument nor the environment says."""
@@ -105,3 +139,23 @@ class Monitoring:
     def _bind_signals(self) -> None:
         """Makes the functions that read this environment."""
         raise NotImplementedError
+
+
+def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or many
+    """Refuses an environment that has a monitor already."""
+    within, where = env, ""
+    while isinstance(within, gym.Wrapper | VectorWrapper):
+        if isinstance(within, Monitoring):
+            refuse_monitored(type(within).__name__, where)
+        within = within.env
+        if isinstance(within, SyncVectorEnv):
+            within, where = within.envs[0], " around each of its environments"
+
+
+def refuse_monitored(monitor: str, where: str = "") -> NoReturn:
+    """Refuses an environment that has a monitor of this name already."""
+    raise InputError(
+        f"expected an environment without a monitor, got one with {monitor}{where}; give one "
+        'monitor all specifications, such as specs={"upright": "always(abs(angle) < 0.1)", '
+        '"near": "always(abs(x) < 1)"}'
+    )

@@ -11,16 +11,19 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
-from rtamt import InputError, InputTypeError, StateError
+from rtamt import InputError, StateError
+from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.episodes import EpisodeRecords, record
-from rtamt_gym.judges.infos import Cost, last_info, step_cost, step_info
+from rtamt_gym.judges.infos import last_info, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
+from rtamt_gym.judges.panel import AtTermination, AtTruncation
 from rtamt_gym.judges.specs import (
     Align,
     Nan,
     SpecsLike,
     View,
     autoreset_mode,
+    checked_mask,
     read_period,
     recordable,
 )
@@ -34,7 +37,12 @@ from rtamt_gym.judges.vector_infos import (
 from rtamt_gym.judges.vector_panel import MonitorValues, VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
+from rtamt_gym.wrappers.monitoring import (
+    Monitoring,
+    MonitorOptions,
+    OnViolation,
+    refuse_monitored,
+)
 
 __all__ = ["VectorStlMonitor"]
 
@@ -107,6 +115,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "report",
+        at_termination: AtTermination | None = None,
+        at_truncation: AtTruncation = "cut",
         view: View = "episode",
         nan: Nan = "raise",
         align: Align | None = None,
@@ -133,6 +143,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
+            at_termination=at_termination,
+            at_truncation=at_truncation,
             view=view,
             nan=nan,
             align=align,
@@ -156,11 +168,10 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             )
         names = [signal.name for signal in self._signals]
         self._panel = VectorPanel(
-            loaded, env.num_envs, self._period, view, nan, names, interface, align
+            loaded, env.num_envs, self._period, view, nan, names, interface, align, cost
         )
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
-        self._charged = np.zeros(env.num_envs, np.bool_)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
         self._table = np.full((env.num_envs, len(names)), np.nan)
         self._running = False
@@ -182,17 +193,24 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """
         mask: Lanes | None = None
         if options is not None and "reset_mask" in options:
-            mask = self._checked(options["reset_mask"])
+            mask = checked_mask(options["reset_mask"], self.num_envs)
+            if not self._running:
+                raise StateError(
+                    "expected a reset of all environments before that of some, got "
+                    "options={'reset_mask': ...}; call reset()"
+                )
             # Gymnasium's environments take it out, and a wrapper around this one looks for it.
             options = dict(options)
-        self._running = False
+        lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        self._abandon(lanes)
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
         if mask is None:
             self._check_period(self.env)
-        lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
+            if "stl_violated" in infos:  # of environments that cannot be looked into
+                refuse_monitored("StlMonitor", " around each of its environments")
         table = self._columns.reset(obs, infos, lanes)
         if mask is not None:
-            self._check_untouched(table, ~mask)
+            self._columns.check_untouched(table, self._table, ~mask)
         infos = dict(infos)
         self._begin(table, mask)
         self._report(infos, mask)
@@ -200,6 +218,11 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             self._done = _some(self._done & ~lanes)
         self._running = True
         return obs, infos
+
+    def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - those of the environment
+        """Closes the environments; episodes that have not ended are recorded as truncated."""
+        self._abandon(np.ones(self.num_envs, np.bool_))
+        super().close(**kwargs)
 
     def step(
         self,
@@ -223,25 +246,26 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         if begun is not None:
             self._panel.reset(begun)
         self._panel.feed(self._table)
+        violated = self._panel.violated_at >= 0
         if ended is not None:
-            self._panel.finish(np.asarray(terminated))
+            self._finish(np.asarray(terminated), np.asarray(truncated))
         if self._on_violation != "report":
-            terminated, truncated = self._end(terminated, truncated)
+            terminated, truncated = self._end(terminated, truncated, violated)
             ended = _some(np.logical_or(terminated, truncated))
         infos = dict(infos)
         stepped = None if begun is None else ~begun
-        cost = self._charge(stepped)
+        costs = self._panel.take_costs(stepped)
         self.terminal = None
         if resets is not None:
             final = dict(infos.get("final_info", {}))
-            self._report(final, resets, cost, resets)
+            self._report(final, resets, costs, resets)
             self._conclude(final, resets, terminated, truncated)
             infos["final_info"], infos["_final_info"] = final, resets.copy()
             self.terminal = self.values()
             self._begin(self._columns.reset(obs, infos, resets), resets)
-            self._report(infos, None, cost, ~resets)
+            self._report(infos, None, costs, ~resets)
         else:
-            self._report(infos, None, cost, stepped)
+            self._report(infos, None, costs, stepped)
             if ended is not None:
                 self._conclude(infos, ended, terminated, truncated)
             self._done = ended
@@ -283,9 +307,9 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             )
         return self._done
 
-    def _end(self, terminated: Any, truncated: Any) -> tuple[Any, Any]:  # noqa: ANN401
+    def _end(self, terminated: Any, truncated: Any, violated: Lanes) -> tuple[Any, Any]:  # noqa: ANN401
         """Sets the flag that `on_violation` names, for the episodes that are violated."""
-        failed = (self._panel.violated_at >= 0) & ~np.asarray(terminated)
+        failed = violated & ~np.asarray(terminated)
         if self._on_violation == "terminate":
             return np.logical_or(terminated, failed), truncated
         return terminated, np.logical_or(truncated, failed)
@@ -300,62 +324,40 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """Begins episodes in the environments of the mask; None: in all."""
         which = slice(None) if lanes is None else lanes
         self._panel.reset(lanes)
-        self._charged[which] = False
         self._panel.feed(table, lanes)
         self._table[which] = table[which]
-
-    def _checked(self, mask: Any) -> Lanes:  # noqa: ANN401
-        """Refuses an ``options["reset_mask"]`` that is not what Gymnasium asks for."""
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            raise InputTypeError(
-                f"expected options['reset_mask'] as an array of booleans, got {mask!r}"
-            )
-        if mask.shape != (self.num_envs,) or not mask.any():
-            raise InputError(
-                f"expected options['reset_mask'] of shape ({self.num_envs},), true for one "
-                f"environment or more, got {mask!r}"
-            )
-        if not self._running:
-            raise StateError(
-                "expected a reset of all environments before that of some, got "
-                "options={'reset_mask': ...}; call reset()"
-            )
-        return mask
-
-    def _check_untouched(self, table: Floats, others: Lanes) -> None:
-        touched = self._columns.differ(table, self._table, others)
-        if touched.any():
-            raise StateError(
-                f"expected a reset of the environments of reset_mask alone, but {self.env} has "
-                f"reset others, such as {np.flatnonzero(touched)[0]}: it does not know reset_mask; "
-                "reset all, or take gym.make_vec(..., vectorization_mode='sync')"
-            )
 
     def _report(
         self,
         infos: dict[str, Any],
         lanes: Lanes | None,
-        cost: Floats | None = None,
+        costs: dict[str, Floats] | None = None,
         charged: Lanes | None = None,
     ) -> None:
-        """Adds the keys that every info has, to the environments of the mask; None: to all."""
+        """Adds the keys that every info has, to the environments of the mask; None: to all.
+
+        The costs are added to the environments ``charged``; None: to all.
+        """
         panel = self._panel
         states = panel.describe() if self._details else None
         violated = panel.violated_at >= 0
-        added = step_info({}, panel.robustness, panel.lower, panel.upper, violated, states, cost)
+        added = step_info({}, panel.robustness, panel.lower, panel.upper, violated, states)
         for key, value in added.items():
-            put(infos, key, value, charged if key == "cost" else lanes, self.num_envs)
+            put(infos, key, value, lanes, self.num_envs)
+        for key, cost in (costs or {}).items():
+            put(infos, key, cost, charged, self.num_envs)
 
-    def _charge(self, stepped: Lanes | None) -> Floats | None:
-        """The costs of a step, if they are wanted."""
-        if self._cost is None:
-            return None
-        violated = self._panel.violated_at >= 0
-        if stepped is not None:
-            self._charged &= stepped
-        cost: Floats = step_cost(self._cost, self._panel.upper, violated, self._charged)
-        self._charged = violated if stepped is None else violated & stepped
-        return cost
+    def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
+        """Reads the ends that the environments have made."""
+        panel, names = self._panel, list(self._panel.monitors)
+        at = terminated.nonzero()[0]
+        undecided = panel.undecided(at) if self._unasked else None
+        panel.finish(terminated, self._at_termination)
+        panel.finish(truncated & ~terminated, self._at_truncation)
+        if undecided is not None:
+            held = (undecided & panel.satisfied(at)).any(axis=1)
+            if held.any():
+                self._tell_complete(names[int(held.argmax())])
 
     def _conclude(
         self,
@@ -368,10 +370,26 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         panel, at = self._panel, ended.nonzero()[0]
         found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
         reported = key_mask(infos, "is_success", self.num_envs)
-        last = last_info(*found, panel.all_decided(at), reported[at])
+        undecided = panel.undecided(at).any(axis=0)
+        last = last_info(*found, panel.success(at), undecided, reported[at])
         put_last(infos, last, at, ended, reported)
         flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
         self._episodes.append(at, record(*found, panel.samples[at], *flags))
+        if not self._told_success and reported[at].any():
+            self._tell_success(self.env.unwrapped)
+
+    def _abandon(self, lanes: Lanes) -> None:
+        """Records what goes on in these environments as truncated: it was ended from outside."""
+        if self._running:
+            cut = lanes & (self._panel.samples > 1)
+            if self._done is not None:
+                cut &= ~self._done
+            at, panel = cut.nonzero()[0], self._panel
+            if len(at):
+                panel.finish(cut, self._at_truncation)
+                found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
+                self._episodes.append(at, record(*found, panel.samples[at], ~cut[at], cut[at]))
+        self._running = False
 
 
 def _some(lanes: Lanes) -> Lanes | None:

@@ -84,7 +84,7 @@ def test_a_learner_trains_on_the_state_of_the_monitor_and_counts_successes(kind:
             mode="add",
             observe="state",
             on_violation="truncate",
-            cost="indicator",
+            cost="latched",
         )
 
     from stable_baselines3.common.monitor import Monitor

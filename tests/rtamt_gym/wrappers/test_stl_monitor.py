@@ -12,7 +12,7 @@ from replay import INF, Replay, X, run
 
 import rtamt
 from rtamt_gym import StlMonitor
-from rtamt_gym.judges.infos import Cost
+from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.specs import SpecLike, View
 from rtamt_gym.wrappers.monitoring import OnViolation
 
@@ -55,24 +55,26 @@ def test_an_invariant_is_never_satisfied_before_the_environment_ends_the_episode
     assert last["is_success"] is True
 
 
-def test_a_truncated_episode_that_is_open_is_neither_success_nor_failure() -> None:
-    last = run(StlMonitor(Replay([3, 2, 4], "truncated"), "always(x > 1)", X))[-1]
+def test_a_truncated_episode_can_be_left_open() -> None:
+    env = StlMonitor(Replay([3, 2, 4], "truncated"), "always(x > 1)", X, at_truncation="open")
+    last = run(env)[-1]
     assert last["stl_episode"] == {
         "spec": {"robustness": 1.0, "verdict": "UNDECIDED", "satisfied": False}
     }
-    assert "is_success" not in last
+    assert (last["is_success"], last["stl_undecided"]) == (False, True)
     assert "stl_violated_by" not in last
     assert last["stl_lower"] == -INF
 
 
-def test_a_time_limit_leaves_the_verdict_open() -> None:
+def test_a_pole_that_stands_until_the_time_limit_is_a_success() -> None:
     env = gym.make("CartPole-v1", max_episode_steps=5)
     monitor = StlMonitor(env, "always(abs(theta) < 0.2)", {"theta": "obs[2]"})
     monitor.reset(seed=1)
     for action in (0, 1, 0, 1, 0):
         _, _, terminated, truncated, info = monitor.step(action)
     assert (terminated, truncated) == (False, True)
-    assert verdict(info) == "UNDECIDED"
+    assert verdict(info) == "SATISFIED"
+    assert (info["is_success"], info["stl_undecided"]) == (True, False)
 
 
 def test_a_goal_never_reached_is_violated_by_the_end_of_the_trace() -> None:
@@ -179,12 +181,12 @@ def test_info_is_flat_typed_and_fresh() -> None:
     infos = run(StlMonitor(env, "always(x > 1)", X))
     for info in infos:
         types = [type(info[key]) for key in STATE]
-        assert types == [float, float, float, bool]
+        assert types == [np.float64, np.float64, np.float64, bool]
         assert info["own"] == 1
     assert env.info == {"own": 1}
     assert [sorted(info.keys() - {"own"}) for info in infos[:2]] == [sorted(STATE)] * 2
     last = infos[-1]["stl_episode"]["spec"]
-    assert [type(value) for value in last.values()] == [float, str, bool, int]
+    assert [type(value) for value in last.values()] == [np.float64, str, bool, int]
 
 
 STATE = ("robustness", "stl_lower", "stl_upper", "stl_violated")
@@ -203,12 +205,13 @@ def test_details_show_every_specification() -> None:
 @pytest.mark.parametrize(
     ("cost", "expected"),
     [
-        ("indicator", [0.0, 1.0, 1.0, 1.0]),
-        ("depth", [0.0, 1.0, 1.0, 3.0]),
+        ("violation", [0.0, 1.0, 0.0, 1.0]),
+        ("depth", [0.0, 1.0, 0.0, 3.0]),
+        ("latched", [0.0, 1.0, 1.0, 1.0]),
         ("first", [0.0, 1.0, 0.0, 0.0]),
     ],
 )
-def test_cost_is_charged_for_certain_violations_alone(
+def test_cost_is_charged_at_steps(
     cost: Cost,
     expected: list[float],
 ) -> None:
@@ -217,7 +220,7 @@ def test_cost_is_charged_for_certain_violations_alone(
         first, *steps = run(env)
         assert "cost" not in first
         assert [info["cost"] for info in steps] == expected
-        assert all(type(info["cost"]) is float for info in steps)
+        assert all(type(info["cost"]) is np.float64 for info in steps)
 
 
 def test_a_violation_at_reset_is_charged_to_the_first_step() -> None:

@@ -38,7 +38,7 @@ def test_monitoring_changes_nothing_but_the_info(case: Case) -> None:
     for plain, (*rest, info) in zip(bare, monitored, strict=True):
         assert equal(plain[:-1], tuple(rest))
         assert equal(plain[-1], {key: info[key] for key in plain[-1]})
-        assert type(info["robustness"]) is float
+        assert type(info["robustness"]) is np.float64
         assert type(info["stl_violated"]) is bool
 
 

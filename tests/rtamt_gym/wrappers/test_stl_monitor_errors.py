@@ -96,7 +96,7 @@ class Timeless(gym.Env[Any, Any]):
         (
             {"cost": "square"},
             InputError,
-            "expected cost=None or 'indicator' or 'depth' or 'first', got 'square'",
+            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'",
         ),
         (
             {"buffer_length": -1},

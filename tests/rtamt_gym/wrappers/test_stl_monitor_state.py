@@ -167,7 +167,7 @@ def test_every_episode_that_ended_is_recorded() -> None:
     replay.values = [3, 2, 4]
     replay.end = "truncated"
     last = run(env)[-1]
-    # The episode that reset() gave up is no episode.
+    # A reset after a reset has given up no step of an episode.
     assert list(env.stl_episodes) == [
         {
             "samples": 3,
@@ -195,9 +195,21 @@ def test_every_episode_that_ended_is_recorded() -> None:
             "terminated": False,
             "truncated": True,
             "specs": {
-                "dry": {"robustness": 1.0, "verdict": "UNDECIDED", "satisfied": False},
-                "there": {"robustness": 0.0, "verdict": "UNDECIDED", "satisfied": False},
+                "dry": {
+                    "robustness": 1.0,
+                    "verdict": "SATISFIED",
+                    "satisfied": True,
+                    "decided_at": 2,
+                },
+                "there": {
+                    "robustness": -0.0,
+                    "verdict": "VIOLATED",
+                    "satisfied": False,
+                    "decided_at": 2,
+                },
             },
+            "violated_by": "there",
+            "violated_at": 2,
         },
     ]
     last["stl_episode"]["dry"].clear()

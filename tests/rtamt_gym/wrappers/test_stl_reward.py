@@ -181,8 +181,8 @@ def test_always_never_succeeds_before_the_end(mode: Mode) -> None:
     for step in range(1, 51):
         _, _, terminated, truncated, info = env.step(np.array([0.5]))
         assert (terminated, truncated) == (False, step == 50)
-        assert info["stl"]["spec"]["verdict"] == "UNDECIDED"
-        assert "is_success" not in info
+        assert info["stl"]["spec"]["verdict"] == ("SATISFIED" if truncated else "UNDECIDED")
+        assert ("is_success" in info) is truncated
 
 
 def balanced(obs: Any) -> int:  # noqa: ANN401
@@ -351,7 +351,7 @@ def test_what_the_monitor_refuses_the_reward_refuses() -> None:
     with pytest.raises(ParseError):
         StlReward(Replay([1]), "always(x >", X, mode="add")
     assert refused(Replay([1]), specs="always(x > 1)", signals=X, cost="square") == (
-        "expected cost=None or 'indicator' or 'depth' or 'first', got 'square'"
+        "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'"
     )
 
 

@@ -211,20 +211,6 @@ def test_environments_run_side_by_side_and_after_resets(case: Case) -> None:
                 assert equal(each.step(each.action_space.sample())[4], info)
 
 
-@cases
-def test_a_monitor_around_a_monitor_sees_the_same_samples(case: Case) -> None:
-    inner: Any = case.monitored(on_violation="report")
-    outer = StlMonitor(
-        inner, "always(abs(y) < 1e6)", {"y": case.selector}, substeps=True, on_violation="report"
-    )
-    outer.reset(seed=1)
-    for _ in range(3):
-        _, _, _, _, info = outer.step(outer.action_space.sample())
-    assert outer.samples == inner.samples == 1 + 3 * case.frames
-    assert outer.monitors["spec"][1].robustness == inner.monitors["spec"][1].robustness
-    assert info["robustness"] == outer.monitors["spec"][1].robustness
-
-
 @each(CASES[0], CASES[5])
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
 def test_gymnasium_finds_no_fault_and_makes_it_again(case: Case) -> None:

@@ -46,7 +46,7 @@ WAY_OUT = (
         (
             {"cost": "square"},
             InputError,
-            "expected cost=None or 'indicator' or 'depth' or 'first', got 'square'",
+            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'square'",
         ),
         (
             {"buffer_length": -1},

@@ -13,7 +13,7 @@ from vector_environments import difference
 
 import rtamt
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
-from rtamt_gym.judges.infos import Cost
+from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.specs import View
 from rtamt_gym.shaping import hierarchical, least
 
@@ -76,7 +76,7 @@ def test_the_least_of_two_zeros_is_the_one_that_fails(
 
 @pytest.mark.parametrize(
     ("cost", "expected"),
-    [("indicator", [0.0, 1.0, 1.0]), ("first", [0.0, 1.0, 0.0]), ("depth", [0.0, 0.0, 0.0])],
+    [("latched", [0.0, 1.0, 1.0]), ("first", [0.0, 1.0, 0.0]), ("depth", [0.0, 0.0, 0.0])],
 )
 def test_a_violation_by_no_margin_is_charged(cost: Cost, expected: list[float]) -> None:
     env = StlMonitor(Replay([1, 1, 0, 1]), "always(x > 0)", X, cost=cost, on_violation="report")
@@ -84,7 +84,7 @@ def test_a_violation_by_no_margin_is_charged(cost: Cost, expected: list[float]) 
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-@pytest.mark.parametrize("cost", ["indicator", "depth", "first"])
+@pytest.mark.parametrize("cost", ["latched", "depth", "first"])
 @pytest.mark.parametrize("view", ["episode", "step"])
 def test_many_environments_say_what_one_says_of_zeros(
     mode: AutoresetMode,
@@ -172,7 +172,7 @@ def test_what_hangs_on_a_predicate_left_out_stays_undecided() -> None:
         infos = run(env)
         assert not any(info["stl_violated"] for info in infos)
         assert {info["stl"]["spec"]["verdict"] for info in infos} == {"UNDECIDED"}
-        assert "is_success" not in infos[-1]
+        assert (infos[-1]["is_success"], infos[-1]["stl_undecided"]) == (False, True)
     monitor = rtamt.EpisodeMonitor("always(x > 9)", semantics="output-vacuity", outputs=())
     monitor.update(1.0)
     assert (bits(monitor.lower), bits(monitor.upper)) == (FAILS, HOLDS)

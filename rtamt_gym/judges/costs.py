@@ -1,0 +1,316 @@
+"""The cost of a step: what safe reinforcement learning sums over an episode.
+
+A specification makes demands on instants of the episode, one for each of its conjuncts:
+
+| conjunct | demands | at the instants |
+|---|---|---|
+| ``always(p)`` | p | all |
+| ``always[a:b](p)`` | p | a to b |
+| any other, p | p | the first |
+
+With ``view="step"`` the whole formula is demanded at all instants. Whether an instant t violates p
+is known at t + H, H being the horizon of p: the step that takes this sample is charged.
+
+| ``cost=`` | at a step |
+|---|---|
+| ``"violation"`` | 1 if it shows that an instant violates what is demanded of it |
+| ``"depth"`` | how deep that violation is |
+| ``"latched"`` | 1 from the step on that shows the violation of the specification |
+| ``"first"`` | 1 at that step |
+
+The sample of a reset is no step and costs nothing, and so does an instant that only the end of the
+episode settles. Under an interface-aware semantics a robustness of 0 costs nothing: it may hang on
+a predicate that is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt import InputError, SpecificationError
+from rtamt_gym.judges.interface import EXACT, Interface, InterfaceOptions
+from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.signals.columns import Floats, Lanes
+from rtamt_gym.tables import shorten
+
+__all__ = ["Cost", "CostMeter", "Demand", "VectorCostMeter", "demands_of"]
+
+Cost = Literal["violation", "depth", "latched", "first"]
+"""What ``info["cost"]`` measures."""
+
+Period = float | str | None
+
+_V = TypeVar("_V")
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What a specification demands of instants.
+
+    Attributes:
+        name: Name of the specification.
+        spec: The formula that is demanded, with the declarations of the specification.
+        first: The first instant, as a number of samples.
+        last: The last one; None if all further ones are meant.
+    """
+
+    name: str
+    spec: rtamt.Specification
+    first: int
+    last: int | None
+
+
+def demands_of(
+    specs: Mapping[str, rtamt.Specification], view: View, period: Period, align: Align | None
+) -> list[Demand]:
+    """What the specifications demand of instants.
+
+    Raises:
+        SpecificationError: If a demand has a future without end.
+    """
+    demands = []
+    for name, spec in specs.items():
+        parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
+        for part in parts:
+            first, last, wanted = (0, None, part) if view == "step" else (0, 0, part)
+            if view == "episode" and _is(part, "always"):
+                first, last = _instants(replace(spec, formula=part), period, align)
+                (wanted,) = _operands(part)
+            demand = replace(spec, formula=wanted)
+            if math.isinf(demand.horizon):
+                raise SpecificationError(
+                    f"specification {name!r}: whether an instant violates "
+                    f"{shorten(str(wanted), 60)} is known at the end alone, for its future has no "
+                    'end; give it bounds, such as eventually[0:5], or take cost="latched"'
+                )
+            demands.append(Demand(name, demand, first, last))
+    return demands
+
+
+def _is(formula: rtamt.Formula, operator: str) -> bool:
+    return formula.op is not None and formula.op.name == operator
+
+
+def _operands(formula: rtamt.Formula) -> tuple[rtamt.Formula, ...]:
+    return cast("tuple[rtamt.Formula, ...]", formula.args)  # of these operators they are formulas
+
+
+def _conjuncts(formula: rtamt.Formula) -> Iterator[rtamt.Formula]:
+    """The operands of the outermost conjunctions; of ``always(always(p))``, ``always(p)``."""
+    if _is(formula, "and"):
+        for part in _operands(formula):
+            yield from _conjuncts(part)
+        return
+    while _is(formula, "always") and formula.interval is None:
+        (operand,) = _operands(formula)
+        if not (_is(operand, "always") and operand.interval is None):
+            break
+        formula = operand
+    yield formula
+
+
+def _instants(
+    spec: rtamt.Specification, period: Period, align: Align | None
+) -> tuple[int, int | None]:
+    """The instants that an outer ``always`` speaks of, as numbers of samples."""
+    program = rtamt.EpisodeMonitor(spec, period, align=align).program
+    if program.sources[program.result] is not spec.formula:  # always[0:0](p) is p
+        return 0, 0
+    window = program.window(program.result)
+    return window.lo or 0, window.hi
+
+
+class CostMeter:
+    """The costs of the steps of one environment.
+
+    Args:
+        kind: What is measured.
+        specs: Specifications by name.
+        period: Time between samples.
+        view: Whether formulas are evaluated at sample 0 or at every instant.
+        nan: Whether a signal that is nan is refused, or keeps its last value.
+        interface: How predicates count.
+        align: How bounds that are no multiple of the period become samples.
+
+    Raises:
+        SpecificationError: As `demands_of` does.
+        InputError: If the depth is asked for under a semantics that has none.
+    """
+
+    def __init__(
+        self,
+        kind: Cost,
+        specs: Mapping[str, rtamt.Specification],
+        period: Period,
+        view: View,
+        nan: Nan,
+        interface: Interface,
+        align: Align | None,
+    ) -> None:
+        self._kind = kind
+        self._exact = interface.semantics in EXACT
+        self._demands = _measured(kind, specs, period, view, interface, align)
+        options = _options(specs, self._demands, interface)
+        self._monitors = [
+            rtamt.Monitor(demand.spec, period, nan=nan, align=align, **option)
+            for demand, option in zip(self._demands, options, strict=True)
+        ]
+        self._worst = dict.fromkeys(specs, 0.0)
+        self._charged = dict.fromkeys(specs, False)
+
+    def reset(self) -> None:
+        """Forgets the episode."""
+        for monitor in self._monitors:
+            monitor.reset()
+        self.begin()
+        self._charged = dict.fromkeys(self._charged, False)
+
+    def begin(self) -> None:
+        """Begins a step: forgets what the samples before it have cost."""
+        self._worst = dict.fromkeys(self._worst, 0.0)
+
+    def feed(self, names: Sequence[str], values: Sequence[float]) -> None:
+        """Measures a sample: the values of the signals that are named."""
+        sample = dict(zip(names, values, strict=True))
+        for demand, monitor in zip(self._demands, self._monitors, strict=True):
+            value = monitor.update(*[sample[name] for name in monitor.variables])
+            instant = monitor.samples - 1 - monitor.latency
+            if instant < demand.first or (demand.last is not None and instant > demand.last):
+                continue
+            if value < 0.0 or (self._exact and value == 0.0 and not rtamt.holds(value)):
+                cost = 1.0 if self._kind == "violation" else -value
+                self._worst[demand.name] = max(self._worst[demand.name], cost)
+
+    def take(self, violated: Mapping[str, bool]) -> dict[str, np.float64]:
+        """The costs of the step that ends, and of what comes the next begins.
+
+        Args:
+            violated: Whether each specification is violated, the reading of an end included.
+
+        Returns:
+            The keys of ``info``: ``cost``, and ``cost_NAME`` for each of several specifications.
+        """
+        match self._kind:
+            case "latched":
+                costs = {name: float(fails) for name, fails in violated.items()}
+                total = max(costs.values())
+            case "first":
+                costs = {name: float(v and not self._charged[name]) for name, v in violated.items()}
+                total = 0.0 if any(self._charged.values()) else max(costs.values())
+            case "violation" | "depth":
+                costs = self._worst
+                total = max(costs.values())
+        self._charged = dict(violated)
+        self.begin()
+        return {key: np.float64(value) for key, value in _keyed(costs, total).items()}
+
+
+class VectorCostMeter:
+    """The vector twin of `CostMeter`; it takes the number of environments too."""
+
+    def __init__(
+        self,
+        kind: Cost,
+        specs: Mapping[str, rtamt.Specification],
+        num: int,
+        period: Period,
+        view: View,
+        nan: Nan,
+        interface: Interface,
+        align: Align | None,
+    ) -> None:
+        self._kind = kind
+        self._exact = interface.semantics in EXACT
+        self._names = list(specs)
+        self._demands = _measured(kind, specs, period, view, interface, align)
+        options = _options(specs, self._demands, interface)
+        self._monitors = [
+            rtamt.VectorMonitor(demand.spec, num, period, nan=nan, align=align, **option)
+            for demand, option in zip(self._demands, options, strict=True)
+        ]
+        self._worst = np.zeros((len(specs), num))
+        self._charged = np.zeros((len(specs), num), np.bool_)
+
+    def reset(self, lanes: Lanes | None) -> None:
+        """Forgets the episodes of the environments of the mask; None: of all."""
+        for monitor in self._monitors:
+            monitor.reset(lanes)
+        which = slice(None) if lanes is None else lanes
+        self._charged[:, which] = False
+
+    def feed(self, columns: Sequence[str], table: Floats, lanes: Lanes | None) -> None:
+        """Measures a sample of the environments of the mask; None: of all."""
+        self._worst[:] = 0.0
+        for demand, monitor in zip(self._demands, self._monitors, strict=True):
+            value = monitor.update(table[:, [columns.index(v) for v in monitor.variables]], lanes)
+            instant = monitor.samples - 1 - monitor.latency
+            charged = np.signbit(value) if self._exact else value < 0.0
+            charged &= instant >= demand.first
+            if demand.last is not None:
+                charged &= instant <= demand.last
+            if lanes is not None:
+                charged &= lanes
+            row = self._worst[self._names.index(demand.name)]
+            cost = np.ones_like(value) if self._kind == "violation" else -value
+            np.maximum(row, cost, out=row, where=charged)
+
+    def take(self, violated: NDArray[np.bool_], stepped: Lanes | None) -> dict[str, Floats]:
+        """The costs of a step, an array for each key, as `CostMeter.take` names them.
+
+        Args:
+            violated: By specification and environment, whether it is violated.
+            stepped: The environments that made a step; None: all.
+        """
+        match self._kind:
+            case "latched":
+                costs = violated.astype(np.float64)
+                total = costs.max(axis=0)
+            case "first":
+                costs = (violated & ~self._charged).astype(np.float64)
+                total = np.where(self._charged.any(axis=0), 0.0, costs.max(axis=0))
+            case "violation" | "depth":
+                costs = self._worst.copy()
+                total = costs.max(axis=0)
+        self._charged = violated.copy() if stepped is None else violated & stepped
+        return _keyed(dict(zip(self._names, costs, strict=True)), total)
+
+
+def _measured(
+    kind: Cost,
+    specs: Mapping[str, rtamt.Specification],
+    period: Period,
+    view: View,
+    interface: Interface,
+    align: Align | None,
+) -> list[Demand]:
+    """The demands that are monitored; none where the verdicts tell the cost."""
+    if kind == "depth" and interface.semantics == "boolean":
+        raise InputError(
+            'cost="depth" has no depth to measure under semantics="boolean", where a robustness '
+            'is +inf or -inf; take cost="violation"'
+        )
+    return demands_of(specs, view, period, align) if kind in {"violation", "depth"} else []
+
+
+def _options(
+    specs: Mapping[str, rtamt.Specification], demands: Sequence[Demand], interface: Interface
+) -> list[InterfaceOptions]:
+    """The keyword arguments of the monitor of each demand that say how predicates count."""
+    # Beside the specifications, so that a demand takes those of their names that it knows.
+    numbered = {str(number): demand.spec for number, demand in enumerate(demands)}
+    beside = {f"specification {name}": spec for name, spec in specs.items()}
+    options = interface.options({**beside, **numbered})
+    return [options[number] for number in numbered]
+
+
+def _keyed(costs: Mapping[str, _V], total: _V) -> dict[str, _V]:
+    if len(costs) == 1:
+        return {"cost": total}
+    return {"cost": total, **{f"cost_{name}": cost for name, cost in costs.items()}}
