@@ -25,7 +25,9 @@ from rtamt_gym.tables import shorten
 __all__ = ["main"]
 
 _OPTIONS = (
-    # The library's errors give advice in Python; on the command line the same advice is an option.
+    # The library's errors give advice in Python; on the command line the same advice is an option,
+    # or nothing.
+    (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
     (r"view='step'", "--view step"),
     (r"\bperiod= ?", "--period "),
     (r"\balign= ?", "--align "),

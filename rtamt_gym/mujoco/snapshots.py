@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +32,11 @@ class Snapshot:
     step derives it. `restore` derives it at once if the monitor has ``forward=True``; otherwise a
     controller that reads it before the first step sees values of another branch.
 
+    `simulate` makes a run of a branch, and leaves the monitor where it was.
+
+    Attributes:
+        values: The value of every signal of the monitor; empty before sample 0.
+
     Example:
         >>> import mujoco
         >>> from rtamt_gym import StepMonitor
@@ -51,6 +57,7 @@ class Snapshot:
         UNDECIDED 501
     """
 
+    values: Mapping[str, float]
     _simulation: NDArray[np.float64]
     _monitor: tuple[Any, ...]
 
@@ -65,7 +72,8 @@ class Snapshot:
             raise InputTypeError(f"expected a StepMonitor, got {monitor!r}")
         simulation = np.empty(mujoco.mj_stateSize(monitor.model, _STATE))
         mujoco.mj_getState(monitor.model, monitor.data, simulation, _STATE)
-        return cls(simulation, monitor.state())
+        values = monitor.values if monitor.samples else {}
+        return cls(values, simulation, monitor.state())
 
     def restore(self, monitor: StepMonitor) -> None:
         """Sets the simulation and its monitors back to this instant.

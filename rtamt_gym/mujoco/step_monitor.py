@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
@@ -12,7 +12,7 @@ import mujoco  # type: ignore[import-untyped]
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Panel
+from rtamt_gym.judges.panel import Assessment, Feed, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import Clock
@@ -62,7 +62,8 @@ class StepMonitor(PanelValues):
         data: A ``mujoco.MjData`` of the model, kept as an attribute.
         specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
             several with their names.
-        signals: For every variable a selector or a callable, see above.
+        signals: For every variable a selector or a callable, see above; and whatever else is to be
+            in `values` and in the record of `simulate`.
         period: Time between samples, in seconds or as text with a unit; None is
             ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
         view: ``"episode"`` evaluates a formula at sample 0, ``"step"`` at every instant.
@@ -78,9 +79,8 @@ class StepMonitor(PanelValues):
     Raises:
         SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
             bound that is not a multiple of the period.
-        InputError: If a variable has no signal, a signal no variable, or a selector does not fit
-            the model; if the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
-            variable.
+        InputError: If a variable has no signal, or a selector does not fit the model; if the
+            semantics is unknown, or a name in ``inputs`` or ``outputs`` is no variable.
 
     Example:
         >>> import mujoco
@@ -96,6 +96,8 @@ class StepMonitor(PanelValues):
         >>> monitor.run(10.0).name, monitor.violated_at, round(data.time, 3)
         ('VIOLATED', 160, 0.32)
     """
+
+    _feed: Feed
 
     def __init__(
         self,
@@ -118,18 +120,19 @@ class StepMonitor(PanelValues):
         check_choice("align", align, (None, *get_args(Align)))
         check_pair(model, data)
         self.model, self.data = model, data
-        loaded = load_specs(specs)
-        self._signals = parse_signals(
-            signals, [name for spec in loaded.values() for name in spec.variables], MUJOCO
-        )
+        self.specs = load_specs(specs)
+        self.view, self.nan, self.align = view, nan, align
+        variables = dict.fromkeys(name for spec in self.specs.values() for name in spec.variables)
+        self._signals = parse_signals(signals, variables, MUJOCO, extra=True)
+        self._count = len(variables)
         for signal in self._signals:
             if signal.default is not None:
                 raise InputError(
                     f"signal {signal.name!r}: {signal} can be read at sample 0 too, got a default "
                     f"{signal.default!r}; leave it out"
                 )
-        self._panel = Panel(
-            loaded,
+        self.panel = Panel(
+            self.specs,
             float(model.opt.timestep) if period is None else period,
             view,
             nan,
@@ -153,7 +156,7 @@ class StepMonitor(PanelValues):
         """
         self._running = False
         derive(self.model, self.data)
-        self._panel.reset()
+        self.panel.reset()
         self._clock.start(self.data.time, float(self.model.opt.timestep))
         self._unchecked = 0
         self._take()
@@ -201,11 +204,10 @@ class StepMonitor(PanelValues):
         """
         check_choice("on_violation", on_violation, get_args(OnStepViolation))
         steps = round(check_number("duration", duration) / self.model.opt.timestep)
-        if not self._running:
-            self._begin()
+        self.begin()
         stops = on_violation == "stop"
         for _ in range(steps):
-            if stops and self._panel.violated_by is not None:
+            if stops and self.panel.violated_by is not None:
                 break
             if controller is not None:
                 controller(self.model, self.data)
@@ -252,20 +254,55 @@ class StepMonitor(PanelValues):
         """
         if self._running:
             self._check_time(self.samples - 1)
-        self._panel.finish()
+        self.panel.finish()
         self._running = False
         return self.robustness
 
     @property
     def values(self) -> dict[str, float]:
-        """The value of every signal now."""
+        """The value of every signal now, of those that no specification reads too."""
         return {
             signal.name: read() for signal, read in zip(self._signals, self._reads, strict=True)
         }
 
+    @property
+    def signals(self) -> list[str]:
+        """The names of all signals: first the variables of the specifications."""
+        return [signal.name for signal in self._signals]
+
+    @contextmanager
+    def recorded(self, keep: Callable[[list[float]], object]) -> Iterator[None]:
+        """A context in which the values of all signals are handed over when a sample is fed.
+
+        Every signal is read once for a sample: a callable may count its calls.
+        """
+        feed = self.panel.feeder(self.signals, decide=self._decide)
+
+        def read_and_feed() -> Assessment:
+            values = [read() for read in self._reads]
+            fed = feed(values)
+            keep(values)
+            return fed
+
+        before, self._feed = self._feed, read_and_feed
+        try:
+            yield
+        finally:
+            self._feed = before
+
+    def begin(self) -> None:
+        """Feeds sample 0, unless it was fed.
+
+        Raises:
+            StateError: After `finish` and after an error.
+            InputError: If a signal is nan or cannot be read.
+        """
+        if not self._running:
+            self._begin()
+
     def state(self) -> tuple[Any, ...]:
         """The state of the monitors, for `restore`; that of the simulation is not in it."""
-        return self._panel.state(), replace(self._clock), self._running
+        return self.panel.state(), replace(self._clock), self._running
 
     def restore(self, state: tuple[Any, ...]) -> None:
         """Goes back to a `state` of a monitor of the same specifications.
@@ -273,7 +310,7 @@ class StepMonitor(PanelValues):
         Restore the simulation too: ``mj_setState`` with ``mjSTATE_INTEGRATION``.
         """
         panel, clock, running = state
-        self._panel.restore(panel)
+        self.panel.restore(panel)
         self._clock, self._running, self._unchecked = replace(clock), running, 0
 
     def __getstate__(self) -> dict[str, Any]:
@@ -289,11 +326,11 @@ class StepMonitor(PanelValues):
     def _bind_signals(self) -> None:
         """Makes the functions that read this simulation, which pickle cannot carry."""
         self._reads = [bind_signal(signal, self.model, self.data) for signal in self._signals]
-        names = [signal.name for signal in self._signals]
-        self._feed = self._panel.feeder(names, self._reads, decide=self._decide)
+        read = slice(self._count)  # what no specification reads costs nothing in a step
+        self._feed = self.panel.feeder(self.signals[read], self._reads[read], decide=self._decide)
 
     def _begin(self) -> None:
-        if self._panel.samples:
+        if self.panel.samples:
             raise StateError(
                 "expected a running simulation, got step() after finish() or after an error; "
                 "call reset()"
@@ -336,7 +373,7 @@ class StepMonitor(PanelValues):
     def _decide(self) -> None:
         """Records new verdicts, if the simulation is at the time of the sample."""
         self._check_time(self.samples - 1)
-        self._panel.note()
+        self.panel.note()
 
     def _check_time(self, sample: int) -> None:
         self._unchecked = 0

@@ -12,9 +12,13 @@ __all__ = ["PanelValues"]
 
 
 class PanelValues:
-    """The values of a panel as read-only attributes."""
+    """The values of a panel as read-only attributes.
 
-    _panel: Panel
+    Attributes:
+        panel: The monitors, fed together.
+    """
+
+    panel: Panel
 
     @property
     def robustness(self) -> float:
@@ -22,47 +26,47 @@ class PanelValues:
 
         With ``view="step"`` that of the newest instant whose horizon has passed.
         """
-        return self._panel.robustness
+        return self.panel.robustness
 
     @property
     def lower(self) -> float:
         """The least that the robustness can still become."""
-        return self._panel.lower
+        return self.panel.lower
 
     @property
     def upper(self) -> float:
         """The greatest that it can become; negative, -0.0 included: a specification is violated."""
-        return self._panel.upper
+        return self.panel.upper
 
     @property
     def verdict(self) -> Verdict:
         """The verdict on all specifications together."""
-        return min(judge.verdict for _, judge in self._panel.monitors.values())
+        return min(judge.verdict for _, judge in self.panel.monitors.values())
 
     @property
     def violated_by(self) -> str | None:
         """The specification that was violated first; None while none is."""
-        return self._panel.violated_by
+        return self.panel.violated_by
 
     @property
     def violated_at(self) -> int | None:
         """The sample that showed the first violation; None while there is none."""
-        return self._panel.violated_at
+        return self.panel.violated_at
 
     @property
     def samples(self) -> int:
         """Samples fed since the reset, sample 0 included."""
-        return self._panel.samples
+        return self.panel.samples
 
     @property
     def period(self) -> Fraction | None:
         """Time between samples, in seconds."""
-        return self._panel.period
+        return self.panel.period
 
     @property
     def details(self) -> dict[str, dict[str, Any]]:
         """``{spec: {"robustness", "lower", "upper", "verdict"}}`` of the samples so far."""
-        return self._panel.describe()
+        return self.panel.describe()
 
     @property
     def outcomes(self) -> dict[str, dict[str, Any]]:
@@ -70,9 +74,9 @@ class PanelValues:
 
         ``decided_at`` is the sample that decided the verdict, absent while it is open.
         """
-        return self._panel.outcomes()
+        return self.panel.outcomes()
 
     @property
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
-        return dict(self._panel.monitors)
+        return dict(self.panel.monitors)

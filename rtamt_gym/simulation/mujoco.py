@@ -14,7 +14,7 @@ from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
 from rtamt_gym.simulation.systems import Policy, Signals, System, exact, whole_steps
 
-__all__ = ["Model"]
+__all__ = ["Model", "check_policy", "check_time", "model_name"]
 
 _STATE = frozenset({"time", "qpos", "qvel", "act", "ctrl"})
 """What `mj_step` updates last; it derives everything else from the state before the step."""
@@ -28,12 +28,8 @@ class Model(System):
 
     def __init__(self, model: Any, data: Any, policy: Policy | None) -> None:  # noqa: ANN401
         check_pair(model, data)
-        if policy is not None and not callable(policy):
-            raise InputTypeError(
-                "expected a policy, a function of model and data that sets data.ctrl, got "
-                f"{policy!r}"
-            )
-        self.name = model.names.partition(b"\0")[0].decode()
+        check_policy(policy)
+        self.name = model_name(model)
         self.period = float(model.opt.timestep)
         self._model = model
         self._data = data
@@ -60,14 +56,33 @@ class Model(System):
                 self._policy(model, data)
             due = data.time + model.opt.timestep
             mujoco.mj_step(model, data)
-            if data.time != due:
-                raise StateError(
-                    f"expected the time {due:g} s of {self.name} after a step, got "
-                    f"{data.time:g} s: MuJoCo found the simulation unstable and reset it"
-                )
+            check_time(data, due, self.name)
         if self._derives:
             derive(model, data)
         return [read() for read in self._reads]
 
     def close(self) -> None:
         """Leaves model and data as they are: they belong to the caller."""
+
+
+def model_name(model: Any) -> str:  # noqa: ANN401
+    """The name of a model."""
+    name: str = model.names.partition(b"\0")[0].decode()
+    return name
+
+
+def check_policy(policy: object) -> None:
+    """Raises an `InputTypeError` unless a policy is None or can be called."""
+    if policy is not None and not callable(policy):
+        raise InputTypeError(
+            f"expected a policy, a function of model and data that sets data.ctrl, got {policy!r}"
+        )
+
+
+def check_time(data: Any, due: float, name: str) -> None:  # noqa: ANN401
+    """Raises a `StateError` unless a step of a simulation has ended at the time that is due."""
+    if data.time != due:
+        raise StateError(
+            f"expected the time {due:g} s of {name} after a step, got {data.time:g} s: MuJoCo "
+            "found the simulation unstable and reset it"
+        )

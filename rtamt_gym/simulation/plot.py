@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from rtamt_gym import drawing
-from rtamt_gym.simulation.record import Course, Floats, RunRecord
+from rtamt_gym.simulation.record import Course, RunRecord
 from rtamt_gym.tables import sample_text
 
 __all__ = ["draw"]
@@ -60,8 +60,9 @@ def draw(runs: Sequence[RunRecord]) -> Figure:
 
 def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     times = run.times
-    last = any(c.decided_at == run.steps for c in run.courses.values())
-    end = float(times[-1]) * (1.0 + _AFTER * last) or 1.0
+    last = any(c.decided_at == run.last_sample for c in run.courses.values())
+    begin, end = float(times[0]), float(times[-1])
+    end += (end - begin) * _AFTER * last or float(end == begin)
     signal_axes, course_axes = np.split(axes, [len(run.signals)])
     ax: Axes
     for ax, (name, values) in zip(signal_axes, run.signals.items(), strict=True):
@@ -69,12 +70,12 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
         ax.plot(times, values, color=drawing.SIGNAL, linewidth=1.6)
         ax.margins(y=0.15)
     for ax, (name, course) in zip(course_axes, run.courses.items(), strict=True):
-        _draw_course(ax, name, course, times, end)
+        _draw_course(ax, name, course, run, end)
         text = course.final_text("+.3g")
         if course.decided_at is not None:
             text += f", at {sample_text(course.decided_at, run.period)}"
         drawing.show_verdict(ax, course.verdict, text)
-    axes[-1].set_xlim(0.0, end)
+    axes[-1].set_xlim(begin, end)
     axes[-1].annotate(
         "time in s" if run.period else "samples",
         (0.0, 0.0),
@@ -90,13 +91,14 @@ def _draw_run(axes: NDArray[np.object_], run: RunRecord) -> None:
     )
 
 
-def _draw_course(ax: Axes, name: str, course: Course, times: Floats, end: float) -> None:
+def _draw_course(ax: Axes, name: str, course: Course, run: RunRecord, end: float) -> None:
+    times = run.times
     curves = (course.robustness, course.lower, course.upper)
     robustness, lower, upper = drawing.robustness_panel(ax, name, course.formula, 64, curves)
     ax.fill_between(times, lower, upper, color=drawing.BOUNDS, alpha=0.5, linewidth=0)
     if course.decided_at is not None:
         colour = drawing.VERDICT_COLOURS[course.verdict]
-        at = float(times[course.decided_at])
+        at = float(times[max(course.decided_at - run.first_sample, 0)])
         ax.axvspan(at, end, color=colour, alpha=0.18, linewidth=0)
         ax.axvline(at, color=colour, linewidth=1.6)
     ax.plot(times, robustness, color=drawing.ROBUSTNESS, linewidth=1.6)

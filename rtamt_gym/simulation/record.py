@@ -23,9 +23,10 @@ Stop = Literal["violation", "decided", "end"]
 """When to stop a run: at the first certain violation, also once every verdict is certain, or not
 before its end."""
 
-RunEnd = Literal["violation", "decided", "terminated", "truncated", "duration"]
+RunEnd = Literal["violation", "decided", "terminated", "truncated", "duration", "error"]
 """Why a run is over: it was stopped at a violation or once every verdict was certain; the system
-ended, for good or by a time limit of its own; or the duration asked for has passed."""
+ended, for good or by a time limit of its own; the duration asked for has passed; or an error came
+after the last sample."""
 
 
 class _ComparesArrays:
@@ -64,7 +65,8 @@ class Course(_ComparesArrays):
         upper: The greatest robustness still possible, at every sample.
         final: The robustness at the end.
         verdict: The verdict at the end.
-        decided_at: The sample that made the verdict certain, or None.
+        decided_at: The sample that made the verdict certain, counted from the start of the episode,
+            or None.
         unit: The unit of the bounds in the formula that have none.
         semantics: How predicates count, as for `rtamt.Monitor`.
         inputs: Variables that the system reads.
@@ -120,11 +122,17 @@ class RunRecord(_ComparesArrays):
     label: str
     wall_time: float = field(compare=False)
     align: Align | None = None
+    first_sample: int = 0
 
     @property
     def steps(self) -> int:
         """The number of steps: one less than the number of samples."""
         return len(next(iter(self.courses.values())).robustness) - 1
+
+    @property
+    def last_sample(self) -> int:
+        """The number of the last sample in its episode."""
+        return self.first_sample + self.steps
 
     @property
     def duration(self) -> float:
@@ -135,7 +143,7 @@ class RunRecord(_ComparesArrays):
     def times(self) -> Floats:
         """The time of every sample in seconds; its number if there is no period."""
         period = self.period or Fraction(1)
-        times: Floats = np.arange(self.steps + 1, dtype=np.float64)
+        times: Floats = np.arange(self.first_sample, self.last_sample + 1, dtype=np.float64)
         return times * period.numerator / period.denominator
 
     @property
@@ -157,5 +165,5 @@ class RunRecord(_ComparesArrays):
 
     def __repr__(self) -> str:
         what = f" of {self.violated_by}" if self.ended == "violation" else ""
-        at = sample_text(self.steps, self.period)
+        at = sample_text(self.last_sample, self.period)
         return f"<Run of {self.system}: {self.ended}{what} at {at}, {self.steps + 1} samples>"

@@ -26,7 +26,7 @@ class Run(RunRecord):
             on.
         courses: The course of every specification, by its name.
         ended: Why the run is over: ``"violation"``, ``"decided"``, ``"terminated"``,
-            ``"truncated"`` or ``"duration"``.
+            ``"truncated"`` or ``"duration"``; ``"error"`` of a run that an error carries.
         violated_by: The specification that was violated first, or None.
         period: Seconds between samples, or None.
         view: ``"episode"`` if formulas are about the run from sample 0 on, ``"step"`` if they are
@@ -37,6 +37,9 @@ class Run(RunRecord):
         label: The label that it was given, which tells who acted; may be empty.
         wall_time: Seconds that it took, monitors included.
         align: How bounds that are no multiple of the period became samples, or None.
+        first_sample: The number of the first recorded sample in its episode. It is 0, unless the
+            run went on from a `StepMonitor`: then robustness, bounds and verdicts are those of the
+            whole episode, of which the run has the samples from this one on.
 
     Example:
         >>> from rtamt_gym import simulate
@@ -75,9 +78,16 @@ class Run(RunRecord):
 
         Raises:
             SpecificationError: As `rtamt.evaluate` does.
-            InputError: If a specification reads a signal that the run does not have.
+            InputError: If a specification reads a signal that the run does not have; if ``specs``
+                is None and the run has not recorded its episode from sample 0 on.
         """
         interfaces: dict[str, InterfaceOptions] = {}
+        if specs is None and self.first_sample:
+            raise InputError(
+                f"expected the samples of a whole episode, got those from sample "
+                f"{self.first_sample} on; replay(specs) takes sample {self.first_sample} for the "
+                "start of an episode"
+            )
         if specs is None:
             interfaces = {name: course.interface for name, course in self.courses.items()}
             specs = {

@@ -8,32 +8,37 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from fractions import Fraction
-from numbers import Real
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import gymnasium as gym
-import numpy as np
 from gymnasium.vector import VectorEnv
 
-import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.interface import EXACT, Interface, Names, Semantics
-from rtamt_gym.judges.panel import Assessment, Panel
+from rtamt_gym.judges.interface import Interface, Names, Semantics
+from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.record import Course, Floats, RunEnd, Stop
+from rtamt_gym.simulation.crashes import carry
+from rtamt_gym.simulation.record import RunEnd, Stop
+from rtamt_gym.simulation.recorder import Recorder
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Environment, Policy, SampleSource, System, exact
+
+if TYPE_CHECKING:  # it imports MuJoCo, which is optional
+    from rtamt_gym.mujoco.snapshots import Snapshot
+    from rtamt_gym.mujoco.step_monitor import StepMonitor
 
 __all__ = ["simulate"]
 
 
 def simulate(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
-    specs: SpecsLike,
+    specs: SpecsLike | None = None,
     signals: Mapping[str, SignalLike] | None = None,
     *,
+    start: Snapshot | None = None,
     policy: Policy | None = None,
     seed: int | None = None,
     period: float | str | None = None,
@@ -54,6 +59,7 @@ def simulate(
     |---|---|---|
     | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation |
     | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; optional |
+    | a `StepMonitor`, from its present state on | its own | sets ``data.ctrl``; optional |
     | `Fmus`: FMUs connected | names of their variables | |
     | a function from time to sample | keys of the sample | |
     | an iterable of samples, or a generator function | keys of the sample | |
@@ -67,12 +73,24 @@ def simulate(
     by ``duration``, it could have gone on, so an open verdict stays UNDECIDED. Write
     ``always[0:10]`` for a verdict after 10 s.
 
+    A `StepMonitor` has specifications and options of its own. Its run goes on as `StepMonitor.run`
+    does, to the last bit: robustness, bounds and verdicts are those of the whole episode, and the
+    first recorded sample is the monitor's last one, or sample 0 if it has none. Afterwards the
+    monitor stands at the end of the run. With ``start=snapshot`` the run is a branch: it goes on
+    from the snapshot, and afterwards monitor and simulation are what they were before the call, to
+    the last bit. A policy may make such branches of the monitor that it drives.
+
+    An error of the system, the policy or a signal after sample 0, and Ctrl-C too, comes with its
+    own type, and with the samples so far as its attribute ``run``: a `Run` whose ``ended`` is
+    ``"error"``, with the verdicts that these samples leave.
+
     Args:
         system: The simulation to run, one of those above.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
-            or several with their names.
+            or several with their names. None for a `StepMonitor`, which has its own.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
+        start: Where a `StepMonitor` branches off. None: it runs on from its present state.
         policy: The function that acts. Its arguments are the observation, or model and data. For
             more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``.
         seed: The seed of an environment's reset.
@@ -106,8 +124,9 @@ def simulate(
             that is not a multiple of the period without ``align``, or needs a period and has none.
         InputError: If a variable cannot be read, a policy, a period or a duration is missing, a
             signal is nan, the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no
-            variable.
-        InputTypeError: If the system is not one of those above.
+            variable; if a `StepMonitor` is given what it has of its own.
+        InputTypeError: If the system is not one of those above, or specifications are missing.
+        StateError: If the simulation is unstable; if a `StepMonitor` has finished.
 
     Example:
         >>> import gymnasium as gym
@@ -133,42 +152,78 @@ def simulate(
             f"substeps=True is for environments, whose step makes several, got {system!r}; give a "
             "smaller period= where the system takes one"
         )
-    loaded = load_specs(specs)
-    ran = _as_system(system, policy, seed, substeps=substeps)
-    if period is None:
-        period = ran.period
-    if period is None and ran.needs_period:
-        raise InputError(f"{ran.name} does not say how long a step lasts; give period= in seconds")
-    check_period(loaded, period, ran.name)
-    interface = Interface(semantics, inputs, outputs)
-    panel = Panel(loaded, period, view, interface=interface, align=align)
-    most = _most(duration, panel.period, ran)
-    limits = [steps for steps in (most, ran.limit) if steps is not None]
+    ran = _as_system(system, policy, seed, start, substeps=substeps)
+    monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
+    if monitor is not None:
+        _refuse_options(
+            {"specs": specs, "signals": signals, "period": period, "inputs": inputs}
+            | {"outputs": outputs, "align": align}
+            | {"view": view if view not in {"episode", monitor.view} else None}
+            | {"nan": nan if nan not in {"raise", monitor.nan} else None}
+            | {"semantics": semantics if semantics != "standard" else None}
+        )
+        loaded, panel, view, nan = monitor.specs, monitor.panel, monitor.view, monitor.nan
+        align, signals = monitor.align, dict.fromkeys(monitor.signals, "")
+        most = _most(duration, exact(ran.period or 1), ran)
+    else:
+        if specs is None:
+            raise InputTypeError(
+                f"expected specifications for {ran.name}, got none; "
+                'write simulate(system, "always(x < 1)", ...)'
+            )
+        loaded = load_specs(specs)
+        if period is None:
+            period = ran.period
+        if period is None and ran.needs_period:
+            raise InputError(
+                f"{ran.name} does not say how long a step lasts; give period= in seconds"
+            )
+        check_period(loaded, period, ran.name)
+        interface = Interface(semantics, inputs, outputs)
+        panel = Panel(loaded, period, view, interface=interface, align=align)
+        most = _most(duration, panel.period, ran)
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
     ran.bind(variables, signals, panel.period)
-    with closing(ran):
-        begin = time.perf_counter()
-        record = _Recorder(panel, variables, signals or {}, nan)
-        ended = _loop(ran, panel, record, stop, most)
-        wall_time = time.perf_counter() - begin
-    return Run(
-        system=ran.name,
-        signals=record.signals(),
-        courses=record.courses(loaded),
-        ended=ended,
-        violated_by=panel.violated_by,
-        period=panel.period,
-        view=view,
-        stop=stop,
-        limit=min(limits, default=None),
-        seed=seed,
-        label=label,
-        wall_time=wall_time,
-        align=align,
-    )
+    limits = [steps for steps in (most, ran.limit) if steps is not None]
+    begin = time.perf_counter()
+    record = Recorder(panel, variables, signals or {}, nan, fed=monitor is not None)
+    ended: RunEnd = "error"
+
+    def made() -> Run:
+        return Run(
+            system=ran.name,
+            signals=record.signals(),
+            courses=record.courses(loaded),
+            ended=ended,
+            violated_by=panel.violated_by,
+            period=panel.period,
+            view=view,
+            stop=stop,
+            limit=min(limits, default=None),
+            seed=seed,
+            label=label,
+            wall_time=time.perf_counter() - begin,
+            align=align,
+            first_sample=record.first_sample,
+        )
+
+    run: Run | None = None
+    try:
+        with closing(ran):
+            try:
+                ended = _loop(ran, panel, record, stop, most)
+            finally:
+                if ended == "error":
+                    record.rewind()
+                run = made() if len(record) else None
+    except BaseException as error:
+        if run is not None:
+            carry(error, run)
+        raise
+    return cast("Run", run)  # without an error there is a sample
 
 
-def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int | None) -> RunEnd:
+def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int | None) -> RunEnd:
     """Feeds samples to the monitors until the run is over; returns why it is."""
     values: Sequence[float] | None = system.start()
     steps = 0
@@ -191,90 +246,18 @@ def _loop(system: System, panel: Panel, record: _Recorder, stop: Stop, most: int
     return "terminated"
 
 
-class _Recorder:
-    """Feeds samples to the monitors; keeps the samples and the values of the monitors."""
-
-    def __init__(
-        self, panel: Panel, variables: Sequence[str], signals: Iterable[str], nan: Nan
-    ) -> None:
-        self._panel = panel
-        self._holds = nan == "hold"
-        self._names = list(dict.fromkeys([*variables, *signals]))
-        self._unread = range(len(variables), len(self._names))
-        self._samples: list[Sequence[float]] = []
-        self._curves: dict[str, list[Assessment]] = {name: [] for name in panel.monitors}
-        self._feed = panel.feeder(variables)
-        self._monitors = [
-            (source, judge, self._curves[name].append)
-            for name, (source, judge) in panel.monitors.items()
-        ]
-
-    def take(self, values: Sequence[float]) -> None:
-        """Feeds and keeps a sample: the variables, then the signals that are not variables."""
-        if self._holds and self._samples:
-            last = self._samples[-1]
-            values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
-        self._feed(values)
-        for source, judge, keep in self._monitors:
-            keep((source.robustness, judge.lower, judge.upper))
-        for index in self._unread:  # values that no monitor reads, and so checks
-            value: object = values[index]
-            if not isinstance(value, Real):
-                raise InputTypeError(
-                    f"expected a number for {self._names[index]!r} at sample {len(self._samples)}, "
-                    f"got {type(value).__name__} {value!r}"
-                )
-        self._samples.append(tuple(values))
-
-    def amend(self) -> None:
-        """Replaces the last values of the monitors by those after the end of the trace."""
-        for name, (monitor, judge) in self._panel.monitors.items():
-            self._curves[name][-1] = monitor.robustness, judge.lower, judge.upper
-
-    def signals(self) -> dict[str, Floats]:
-        """The values of every signal."""
-        shape = len(self._samples), len(self._names)
-        table = np.array(self._samples, dtype=np.float64).reshape(shape)
-        return dict(zip(self._names, np.ascontiguousarray(table.T), strict=True))
-
-    def courses(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, Course]:
-        """The course of every specification."""
-        outcomes = self._panel.outcomes()
-        courses = {}
-        for name, (_, judge) in self._panel.monitors.items():
-            robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
-            courses[name] = Course(
-                str(specs[name].formula),
-                robustness,
-                lower,
-                upper,
-                judge.robustness,
-                judge.verdict,
-                outcomes[name].get("decided_at"),
-                specs[name].unit,
-                judge.interface.semantics,
-                _of_role("input", judge),
-                _of_role("output", judge),
-            )
-        return courses
-
-
-def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:
-    """The variables of a formula that have a role; none under semantics that ask for no roles."""
-    if judge.interface.semantics in EXACT:
-        return ()
-    variables = judge.specification.formula.variables
-    return tuple(name for name in variables if judge.interface.role(name) == role)
-
-
 def _as_system(
     system: Any,  # noqa: ANN401
     policy: Policy | None,
     seed: int | None,
+    start: Snapshot | None,
     *,
     substeps: bool,
 ) -> System:
     """The caller's simulation as a `System`."""
+    of_mujoco = _of_mujoco(system, policy, seed, start)
+    if of_mujoco is not None:
+        return of_mujoco
     if isinstance(system, gym.Env):
         return Environment(system, policy, seed, substeps=substeps)
     if isinstance(system, VectorEnv):
@@ -287,13 +270,7 @@ def _as_system(
             "expected a system to run, got its name; write "
             f"{'Fmus' if fmu else 'gym.make'}({os.fspath(system)!r})"
         )
-    if seed is not None:
-        raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
-    if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
-        from rtamt_gym.simulation.mujoco import Model
-
-        model, data = system
-        return Model(model, data, policy)
+    _refuse_seed(seed, system)
     if policy is not None:
         raise InputError(
             f"policy= is for environments and MuJoCo models, got {policy!r} for {system!r}"
@@ -308,12 +285,55 @@ def _as_system(
     if callable(system) or isinstance(system, Iterable):
         return SampleSource(system)
     raise InputTypeError(
-        "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time or an "
-        f"iterable of samples, got {system!r}"
+        "expected an environment, a pair (model, data) of MuJoCo, a StepMonitor, Fmus, a function "
+        f"of time or an iterable of samples, got {system!r}"
     )
 
 
+def _of_mujoco(
+    system: Any,  # noqa: ANN401
+    policy: Policy | None,
+    seed: int | None,
+    start: Snapshot | None,
+) -> System | None:
+    """The caller's simulation, if it is one of MuJoCo, which is imported then only."""
+    if type(system).__name__ == "Snapshot":
+        raise InputTypeError(
+            "expected a system to run, got a Snapshot, which holds no model; "
+            "write simulate(monitor, start=snapshot)"
+        )
+    if isinstance(system, PanelValues):
+        from rtamt_gym.simulation.monitored import Monitored
+
+        _refuse_seed(seed, system)
+        return Monitored(cast("StepMonitor", system), policy, start)
+    if start is not None:
+        raise InputError(f"start= is for a StepMonitor, got start={start!r} for {system!r}")
+    if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
+        from rtamt_gym.simulation.mujoco import Model
+
+        _refuse_seed(seed, system)
+        model, data = system
+        return Model(model, data, policy)
+    return None
+
+
 _MUJOCO = {"MjModel", "MjData"}
+
+
+def _refuse_seed(seed: int | None, system: object) -> None:
+    if seed is not None:
+        raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
+
+
+def _refuse_options(given: Mapping[str, object]) -> None:
+    """Refuses what a monitor has of its own."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(
+                f"{name}= is for systems without a monitor, got {name}={value!r} for a "
+                f"StepMonitor, which has its own; give it to StepMonitor(...)"
+            )
 
 
 def _most(duration: float | None, period: Fraction | None, system: System) -> int | None:

@@ -87,8 +87,8 @@ Z = {"level": "qpos[2]"}
             {},
             InputTypeError,
             (
-                "expected an environment, a pair (model, data) of MuJoCo, Fmus, a function of time "
-                "or an iterable of samples, got 3"
+                "expected an environment, a pair (model, data) of MuJoCo, a StepMonitor, Fmus, a "
+                "function of time or an iterable of samples, got 3"
             ),
         ),
         (

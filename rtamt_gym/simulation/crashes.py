@@ -1,0 +1,30 @@
+"""The samples of a simulation that crashed, which its error carries."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.tables import sample_text
+
+__all__ = ["carry"]
+
+
+def carry(error: BaseException, run: Run) -> None:
+    """Makes a run the attribute ``run`` of an error, and says so in a note.
+
+    The run of a simulation inside of this one, which the error has crashed before, gives way.
+    """
+    before = getattr(error, "run", None)
+    with suppress(AttributeError):  # of an error that takes no attributes
+        crashed: Any = error
+        crashed.run = run
+        if isinstance(before, Run):
+            crashed.__notes__.remove(_note(before))
+        error.add_note(_note(run))
+
+
+def _note(run: Run) -> str:
+    samples = f"{run.steps + 1} samples" if run.steps else "1 sample"
+    return f"error.run holds {samples}, up to {sample_text(run.last_sample, run.period)}"

@@ -1,0 +1,139 @@
+"""Feeds the samples of a simulation to monitors, and keeps what both show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from numbers import Real
+from typing import Literal
+
+import numpy as np
+
+import rtamt
+from rtamt import InputTypeError
+from rtamt_gym.judges.interface import EXACT
+from rtamt_gym.judges.panel import Assessment, Panel
+from rtamt_gym.judges.specs import Nan
+from rtamt_gym.simulation.record import Course, Floats
+
+__all__ = ["Recorder"]
+
+
+class Recorder:
+    """Feeds samples to the monitors; keeps the samples and the values of the monitors.
+
+    Attributes:
+        first_sample: The number of the first sample in its episode.
+
+    Args:
+        panel: The monitors.
+        variables: The names that the specifications read.
+        signals: The names of further signals.
+        nan: Whether a signal that is nan is refused, or keeps its last value.
+        fed: Whether the system feeds the monitors: they know a sample when it comes here.
+    """
+
+    def __init__(
+        self,
+        panel: Panel,
+        variables: Sequence[str],
+        signals: Iterable[str],
+        nan: Nan,
+        *,
+        fed: bool = False,
+    ) -> None:
+        self.first_sample = 0
+        self._panel = panel
+        self._holds = nan == "hold"
+        self._fed = fed
+        self._names = list(dict.fromkeys([*variables, *signals]))
+        self._unread = range(len(variables), len(self._names))
+        self._samples: list[Sequence[float]] = []
+        self._curves: dict[str, list[Assessment]] = {name: [] for name in panel.monitors}
+        self._feed = panel.feeder(variables)
+        self._monitors = [
+            (source, judge, self._curves[name].append)
+            for name, (source, judge) in panel.monitors.items()
+        ]
+        self._begin = panel.state()
+
+    def __len__(self) -> int:
+        """The number of samples."""
+        return len(self._samples)
+
+    def take(self, values: Sequence[float]) -> None:
+        """Feeds and keeps a sample: the variables, then the signals that are not variables."""
+        if self._holds and self._samples:
+            last = self._samples[-1]
+            values = [kept if new != new else new for new, kept in zip(values, last, strict=True)]  # noqa: PLR0124 - nan
+        if not self._fed:
+            self._feed(values)
+        elif not self._samples:
+            self.first_sample = self._panel.samples - 1
+            self._begin = self._panel.state()
+        self._keep(values)
+
+    def rewind(self) -> None:
+        """Sets the monitors to the last sample that was kept: an error may have come in between.
+
+        Some monitors may know a sample that others have refused.
+        """
+        samples, self._samples = self._samples, []
+        for curve in self._curves.values():
+            curve.clear()
+        self._panel.restore(self._begin)
+        for values in samples:
+            if self._samples or not self._fed:
+                self._feed(values)
+            self._keep(values)
+
+    def _keep(self, values: Sequence[float]) -> None:
+        for index in self._unread:  # values that no monitor reads, and so checks
+            value: object = values[index]
+            if not isinstance(value, Real):
+                raise InputTypeError(
+                    f"expected a number for {self._names[index]!r} at sample {len(self._samples)}, "
+                    f"got {type(value).__name__} {value!r}"
+                )
+        for source, judge, keep in self._monitors:
+            keep((source.robustness, judge.lower, judge.upper))
+        self._samples.append(tuple(values))
+
+    def amend(self) -> None:
+        """Replaces the last values of the monitors by those after the end of the trace."""
+        for name, (monitor, judge) in self._panel.monitors.items():
+            self._curves[name][-1] = monitor.robustness, judge.lower, judge.upper
+
+    def signals(self) -> dict[str, Floats]:
+        """The values of every signal."""
+        shape = len(self._samples), len(self._names)
+        table = np.array(self._samples, dtype=np.float64).reshape(shape)
+        return dict(zip(self._names, np.ascontiguousarray(table.T), strict=True))
+
+    def courses(self, specs: Mapping[str, rtamt.Specification]) -> dict[str, Course]:
+        """The course of every specification."""
+        outcomes = self._panel.outcomes()
+        courses = {}
+        for name, (_, judge) in self._panel.monitors.items():
+            robustness, lower, upper = np.ascontiguousarray(np.array(self._curves[name]).T)
+            courses[name] = Course(
+                str(specs[name].formula),
+                robustness,
+                lower,
+                upper,
+                judge.robustness,
+                judge.verdict,
+                outcomes[name].get("decided_at"),
+                specs[name].unit,
+                judge.interface.semantics,
+                _of_role("input", judge),
+                _of_role("output", judge),
+            )
+        return courses
+
+
+def _of_role(role: Literal["input", "output"], judge: rtamt.EpisodeMonitor) -> tuple[str, ...]:
+    """The variables of a formula that have a role; none under semantics that ask for no roles."""
+    if judge.interface.semantics in EXACT:
+        return ()
+    variables = judge.specification.formula.variables
+    return tuple(name for name in variables if judge.interface.role(name) == role)
