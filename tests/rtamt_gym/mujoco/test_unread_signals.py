@@ -26,6 +26,12 @@ def counted(count: list[float]) -> dict[str, Any]:
     return {"height": "site:grip.xpos[2]", **READ, "speed": "qvel[0]", "calls": calls}
 
 
+def monitored() -> StepMonitor:
+    plain = StepMonitor(*arm("Euler"), HELD, {"speed": "qvel[0]", **READ})
+    plain.run(0.1)
+    return plain
+
+
 def test_they_are_in_the_values_and_change_nothing() -> None:
     count: list[float] = []
     shown = []
@@ -41,10 +47,8 @@ def test_they_are_in_the_values_and_change_nothing() -> None:
         "speed": data.qvel[0],
         "calls": 1.0,
     }
-    for twin in (copy.deepcopy, lambda held: pickle.loads(pickle.dumps(held))):
-        plain = StepMonitor(*arm("Euler"), HELD, READ | {"speed": "qvel[0]"})
-        plain.run(0.1)
-        assert twin(plain).values == plain.values
+    assert copy.deepcopy(plain := monitored()).values == plain.values
+    assert pickle.loads(pickle.dumps(plain)).values == plain.values
 
 
 def test_a_step_does_not_read_them() -> None:
