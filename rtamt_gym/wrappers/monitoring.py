@@ -144,12 +144,14 @@ class Monitoring:
 def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or many
     """Refuses an environment that has a monitor already."""
     within, where = env, ""
-    while isinstance(within, gym.Wrapper | VectorWrapper):
-        if isinstance(within, Monitoring):
-            refuse_monitored(type(within).__name__, where)
-        within = within.env
-        if isinstance(within, SyncVectorEnv):
+    while not isinstance(within, Monitoring):
+        if isinstance(within, gym.Wrapper | VectorWrapper):
+            within = within.env
+        elif isinstance(within, SyncVectorEnv):
             within, where = within.envs[0], " around each of its environments"
+        else:
+            return
+    refuse_monitored(type(within).__name__, where)
 
 
 def refuse_monitored(monitor: str, where: str = "") -> NoReturn:
