@@ -5,7 +5,8 @@ on samples as they come (`Monitor`), on an episode with bounds from the first sa
 (`EpisodeMonitor`), on many signals in lockstep (`VectorMonitor`, `VectorEpisodeMonitor`), on
 recorded traces (`evaluate`, `evaluate_many`) and on events over dense time (`DenseMonitor`,
 `evaluate_dense`). `judge` and `judge_dense` give the verdict on a recorded trace; `holds` tells
-from a robustness whether the formula holds, and `explain` which samples decided it.
+from a robustness whether the formula holds, `explain` and `explain_dense` which samples or times
+decided it.
 """
 
 import importlib
@@ -27,6 +28,7 @@ from rtamt.language.parser import load, parse
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
 from rtamt.monitors.dense_judgement import judge_dense
 from rtamt.monitors.evaluation import evaluate
 from rtamt.monitors.explanation import Explanation, explain
@@ -43,6 +45,7 @@ __version__ = "0.5.0"
 
 __all__ = [
     "BACKEND",
+    "DenseExplanation",
     "DenseMonitor",
     "EpisodeMonitor",
     "Events",
@@ -69,6 +72,7 @@ __all__ = [
     "evaluate_dense",
     "evaluate_many",
     "explain",
+    "explain_dense",
     "holds",
     "judge",
     "judge_dense",

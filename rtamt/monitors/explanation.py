@@ -10,12 +10,11 @@ from __future__ import annotations
 import functools
 import math
 import operator
-import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from numbers import Real
-from typing import NamedTuple, SupportsIndex, Unpack, cast
+from typing import NamedTuple, SupportsIndex, Unpack
 
 import numpy as np
 
@@ -24,20 +23,27 @@ from rtamt.inputs.samples import Columns, Floats, SampleReader, kind_of
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification
-from rtamt.language.printing import node_text, number_text
+from rtamt.language.printing import number_text
 from rtamt.language.specification import Specification
-from rtamt.language.table import Operator
+from rtamt.language.table import Bounds, Operator
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_outputs
 from rtamt.monitors.evaluation import whole_trace
-from rtamt.monitors.holds import holds, zero_text
+from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
-from rtamt.monitors.provenance import Origin, origin_of
-from rtamt.program.interface import Interface, Reading
+from rtamt.monitors.provenance import Origin, origin_of, visits
+from rtamt.program.interface import Reading
 from rtamt.program.program import Map, Program, operands
 from rtamt.program.timing import Align, Period, alignment, samples
 
-__all__ = ["Cause", "Explanation", "ExplanationStep", "explain"]
+__all__ = [
+    "Cause",
+    "Explanation",
+    "ExplanationStep",
+    "explain",
+    "idle_registers",
+    "with_all_named",
+]
 
 
 class Cause(NamedTuple):
@@ -119,45 +125,9 @@ class Explanation:
         return last.formula if last.outside is None else None
 
     def __str__(self) -> str:
-        last = self.steps[-1]
-        cause = last.text if last.outside is None else "a window outside the trace"
-        robustness = self._robustness(self.steps[0], ",")
-        head = f"robustness {robustness} at {self._at(self.sample)}, decided by "
-        rows = [("at", "value", "formula")]
-        for step in self.steps:
-            shown = step.text if step.name is None else f"{step.name} = {step.text}"
-            rows.append((self._at(step.sample), self._robustness(step), shown))
-            rows += [("", "", f"  {note}") for note in self._notes(step)]
-        rows += [(self._at(c.sample), _number(c.value), c.variable) for c in self.causes]
-        widths = [max(len(row[i]) for row in rows) for i in range(2)]
-        lines = [*_wrapped("", f"{head}{cause} at {self._at(last.sample)}"), ""]
-        for at, value, shown in rows:
-            lines += _wrapped(f"{at:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
-        return "\n".join(lines)
-
-    def _robustness(self, step: ExplanationStep, then: str = "") -> str:
-        """A robustness; of 0 also whether the formula holds, which the sign bit says."""
-        if step.value or self.steps[-1].reading == "zero":
-            return _number(step.value)
-        return f"{zero_text(held=holds(step.value))}{then}"
-
-    def _notes(self, step: ExplanationStep) -> Iterator[str]:
-        if step.aligned is not None:
-            yield step.aligned
-        if step.witness is not None:
-            yield f"witness: the right side at {self._at(step.witness)}"
-        if step.outside is not None:
-            first, last = (None if i is None else self._at(i) for i in step.outside)
-            window = f"{first} to {last}" if first != last else first
-            if first is None:
-                window = f"up to {last}"
-            elif last is None:
-                window = f"from {first} on"
-            yield f"its window lies outside the trace: {window}"
-        if step.reading == "sign":
-            yield "counts only whether it holds"
-        elif step.reading == "zero":
-            yield "of no concern: counts 0"
+        samples = [step.sample for step in self.steps]
+        aligned = [step.aligned for step in self.steps]
+        return as_text(self.steps, samples, self.causes, self._at, aligned=aligned)
 
     def _at(self, sample: int) -> str:
         if self.period is None:
@@ -172,22 +142,6 @@ class Explanation:
 
 _MOST = 1e14
 """Doubles have too few digits to tell the times of so many samples apart."""
-
-
-def _number(value: float) -> str:
-    return f"{value + 0.0:.6g}"  # no -0
-
-
-def _wrapped(margin: str, text: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        width=80,
-        initial_indent=margin,
-        subsequent_indent=" " * (len(margin) + 4),
-        break_on_hyphens=False,
-        max_lines=3,
-        placeholder=" ...",
-    )
 
 
 @listed_in_signature(SampleOptions)
@@ -248,9 +202,7 @@ def explain(
     """
     specification = as_specification(spec)
     start = _time(start)
-    formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
-    names = {f"#{i}": formula for i, formula in enumerate(formulas)}  # no formula is named so
-    observed = replace(specification, formulas={**specification.formulas, **names})
+    names, observed = with_all_named(specification)
     _, interface, backend, nan, seconds, program = compiled(
         explain, observed, period, options, online=False
     )
@@ -258,14 +210,25 @@ def explain(
     columns, length = whole_trace(reader, data, n)
     at = _place(sample, length)
     # What the result does not need decides nothing, and may have no value.
-    idle, unknown = _idle(program), np.full(length, math.nan)
+    idle, unknown = idle_registers(program), np.full(length, math.nan)
     outputs = {n: program.outputs[n] for n in names if program.outputs[n] not in idle}
     program = program.restricted(program.result, outputs)
     machine = BACKENDS[backend].discrete_machine
     values = run_outputs(program, reader, machine, columns, length)
     robustness: dict[Node, Floats] = {f: values.get(name, unknown) for name, f in names.items()}
-    align = options.get("align")
-    steps = tuple(_steps(specification, interface, robustness, at, seconds, start, align))
+    course = _Course(specification, robustness, seconds, options.get("align"))
+    steps = tuple(
+        ExplanationStep(
+            *(visit.formula, visit.name, visit.text, visit.place),
+            None if seconds is None else start + float(visit.place * seconds),
+            float(robustness[visit.formula][visit.place]),
+            visit.origin.witness,
+            visit.origin.outside,
+            visit.reading,
+            course.aligned(visit.formula),
+        )
+        for visit in visits(specification, interface, at, course.origin)
+    )
     formula, at = steps[-1].formula, steps[-1].sample
     causes: tuple[Cause, ...] = ()
     if steps[-1].outside is None:
@@ -274,7 +237,14 @@ def explain(
     return Explanation(steps, causes, None if seconds is None else float(seconds), start)
 
 
-def _idle(program: Program) -> set[int]:
+def with_all_named(specification: Specification) -> tuple[dict[str, Formula], Specification]:
+    """Names for all formulas in a specification, which no formula has, and it with them."""
+    formulas = [node for node in specification.formula.nodes() if isinstance(node, Formula)]
+    names = {f"#{i}": formula for i, formula in enumerate(formulas)}
+    return names, replace(specification, formulas={**specification.formulas, **names})
+
+
+def idle_registers(program: Program) -> set[int]:
     """The registers with a term that the result does not need, and that may thus be nan."""
     needed = program.needed(program.result)
     found: set[int] = set()
@@ -311,44 +281,26 @@ def _place(sample: SupportsIndex, length: int) -> int:
     return at
 
 
-def _steps(
-    specification: Specification,
-    interface: Interface,
-    robustness: Mapping[Node, Floats],
-    sample: int,
-    period: Fraction | None,
-    start: float,
-    align: Align | None,
-) -> Iterator[ExplanationStep]:
-    names: dict[Node, str] = {}
-    for name, named in specification.formulas.items():
-        names.setdefault(named, name)
-    formula = specification.formula
-    while True:
-        row, origin = cast("Operator", formula.op), Origin()
-        aligned = None
-        reading = "value" if row.holds is None else interface.reading(formula)
-        if row.operands == "formula":
-            bounds = None
-            if row.timed:
-                error = functools.partial(specification.error, formula)
-                unit = specification.unit
-                bounds = samples(formula.interval, period, unit, error, align)
-                aligned = alignment(formula.interval, period, unit, bounds)
-            values = [robustness[a] for a in formula.args]
-            origin = origin_of(row, bounds, values, sample)
-        yield ExplanationStep(
-            formula,
-            names.get(formula),
-            node_text(formula, {f: n for f, n in names.items() if f is not formula}),
-            sample,
-            None if period is None else start + float(sample * period),
-            float(robustness[formula][sample]),
-            origin.witness,
-            origin.outside,
-            reading,
-            aligned,
-        )
-        if origin.operand is None:
-            return
-        formula, sample = cast("Formula", formula.args[origin.operand]), origin.sample
+class _Course(NamedTuple):
+    """The robustness of every formula at every sample, and how intervals become samples."""
+
+    specification: Specification
+    robustness: Mapping[Node, Floats]
+    period: Fraction | None
+    align: Align | None
+
+    def bounds(self, formula: Formula) -> Bounds:
+        error = functools.partial(self.specification.error, formula)
+        unit = self.specification.unit
+        return samples(formula.interval, self.period, unit, error, self.align)
+
+    def aligned(self, formula: Formula) -> str | None:
+        """What the interval of an operator became; None if its bounds fit."""
+        if formula.op is None or not formula.op.timed:
+            return None
+        unit = self.specification.unit
+        return alignment(formula.interval, self.period, unit, self.bounds(formula))
+
+    def origin(self, formula: Formula, row: Operator, sample: int) -> Origin:
+        bounds = self.bounds(formula) if row.timed else None
+        return origin_of(row, bounds, [self.robustness[arg] for arg in formula.args], sample)

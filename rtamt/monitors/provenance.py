@@ -1,24 +1,30 @@
-"""The origin of a formula's value: the operand and the sample from which it was taken.
+"""The origin of a formula's value: the operand and the place from which it was taken.
 
 The meaning of an operator in `rtamt.language.operators` only chooses among the values of its
 operands, by min and max, and changes their sign. Run on values that carry the operand and the
-sample from which they were taken, it shows which one it chose: no other code explains an operator.
+place from which they were taken, it shows which one it chose: no other code explains an operator.
+A place is a sample here; `rtamt.monitors.dense_provenance` has ticks of dense time in place of it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self, TypeVar, cast
+from typing import Any, NamedTuple, Self, TypeVar, cast
 
 import numpy as np
 
 from rtamt.inputs.samples import Floats
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.printing import node_text
+from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Operator
 from rtamt.program.algebra import FOLDS, FUNCTIONS, ordered
+from rtamt.program.interface import Interface, Reading
 
-__all__ = ["Origin", "origin_of"]
+__all__ = ["FIRST_BEST", "Definition", "Finding", "Origin", "Value", "Visit", "origin_of", "visits"]
 
 INF = math.inf
 _T = TypeVar("_T")
@@ -30,16 +36,65 @@ class Origin:
 
     Attributes:
         operand: The number of the operand; None for the value of a window outside the trace.
-        sample: The sample of the operand.
-        witness: The sample at which an ``until`` or ``since`` reached its right side.
-        outside: First and last sample of a window outside the trace; the first is None if the
+        place: The place of the operand's value.
+        witness: The place at which an ``until`` or ``since`` reached its right side.
+        outside: First and last place of a window outside the trace; the first is None if the
             window has no beginning, the last if it has no end.
     """
 
     operand: int | None = None
-    sample: int = 0
+    place: int = 0
     witness: int | None = None
     outside: tuple[int | None, int | None] | None = None
+
+
+class Visit(NamedTuple):
+    """A formula at a place, on the way from a specification to what decided.
+
+    Attributes:
+        formula: The formula.
+        name: Its name in the specification, or None.
+        text: The formula as text; named formulas inside it are shown by their names.
+        place: The place at which it is evaluated.
+        origin: From where it has its value there.
+        reading: What it counts under the semantics, if it is a predicate.
+    """
+
+    formula: Formula
+    name: str | None
+    text: str
+    place: int
+    origin: Origin
+    reading: Reading
+
+
+def visits(
+    specification: Specification,
+    interface: Interface,
+    place: int,
+    origin_at: Callable[[Formula, Operator, int], Origin],
+) -> Iterator[Visit]:
+    """The formulas from a specification down to the predicate or the window that decided.
+
+    Args:
+        specification: The specification.
+        interface: What predicates count.
+        place: The place at which the specification is evaluated.
+        origin_at: The origin of the value of a formula of formulas at a place.
+    """
+    names: dict[Node, str] = {}
+    for name, named in specification.formulas.items():
+        names.setdefault(named, name)
+    formula = specification.formula
+    while True:
+        row = cast("Operator", formula.op)
+        inner = {f: n for f, n in names.items() if f is not formula}
+        origin = origin_at(formula, row, place) if row.operands == "formula" else Origin()
+        reading = "value" if row.holds is None else interface.reading(formula)
+        yield Visit(formula, names.get(formula), node_text(formula, inner), place, origin, reading)
+        if origin.operand is None:
+            return
+        formula, place = cast("Formula", formula.args[origin.operand]), origin.place
 
 
 def origin_of(
@@ -55,13 +110,10 @@ def origin_of(
         operands: The robustness of each operand at every sample.
         sample: The sample at which the formula is evaluated.
     """
-    definition = _Definition(operands)
-    registers = range(len(operands))
-    arguments = registers if bounds is None else (bounds, *registers)
-    return definition.at(row.meaning(definition, *arguments), sample).origin
+    return _SampleDefinition(operands).origin(row, bounds, sample)
 
 
-class _Value(float):
+class Value(float):
     """A number that remembers its origin; min and max of such numbers is one of them."""
 
     __slots__ = ("origin",)
@@ -69,66 +121,76 @@ class _Value(float):
 
     @classmethod
     def of(cls, value: float, origin: Origin) -> Self:
+        """The number from an origin."""
         new = cls(value)
         new.origin = origin
         return new
 
-    def __neg__(self) -> _Value:
-        return _Value.of(-float(self), self.origin)
+    def __neg__(self) -> Value:
+        return Value.of(-float(self), self.origin)
 
 
-# Finds the value of a register at a sample: it asks for values of other registers, by number and
-# sample, is sent them, and returns its own. So no call waits for another one, and the number of
+# Finds the value of a register at a place: it asks for values of other registers, by number and
+# place, is sent them, and returns its own. So no call waits for another one, and the number of
 # operands is not limited by the depth of calls.
-_Finding = Generator[tuple[int, int], Any, _T]
+Finding = Generator[tuple[int, int], Any, _T]
 
 
-class _Definition:
-    """Builds a meaning of the table on signals; the first registers are the operands."""
+class Definition:
+    """Builds a meaning of the table on signals; the first registers are the operands.
 
-    def __init__(self, operands: Sequence[Floats]) -> None:
-        self._samples = len(operands[0])
+    A class of it has the builder's `window`, `until` and `since` over its kind of places.
+
+    Args:
+        operands: The number of operands.
+        operand: The value of an operand at a place.
+    """
+
+    def __init__(self, operands: int, operand: Callable[[int, int], float]) -> None:
         self._operands = operands
-        self._findings: list[Callable[[int], _Finding[_Value]]] = []
+        self._operand = operand
+        self._findings: list[Callable[[int], Finding[Value]]] = []
 
-    def at(self, register: int, sample: int) -> _Value:
-        """The value of a register at a sample."""
-        asked: list[_Finding[_Value]] = []
+    def origin(self, row: Operator, bounds: Bounds | None, place: int) -> Origin:
+        """The origin of the value of an operator of the operands at a place."""
+        registers = range(self._operands)
+        arguments = registers if bounds is None else (bounds, *registers)
+        return self._at(row.meaning(self, *arguments), place).origin
+
+    def _at(self, register: int, place: int) -> Value:
+        """The value of a register at a place."""
+        asked: list[Finding[Value]] = []
         while True:
-            if register < len(self._operands):
-                value = _Value.of(self._operands[register][sample], Origin(register, sample))
+            if register < self._operands:
+                number = self._operand(register, place)
+                value = Value.of(number, Origin(register, place))
             else:
-                asked.append(self._findings[register - len(self._operands)](sample))
+                asked.append(self._findings[register - self._operands](place))
                 value = None
             while asked:
                 try:
-                    register, sample = asked[-1].send(value)
+                    register, place = asked[-1].send(value)
                     break
                 except StopIteration as found:
                     value = found.value
                     asked.pop()
             else:
-                return cast("_Value", value)
-
-    def _values(self, register: int, span: range) -> _Finding[Floats]:
-        if register < len(self._operands):
-            return self._operands[register][span.start : span.stop : span.step]
-        values: list[float] = []
-        for i in span:
-            values.append((yield register, i))  # noqa: PERF401 - no comprehension may yield
-        return np.array(values, dtype=np.float64)
+                return cast("Value", value)
 
     def constant(self, value: float) -> int:
-        def finding(_: int) -> _Finding[_Value]:
+        """The same value at every place."""
+
+        def finding(_: int) -> Finding[Value]:
             yield from ()
-            return _Value.of(value, Origin())
+            return Value.of(value, Origin())
 
         return self._new(finding)
 
     def map(self, function: str, *args: int) -> int:
-        apply = cast("Callable[..., _Value]", FUNCTIONS[function].apply)
+        """The function of the operands' values at one place."""
+        apply = cast("Callable[..., Value]", FUNCTIONS[function].apply)
 
-        def finding(i: int) -> _Finding[_Value]:
+        def finding(i: int) -> Finding[Value]:
             values = []
             for a in args:
                 values.append((yield a, i))  # noqa: PERF401 - no comprehension may yield
@@ -136,17 +198,54 @@ class _Definition:
 
         return self._new(finding)
 
+    def _outside(self, value: float, i: int, lo: int | None, hi: int | None) -> Value:
+        first, last = (None if offset is None else i + offset for offset in (lo, hi))
+        return Value.of(value, Origin(outside=(first, last)))
+
+    def _new(self, finding: Callable[[int], Finding[Value]]) -> int:
+        self._findings.append(finding)
+        return self._operands + len(self._findings) - 1
+
+    def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
+        """The fold over the places from lo to hi from now."""
+        raise NotImplementedError
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open until."""
+        raise NotImplementedError
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """Half-open since."""
+        raise NotImplementedError
+
+
+class _SampleDefinition(Definition):
+    """Builds a meaning of the table on samples."""
+
+    def __init__(self, operands: Sequence[Floats]) -> None:
+        super().__init__(len(operands), lambda register, i: operands[register][i])
+        self._samples = len(operands[0])
+        self._columns = operands
+
+    def _values(self, register: int, span: range) -> Finding[Floats]:
+        if register < len(self._columns):
+            return self._columns[register][span.start : span.stop : span.step]
+        values: list[float] = []
+        for i in span:
+            values.append((yield register, i))  # noqa: PERF401 - no comprehension may yield
+        return np.array(values, dtype=np.float64)
+
     def window(self, fold: str, lo: int | None, hi: int | None, *args: int) -> int:
         (p,) = args
-        first_best = _FIRST_BEST[fold]
+        first_best = FIRST_BEST[fold]
         (empty,) = FOLDS[fold].identity
 
-        def finding(i: int) -> _Finding[_Value]:
+        def finding(i: int) -> Finding[Value]:
             window = self._inside(i, lo, hi)
             if not window:
                 return self._outside(empty, i, lo, hi)
             values = yield from self._values(p, window)
-            return cast("_Value", (yield p, window[first_best(values)]))
+            return cast("Value", (yield p, window[first_best(values)]))
 
         return self._new(finding)
 
@@ -186,7 +285,7 @@ class _Definition:
             between: The samples between two.
         """
 
-        def finding(i: int) -> _Finding[_Value]:
+        def finding(i: int) -> Finding[Value]:
             window = self._inside(i, *offsets)
             if not window:
                 return self._outside(-INF, i, *offsets)
@@ -197,12 +296,12 @@ class _Definition:
             reached = np.minimum(held, ordered(goals))
             place = int(reached.argmax())
             witness = window[place]
-            value: _Value = yield q, witness
+            value: Value = yield q, witness
             stretch = between(i, witness)
             if stretch and held[place] == reached[place]:
                 least = yield from self._values(p, stretch)
-                value = yield p, stretch[_FIRST_BEST["min"](least)]
-            return _Value.of(value, replace(value.origin, witness=witness))
+                value = yield p, stretch[FIRST_BEST["min"](least)]
+            return Value.of(value, replace(value.origin, witness=witness))
 
         return self._new(finding)
 
@@ -211,16 +310,8 @@ class _Definition:
         last = self._samples - 1 if hi is None else min(self._samples - 1, i + hi)
         return range(first, last + 1)
 
-    def _outside(self, value: float, i: int, lo: int | None, hi: int | None) -> _Value:
-        first, last = (None if offset is None else i + offset for offset in (lo, hi))
-        return _Value.of(value, Origin(outside=(first, last)))
 
-    def _new(self, finding: Callable[[int], _Finding[_Value]]) -> int:
-        self._findings.append(finding)
-        return len(self._operands) + len(self._findings) - 1
-
-
-_FIRST_BEST: Mapping[str, Callable[[Floats], int]] = {
+FIRST_BEST: Mapping[str, Callable[[Floats], int]] = {
     "min": lambda values: int(ordered(values).argmin()),
     "max": lambda values: int(ordered(values).argmax()),
 }

@@ -93,6 +93,11 @@ class DenseProgram:
         """A number of ticks as a time in the specification's unit."""
         return float(ticks * self.tick)
 
+    def bounds(self, node: Node) -> Bounds:
+        """The bounds of an operator's interval in ticks; that they are whole was checked."""
+        first, last = self.program.specification.bounds(node.interval)
+        return int(first / self.tick), None if last is None else int(last / self.tick)
+
     def latency(self, register: int) -> float:
         """The time by which a register is late; inf if it needs the whole future."""
         ticks = self.program.latencies[register]

@@ -16,16 +16,18 @@ from rtamt_gym.judges.interface import Semantics
 from rtamt_gym.recorded.readers import READERS, open_recording
 
 if TYPE_CHECKING:
-    from rtamt_gym.recorded.trace import Trace
+    from rtamt_gym.recorded.trace import EventTrace, Trace
 
 __all__ = [
     "add_align",
+    "add_dense",
     "add_environment",
     "add_output",
     "add_reading",
     "add_specs_and_trace",
     "check_outputs",
     "positive",
+    "read_dense",
     "read_options",
     "read_requirements",
     "read_samples",
@@ -116,6 +118,16 @@ def add_align(parser: argparse.ArgumentParser) -> None:
         choices=("outward", "inward", "nearest"),
         help="how a bound that is no multiple of the period is rounded to samples (default: such "
         "a bound is an error)",
+    )
+
+
+def add_dense(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--dense``, under which the trace consists of events."""
+    parser.add_argument(
+        "--dense",
+        action="store_true",
+        help="rows are events at any time, and a value holds until the next event; an empty cell "
+        "is no event; with the columns time, variable and value a row is one event",
     )
 
 
@@ -233,21 +245,35 @@ def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:
     return list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
 
 
+def read_dense(options: argparse.Namespace, specs: Mapping[str, rtamt.Specification]) -> EventTrace:
+    """Reads the events of the trace.
+
+    Raises:
+        InputError: If the trace cannot be read, or there is a period.
+    """
+    from rtamt_gym.recorded.trace import read_events
+
+    if options.period is not None:
+        raise InputError("expected --period or --dense, which reads events at any time")
+    with open_recording(options.trace) as recording:
+        return read_events(recording, variables_of(specs))
+
+
 def read_samples(
-    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification], if_events: str = ""
+    options: argparse.Namespace, specs: Mapping[str, rtamt.Specification]
 ) -> tuple[Trace, str | Fraction | None]:
     """Reads the samples of the trace, and the period: that given, else that of the trace.
 
     Args:
         options: The arguments of `add_specs_and_trace`.
         specs: The specifications, whose variables are the columns to read.
-        if_events: Advice for errors that rows which are events, not samples, may cause.
 
     Raises:
         InputError: If the trace cannot be read, or is too short to have a period.
     """
     from rtamt_gym.recorded.trace import read_trace
 
+    if_events = "give --dense to take rows as events at any time"
     with open_recording(options.trace) as recording:
         trace = read_trace(recording, variables_of(specs), if_events)
     if options.period is not None:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
-from rtamt import InputError, Verdict
+from rtamt import Verdict
 from rtamt_gym.commands.arguments import (
+    add_dense,
     add_output,
     add_specs_and_trace,
     check_outputs,
+    read_dense,
     read_samples,
     read_specs,
-    variables_of,
 )
+
+if TYPE_CHECKING:
+    from rtamt_gym.recorded.trace import EventTrace, Trace
 
 __all__ = ["add_arguments", "run"]
 
@@ -24,12 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = "example: rtamt monitor requirements.stl drive.csv --out robustness.csv"
     add_specs_and_trace(parser)
-    parser.add_argument(
-        "--dense",
-        action="store_true",
-        help="rows are events at any time, and a value holds until the next event; an empty cell "
-        "is no event; with the columns time, variable and value a row is one event",
-    )
+    add_dense(parser)
     add_output(parser, "--out", "write the robustness of every formula to a .csv file")
     add_output(parser, "--plot", "draw the signals and the robustness")
 
@@ -38,24 +38,18 @@ def run(options: argparse.Namespace) -> int:
     """Prints the verdicts and writes the files asked for; returns 1 on a violation, else 0."""
     from rtamt_gym.recorded.judge import described, judge, judge_events, report, signals_of
     from rtamt_gym.recorded.output import save_csv
-    from rtamt_gym.recorded.readers import open_recording
-    from rtamt_gym.recorded.trace import EventTrace, Trace, read_events
 
     specs = read_specs(options.specs)
     check_outputs(options.out, picture=options.plot)
     trace: EventTrace | Trace
     if options.dense:
-        if options.period is not None:
-            raise InputError("expected --period or --dense, which reads events at any time")
-        with open_recording(options.trace) as recording:
-            trace = read_events(recording, variables_of(specs))
+        trace = read_dense(options, specs)
         judgements = {
             name: judge_events(spec, trace, options.view, options.semantics)
             for name, spec in specs.items()
         }
     else:
-        if_events = "give --dense to take rows as events at any time"
-        trace, period = read_samples(options, specs, if_events)
+        trace, period = read_samples(options, specs)
         judgements = {
             name: judge(spec, trace, period, options.view, options.semantics)
             for name, spec in specs.items()

@@ -247,7 +247,7 @@ def judge_events(
         InputError: If the variables have no time in common.
     """
     whole = viewed(spec, view)
-    signals = {name: np.column_stack(events) for name, events in trace.signals.items()}
+    signals = trace.tables
 
     def robustness(part: rtamt.Specification) -> Series:
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)

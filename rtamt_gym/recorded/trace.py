@@ -100,6 +100,11 @@ class EventTrace:
     signals: Mapping[str, tuple[Floats, Floats]]
 
     @property
+    def tables(self) -> dict[str, Floats]:
+        """The events of each variable as rows of time and value, which `rtamt` takes."""
+        return {name: np.column_stack(events) for name, events in self.signals.items()}
+
+    @property
     def events(self) -> int:
         """The number of events of all variables."""
         return sum(len(times) for times, _ in self.signals.values())

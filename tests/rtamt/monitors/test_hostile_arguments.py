@@ -34,6 +34,7 @@ ODD: list[Any] = [
 ]
 untyped: Any = rtamt
 S, D, F = "x > 0", {"x": [1.0, 2.0]}, rtamt.variable("x") > 0
+E = {"x": [(0.0, 1.0), (2.0, 2.0)]}
 LANES = {"x": [[1, 2], [3, 4]]}
 
 CALLS: dict[str, Callable[[Any], object]] = {
@@ -65,6 +66,8 @@ CALLS: dict[str, Callable[[Any], object]] = {
     "explain": lambda odd: rtamt.explain(S, odd),
     "explain sample": lambda odd: rtamt.explain(S, D, sample=odd),
     "explain start": lambda odd: str(rtamt.explain(S, D, 1, start=odd)),
+    "explain_dense": lambda odd: rtamt.explain_dense(S, odd),
+    "explain_dense time": lambda odd: str(rtamt.explain_dense(S, E, odd)),
     "parse": rtamt.parse,
     "parse unit": lambda odd: rtamt.parse(S, unit=odd),
     "parse constants": lambda odd: rtamt.parse("x > c", constants=odd),

@@ -20,6 +20,7 @@ CALLS: dict[Callable[..., object], tuple[object, ...]] = {
     rtamt.evaluate_many: ("x > 0", {"x": [[1, 2]]}),
     rtamt.evaluate_dense: ("x > 0", EVENTS),
     rtamt.explain: ("x > 0", {"x": [1, 2]}),
+    rtamt.explain_dense: ("x > 0", EVENTS),
 }
 DEFAULTS = {
     "semantics": "standard",
@@ -29,7 +30,7 @@ DEFAULTS = {
     "nan": "raise",
     "align": None,
 }
-DENSE = (rtamt.DenseMonitor, rtamt.evaluate_dense)
+DENSE = (rtamt.DenseMonitor, rtamt.evaluate_dense, rtamt.explain_dense)
 calls = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 
 

@@ -103,7 +103,10 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
         ),
         (
             "explain calm.stl wide.csv",
-            "wide.csv, line 4, column 'req': expected a number, got ''",
+            (
+                "wide.csv, line 4, column 'req': expected a number, got ''; "
+                "give --dense to take rows as events at any time"
+            ),
         ),
         (
             "monitor always(note>0) odd.parquet",
@@ -128,8 +131,8 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "explain calm.stl uneven.csv",
             (
                 "uneven.csv, line 4: expected samples at even distances, got time 2.5 after 1, "
-                "elsewhere 1 s; resample the trace, or give --period to leave the column 'time' "
-                "aside"
+                "elsewhere 1 s; give --dense to take rows as events at any time, resample the "
+                "trace, or give --period to leave the column 'time' aside"
             ),
         ),
     ],

@@ -53,6 +53,25 @@ def test_explain_prints_the_way_from_the_specification_to_the_sample(capsys: Out
 
 
 @pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("trace", ["wide.csv", "long.csv"])
+def test_explain_prints_the_way_to_the_time_in_a_trace_of_events(
+    trace: str, capsys: Output
+) -> None:
+    assert main(["explain", "--dense", "spec.stl", trace]) == 1
+    assert capsys.readouterr().out == (
+        "robustness -2 at 0 s, decided by req >= 3 at 0.35 s\n"
+        "\n"
+        "    at  value  formula\n"
+        "   0 s     -2  out = always(req >= 3 implies granted)\n"
+        "0.35 s     -2  req >= 3 implies granted\n"
+        "0.35 s      2  req >= 3\n"
+        "0.35 s      5  req\n"
+    )
+    assert main(["explain", "--dense", "calm.stl", "req < 5", trace, "--view", "step"]) == 1
+    assert main(["explain", "--dense", "spec.stl", trace, "--period", "1"]) == 2
+
+
+@pytest.mark.usefixtures("folder")
 def test_explain_takes_several_specifications_a_view_and_a_trace_without_times(
     capsys: Output, monkeypatch: pytest.MonkeyPatch
 ) -> None:

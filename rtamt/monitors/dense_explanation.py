@@ -1,0 +1,290 @@
+"""The times that decided a robustness in dense time, and the sub-formulas through which they did.
+
+`explain_dense` is the twin of `explain`, with times in place of samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from numbers import Real
+from typing import Any, NamedTuple, Unpack
+
+import numpy as np
+
+from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.inputs.clock import shown
+from rtamt.inputs.event_reader import Column, EventReader
+from rtamt.inputs.events import EventsLike
+from rtamt.inputs.samples import kind_of
+from rtamt.language.formula import Formula
+from rtamt.language.node import Node
+from rtamt.language.parser import as_specification
+from rtamt.language.printing import number_text
+from rtamt.language.table import Operator
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.dense.foresight import MakeDense
+from rtamt.monitors.dense_provenance import StepFunction, dense_origin_of
+from rtamt.monitors.explanation import idle_registers, with_all_named
+from rtamt.monitors.explanation_text import as_text
+from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
+from rtamt.monitors.provenance import Origin, visits
+from rtamt.program.dense_lowering import NANOSECOND, DenseProgram
+from rtamt.program.interface import Reading
+from rtamt.program.timing import Period
+
+__all__ = ["DenseCause", "DenseExplanation", "DenseExplanationStep", "explain_dense"]
+
+
+class DenseCause(NamedTuple):
+    """A value that a variable had from a time on."""
+
+    variable: str
+    time: float
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class DenseExplanationStep:
+    """A formula on the way from the specification down to what decided its robustness.
+
+    Times are as those of the events: numbers in the specification's unit, or `numpy.datetime64`.
+
+    Attributes:
+        formula: The formula.
+        name: Its name in the specification, or None.
+        text: The formula as text; named formulas inside it are shown by their names.
+        time: The time at which it was evaluated.
+        value: Its robustness there: that of `evaluate_dense`, which lasts from this time on.
+        witness: For ``until``, ``since`` and ``unless``: the time at which the right side was
+            reached, whichever side decided; None if there is none.
+        outside: Begin and end of the formula's window if the window lies outside the trace and
+            that decided: the formula is then +inf or -inf whatever the signals are. The begin is
+            None for a window without one, so is the end.
+        reading: What a predicate counts under the semantics: its usual ``"value"``, +inf or -inf
+            by its ``"sign"``, or ``"zero"``.
+    """
+
+    formula: Formula
+    name: str | None
+    text: str
+    time: float
+    value: float
+    witness: float | None = None
+    outside: tuple[float | None, float | None] | None = None
+    reading: Reading = "value"
+
+
+@dataclass(frozen=True)
+class DenseExplanation:
+    """The formulas and times that decided a robustness in dense time.
+
+    It is what `Explanation` is over samples. ``str`` gives a table of at most 80 columns.
+
+    Attributes:
+        steps: From the specification down; each value is that of the step below it, or its
+            opposite. The last step is the predicate that decided, ``true`` or ``false``, or a
+            temporal operator whose window lies outside the trace.
+        causes: The variables of that predicate with their values at the time of the last step;
+            empty if a window outside the trace decided.
+        end: The time at which the trace ends.
+        unit: The unit of the times, ``"s"`` unless the specification has another.
+    """
+
+    steps: tuple[DenseExplanationStep, ...]
+    causes: tuple[DenseCause, ...]
+    end: float
+    unit: str = "s"
+
+    @property
+    def robustness(self) -> float:
+        """The robustness that is explained."""
+        return self.steps[0].value
+
+    @property
+    def time(self) -> float:
+        """The time whose robustness is explained."""
+        return self.steps[0].time
+
+    @property
+    def predicate(self) -> Formula | None:
+        """The predicate that decided; None if a window outside the trace did."""
+        last = self.steps[-1]
+        return last.formula if last.outside is None else None
+
+    def __str__(self) -> str:
+        times = [step.time for step in self.steps]
+        return as_text(self.steps, times, self.causes, self._at, end=self.end)
+
+    def _at(self, time: float) -> str:
+        if isinstance(time, np.datetime64):
+            date, point, part = str(time).partition(".")
+            part = part.rstrip("0")
+            return f"{date}{point}{part}" if part else date
+        return f"{number_text(float(time))} {self.unit}"
+
+
+@listed_in_signature(Options)
+def explain_dense(
+    spec: Spec,
+    signals: Mapping[str, EventsLike],
+    time: float | Fraction | np.datetime64 | None = None,
+    *,
+    resolution: Period = "1ns",
+    **options: Unpack[Options],
+) -> DenseExplanation:
+    """Which sub-formulas and times decided the robustness at one time of a trace in dense time.
+
+    It is `explain` for events: the way from the specification down to the predicate whose value at
+    one time, or its opposite, is the robustness. Each step's value is the one that `evaluate_dense`
+    gives its formula at the step's time. Where values are equal, the first operand decides, and of
+    its times the first.
+
+    Signals are right-continuous, so a value at a time is one that lasts from there on, and the
+    least and the greatest value of a window are reached: where a value begins, or where the window
+    does. A stretch without a first instant is named by the time right before it: ``p since q`` asks
+    for p right after the witness, and gives that moment the witness's time. What `evaluate_dense`
+    leaves out, a value at a single instant inside the trace, decides nothing.
+
+    Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
+    signals are; if that decided, the explanation ends with the operator and has no causes.
+
+    Args:
+        spec: Text, a formula, or a parsed specification.
+        signals: As for `evaluate_dense`.
+        time: The time whose robustness is explained, as those of the events; it goes to the nearest
+            tick. None: where the trace begins, the first time at which all variables are known.
+        resolution: As for `DenseMonitor`.
+        **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
+
+    Raises:
+        SpecificationError: As for `evaluate_dense`.
+        InputError: As for `evaluate_dense`, and if the time is not one of the trace, or a number
+            where the events have dates, or the other way round.
+        InputTypeError: As for `evaluate_dense`, and if ``time`` is no number.
+
+    Example:
+        >>> trace = {"req": [(0, 0), (1.5, 4), (1.6, 0), (9, 0)], "gnt": [(0, 0), (4, 2), (9, 2)]}
+        >>> e = explain_dense("always(req >= 3 implies eventually[0:3](gnt >= 3))", trace)
+        >>> print(e)
+        robustness -1 at 0 s, decided by req >= 3 at 1.5 s
+        <BLANKLINE>
+           at  value  formula
+          0 s     -1  always(req >= 3 implies eventually[0:3](gnt >= 3))
+        1.5 s     -1  req >= 3 implies eventually[0:3](gnt >= 3)
+        1.5 s      1  req >= 3
+        1.5 s      4  req
+        >>> e.predicate, e.causes
+        (<Formula req >= 3>, (DenseCause(variable='req', time=1.5, value=4.0),))
+
+    Source: as for `explain`.
+    """
+    specification = as_specification(spec)
+    names, observed = with_all_named(specification)
+    _, interface, backend, whole = compiled_dense(
+        explain_dense, observed, resolution, options, online=False
+    )
+    alone = whole.result_alone()
+    reader = EventReader(alone)
+    given = reader.whole(signals)
+    machine = BACKENDS[backend].dense_machine
+    machine(alone, reader, ()).run(given)  # refuses what evaluate_dense refuses
+    columns, dated = reader.counted(given, [-np.inf] * len(given), None)
+    begin = max(int(ticks[0]) for ticks, _ in columns)
+    end = min(int(ticks[-1]) for ticks, _ in columns)
+    tick = begin if time is None else _tick(time, reader, begin, end, dated=bool(dated))
+    course = _Course(whole, names, machine, columns, (begin, end))
+    way = list(visits(specification, interface, tick, course.origin))
+
+    def moment(place: int | None) -> Any:  # noqa: ANN401 - None, a float or a date
+        return None if place is None else reader.time(place, dated)
+
+    steps = tuple(
+        DenseExplanationStep(
+            *(visit.formula, visit.name, visit.text, moment(visit.place)),
+            course.robustness(visit.formula).at(visit.place),
+            moment(visit.origin.witness),
+            visit.origin.outside
+            and (moment(visit.origin.outside[0]), moment(visit.origin.outside[1])),
+            visit.reading,
+        )
+        for visit in way
+    )
+    causes: tuple[DenseCause, ...] = ()
+    if steps[-1].outside is None:
+        signal = dict(zip(alone.program.variables, columns, strict=True))
+        causes = tuple(
+            DenseCause(v, steps[-1].time, StepFunction(*signal[v]).at(way[-1].place))
+            for v in steps[-1].formula.variables
+        )
+    return DenseExplanation(steps, causes, moment(end), specification.unit)
+
+
+def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: bool) -> int:
+    """The tick of a time of the trace."""
+    first, last = (shown(reader.time(tick, dated)) for tick in (begin, end))
+    trace = f"expected a time from {first} to {last}"
+    is_date = isinstance(time, np.datetime64)
+    if not is_date and (not isinstance(time, Real) or isinstance(time, bool | np.timedelta64)):
+        raise InputTypeError(f"{trace}, got {kind_of(time)}")
+    got = f"{trace}, got {shown(time) if is_date else brief(time)}"
+    if dated != is_date:
+        raise InputError(f"{got}, which is {'a date' if is_date else 'no datetime64'}")
+    if isinstance(time, np.datetime64):
+        finite = not np.isnat(time)
+        tick = int(reader.clock.ticks(np.array([time]), "")[0]) if finite else end + 1
+    else:
+        finite = not isinstance(time, float | np.floating) or math.isfinite(time)
+        tick = reader.clock.nearest(time) if finite else end + 1
+    if not begin <= tick <= end:
+        raise InputError(got)
+    return tick
+
+
+class _Course:
+    """The robustness of every formula over the trace, each found when it is first asked for.
+
+    Args:
+        whole: The program, with an output for every formula.
+        names: The names of the outputs.
+        machine: Makes the dense machines of a back-end.
+        columns: The events of every variable.
+        trace: The ticks at which the trace begins and ends.
+    """
+
+    def __init__(
+        self,
+        whole: DenseProgram,
+        names: Mapping[str, Formula],
+        machine: MakeDense,
+        columns: Sequence[Column],
+        trace: tuple[int, int],
+    ) -> None:
+        self._whole, self._machine, self._trace = whole, machine, trace
+        outputs = whole.program.outputs
+        self._registers: dict[Node, int] = {f: outputs[name] for name, f in names.items()}
+        self._idle = idle_registers(whole.program)
+        # Dates come back as they are, and whole: doubles do not hold every tick.
+        self._given = [(ticks.astype("M8[ns]"), values) for ticks, values in columns]
+        self._found: dict[int, StepFunction] = {}
+
+    def robustness(self, formula: Node) -> StepFunction:
+        register = self._registers[formula]
+        if register not in self._found:
+            self._found[register] = self._run(register)
+        return self._found[register]
+
+    def _run(self, register: int) -> StepFunction:
+        if register in self._idle:
+            # What the result does not need decides nothing, and may have no value.
+            return StepFunction(np.array([self._trace[0]]), np.array([math.nan]))
+        part = DenseProgram(self._whole.program.restricted(register, {}), NANOSECOND)
+        times, values = self._machine(part, EventReader(part), ()).run(self._given)
+        return StepFunction(times.astype(np.int64), values)
+
+    def origin(self, formula: Formula, row: Operator, tick: int) -> Origin:
+        operands = [self.robustness(arg) for arg in formula.args]
+        bounds = self._whole.bounds(formula) if row.timed else None
+        return dense_origin_of(row, bounds, operands, self._trace, tick)

@@ -1,0 +1,109 @@
+"""The table that an explanation prints, over samples and over dense time."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol, TypeVar
+
+from rtamt.monitors.holds import holds, zero_text
+from rtamt.program.interface import Reading
+
+__all__ = ["as_text"]
+
+_P = TypeVar("_P")
+_P_co = TypeVar("_P_co", covariant=True)
+
+
+class _Step(Protocol[_P_co]):
+    """What the table shows of a step; a place is a sample or a time."""
+
+    @property
+    def name(self) -> str | None: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def witness(self) -> _P_co | None: ...
+    @property
+    def outside(self) -> tuple[_P_co | None, _P_co | None] | None: ...
+    @property
+    def reading(self) -> Reading: ...
+
+
+def as_text(
+    steps: Sequence[_Step[_P]],
+    places: Sequence[_P],
+    causes: Sequence[tuple[str, _P, float]],
+    at: Callable[[_P], str],
+    *,
+    aligned: Sequence[str | None] | None = None,
+    end: _P | None = None,
+) -> str:
+    """The table of an explanation, in at most 80 columns.
+
+    Args:
+        steps: From the specification down to what decided.
+        places: Where each of them was evaluated.
+        causes: The variables that decided, with place and value.
+        at: The text of a place.
+        aligned: What the interval of each step became, if bounds were rounded.
+        end: Where the trace ends, if a window that begins there counts as one outside.
+    """
+    last = steps[-1]
+
+    def robustness(value: float, then: str = "") -> str:
+        """A robustness; of 0 also whether the formula holds, which the sign bit says."""
+        if value or last.reading == "zero":
+            return _number(value)
+        return f"{zero_text(held=holds(value))}{then}"
+
+    cause = last.text if last.outside is None else "a window outside the trace"
+    head = f"robustness {robustness(steps[0].value, ',')} at {at(places[0])}, decided by "
+    rows = [("at", "value", "formula")]
+    for step, place, note in zip(steps, places, aligned or [None] * len(steps), strict=True):
+        shown = step.text if step.name is None else f"{step.name} = {step.text}"
+        rows.append((at(place), robustness(step.value), shown))
+        notes = [*filter(None, [note]), *_notes(step, at, end)]
+        rows += [("", "", f"  {note}") for note in notes]
+    rows += [(at(place), _number(value), variable) for variable, place, value in causes]
+    widths = [max(len(row[i]) for row in rows) for i in range(2)]
+    lines = [*_wrapped("", f"{head}{cause} at {at(places[-1])}"), ""]
+    for where, value, shown in rows:
+        lines += _wrapped(f"{where:>{widths[0]}}  {value:>{widths[1]}}  ", shown)
+    return "\n".join(lines)
+
+
+def _notes(step: _Step[_P], at: Callable[[_P], str], end: _P | None) -> Iterator[str]:
+    if step.witness is not None:
+        yield f"witness: the right side at {at(step.witness)}"
+    if step.outside is not None:
+        first, last = (None if place is None else at(place) for place in step.outside)
+        window = f"{first} to {last}" if first != last else first
+        if first is None:
+            window = f"up to {last}"
+        elif last is None:
+            window = f"from {first} on"
+        after = "right after that time, " if end is not None and step.outside[0] == end else ""
+        yield f"{after}its window lies outside the trace: {window}"
+    if step.reading == "sign":
+        yield "counts only whether it holds"
+    elif step.reading == "zero":
+        yield "of no concern: counts 0"
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.6g}"  # no -0
+
+
+def _wrapped(margin: str, text: str) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width=80,
+        initial_indent=margin,
+        subsequent_indent=" " * (len(margin) + 4),
+        break_on_hyphens=False,
+        max_lines=3,
+        placeholder=" ...",
+    )

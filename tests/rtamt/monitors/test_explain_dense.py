@@ -1,0 +1,311 @@
+"""Explanations in dense time: every step is what the definitions say, and the last one decides."""
+
+import itertools
+import math
+import random
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Literal, cast
+
+import numpy as np
+import pytest
+from bits import bits
+from dense_oracle import STEP, Definition, Time
+from dense_signals import INTEGERS, Signals, relevant, signals
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracle import order
+from strategies import DENSE, INFINITIES, formulas, rooted
+
+import rtamt
+from rtamt import DenseExplanation, Formula, evaluate_dense, explain_dense, holds, variable
+from rtamt.language.formula import make
+from rtamt.language.node import Node
+from rtamt.monitors.dense_explanation import DenseExplanationStep
+
+Backend = Literal["native", "python"]
+
+INF = math.inf
+
+
+# What the steps say. -----------------------------------------------------------------------------
+
+
+class Checked:
+    """An explanation beside the definition, which knows nothing of explanations."""
+
+    def __init__(self, definition: Definition, explanation: DenseExplanation) -> None:
+        self.definition = definition
+        self.steps = explanation.steps
+        for step in self.steps:
+            assert order(step.value) == order(self.value(step))
+            self.check_witness(step)
+        for step, below in itertools.pairwise(self.steps):
+            assert below.formula in step.formula.args
+            assert order(below.value) in (order(step.value), order(-step.value))
+            assert step.outside is None
+            self.check_place(step, below.time)
+        last = self.steps[-1]
+        assert last.formula.op is not None
+        if last.outside is None:
+            assert last.formula.op.operands == "term"
+        else:
+            assert abs(last.value) == INF
+            assert not self.window(last)
+
+    def cell(self, time: Time) -> Time:
+        """The cell of the definition in which a time is; its end is one by itself."""
+        if time == self.definition.end:
+            return time
+        return [cell for cell in self.definition.cells if cell <= time][-1]
+
+    def moment(self, time: Time) -> Time:
+        """A time inside the cell that begins at a time; the end stays the end."""
+        return time if time == self.definition.end else self.cell(time) + STEP / 2
+
+    def value(self, step: DenseExplanationStep) -> float:
+        return self.definition.value(step.formula, self.cell(step.time))
+
+    def ends(self, step: DenseExplanationStep) -> tuple[Time, Time]:
+        """Begin and end of the window of an operator, from inside the cell."""
+        f = step.formula
+        assert f.op is not None
+        first: Time = 0 if f.interval is None else f.interval.begin
+        last: Time = INF if f.interval is None or f.interval.end is None else f.interval.end
+        now = self.moment(step.time)
+        return (now + first, now + last) if f.op.future else (now - last, now - first)
+
+    def window(self, step: DenseExplanationStep) -> list[Time]:
+        return self.definition._closed(*self.ends(step))
+
+    def check_place(self, step: DenseExplanationStep, time: Time) -> None:
+        """The operand's time is one that the operator looks at."""
+        assert step.formula.op is not None
+        if not step.formula.op.timed:
+            assert time == step.time
+        elif step.formula.op.name not in ("until", "since", "unless"):
+            assert self.cell(time) in self.window(step)
+        elif step.witness is not None:
+            first, last = sorted((step.time, step.witness))
+            assert first <= time <= last
+
+    def check_witness(self, step: DenseExplanationStep) -> None:
+        """With the right side at the witness, the definition gives the value of the step."""
+        if step.witness is None:
+            return
+        assert step.formula.op is not None
+        p, q = step.formula.args
+        first, last = self.ends(step)
+        now = self.moment(step.time)
+        if step.formula.op.name == "since":
+            witness = now if step.witness == step.time else max(step.witness, first)
+            way = self.definition._left_open(witness, now)
+        else:
+            witness = now if step.witness == step.time else max(step.witness, first)
+            way = self.definition._right_open(now, witness)
+        assert first <= witness <= last
+        right = self.definition.value(q, self.cell(step.witness))
+        reached = min(right, self.definition._least(p, way), key=order)
+        assert order(reached) == order(step.value)
+
+
+Case = tuple[Formula, Signals, float]
+
+
+@st.composite
+def cases(
+    draw: st.DrawFn,
+    name: str | None = None,
+    values: st.SearchStrategy[float] | None = None,
+    *,
+    total: bool = True,
+) -> Case:
+    """A formula, signals, and a time of the trace, which may be inside a cell."""
+    kinds: dict[str, Any] = {"endless": True, "dense": True, "total": total}
+    strategy = formulas(**kinds) if name is None else rooted(name, depth=2, **kinds)
+    formula = draw(strategy.filter(lambda f: f.variables))
+    whole = relevant(draw(signals() if values is None else signals(values)), formula.variables)
+    begin = max(events[0][0] for events in whole.values())
+    end = min(events[-1][0] for events in whole.values())
+    return formula, whole, draw(st.sampled_from(np.arange(begin, end + 0.1, STEP / 2).tolist()))
+
+
+def checked(case: Case, backend: Backend) -> DenseExplanation:
+    """The explanation of a case, with all its steps checked."""
+    formula, whole, time = case
+    explanation = explain_dense(formula, whole, time, backend=backend)
+    assert (explanation.steps[0].formula, explanation.time) == (formula, time)
+    steps = Checked(Definition(whole), explanation).steps
+    robustness = evaluate_dense(formula, whole, backend=backend)
+    assert order(explanation.robustness) == order([v for t, v in robustness if t <= time][-1])
+    last = steps[-1]
+    known = {name: [v for t, v in events if t <= last.time][-1] for name, events in whole.items()}
+    causes = last.formula.variables if last.outside is None else ()
+    assert explanation.causes == tuple((v, last.time, known[v]) for v in causes)
+    return explanation
+
+
+@pytest.mark.parametrize("name", DENSE)
+@settings(max_examples=20)
+@given(data=st.data())
+def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_that_value(
+    name: str, data: st.DataObject, backend: Backend
+) -> None:
+    checked(data.draw(cases(name)), backend)
+
+
+@settings(max_examples=100)
+@given(case=cases(values=INTEGERS))
+def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
+    case: Case, backend: Backend
+) -> None:
+    explanation = checked(case, backend)
+    for step, below in itertools.pairwise(explanation.steps):
+        assert step.formula.op is not None
+        if step.formula.op.name == "not":
+            assert holds(below.value) is not holds(step.value)
+        elif step.formula.op.name not in ("implies", "iff", "xor"):
+            assert bits([below.value]) == bits([step.value])
+
+
+@settings(max_examples=50)
+@given(case=cases(values=st.sampled_from(INFINITIES), total=False))
+def test_infinite_values_are_explained(case: Case, backend: Backend) -> None:
+    checked(case, backend)
+
+
+@settings(max_examples=50)
+@given(case=cases())
+def test_back_ends_explain_alike_and_fit_80_columns(case: Case) -> None:
+    formula, whole, time = case
+    one, other = (
+        explain_dense(formula, whole, time, backend=backend)
+        for backend in ("python", rtamt.BACKEND)
+    )
+    assert one == other
+    assert max(map(len, str(one).splitlines())) <= 80
+
+
+# That it decided. --------------------------------------------------------------------------------
+
+
+def opened(formula: Formula) -> tuple[Formula, tuple[str, ...]]:
+    """The formula with a variable of its own in place of every predicate."""
+    known: dict[Node, Node] = {}
+    names: list[str] = []
+    for node in formula.nodes():
+        if not isinstance(node, Formula):
+            continue
+        assert node.op is not None
+        if node.op.operands == "formula":
+            known[node] = make(node.op.name, tuple(known[a] for a in node.args), node.interval)
+        elif not node.args:
+            known[node] = node
+        else:
+            names.append(f"x{len(names)}")
+            known[node] = variable(names[-1]).formula()
+    return cast("Formula", known[formula]), tuple(names)
+
+
+@st.composite
+def opened_cases(draw: st.DrawFn) -> Case:
+    """Predicates of values that differ from each other, and from each other's opposites."""
+    drawn = formulas(endless=True, dense=True).filter(lambda f: f.variables)
+    formula, names = opened(draw(drawn))
+    rng = random.Random(draw(st.integers(0, 2**32)))
+    magnitudes = iter(rng.sample(range(1, 200), 8 * len(names)))
+    end = STEP * rng.randint(0, 12)
+    whole: Signals = {}
+    for name in names:
+        inner = rng.sample(range(1, 12), 6)
+        times = sorted({0.0, *(STEP * i for i in inner if STEP * i < end), end})
+        whole[name] = [(time, next(magnitudes) * rng.choice((-1.0, 1.0))) for time in times]
+    return formula, whole, STEP * rng.randint(0, int(end / STEP))
+
+
+@settings(max_examples=150)
+@given(case=opened_cases(), move=st.sampled_from((-0.75, -0.25, 0.5)))
+def test_the_robustness_follows_the_value_that_decided(case: Case, move: float) -> None:
+    formula, whole, time = case
+    explanation = explain_dense(formula, whole, time)
+    if not explanation.causes:
+        other = {name: [(t, -v / 2) for t, v in events] for name, events in whole.items()}
+        assert explain_dense(formula, other, time).robustness == explanation.robustness
+        return
+    (cause,) = explanation.causes
+    sign = cause.value / explanation.robustness
+    assert sign in (1.0, -1.0)
+    events = whole[cause.variable]
+    at = max(i for i, (t, _) in enumerate(events) if t <= cause.time)
+    moved = [*events[:at], (events[at][0], cause.value + move), *events[at + 1 :]]
+    after = explain_dense(formula, {**whole, cause.variable: moved}, time)
+    assert after.robustness == explanation.robustness + sign * move
+
+
+# Times. ------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=50)
+@given(case=cases())
+def test_times_may_be_late_or_dates(case: Case) -> None:
+    formula, whole, time = case
+    explanation = explain_dense(formula, whole, time)
+    late = 1_700_000_000
+    shifted = {name: [(t + late, v) for t, v in events] for name, events in whole.items()}
+    begin = np.datetime64("2026-01-01T00:00:00", "ns")
+
+    def date(seconds: float) -> Any:  # noqa: ANN401 - a date among numbers
+        return begin + np.timedelta64(int(seconds * 1e9), "ns")
+
+    dated = {name: [(date(t), v) for t, v in events] for name, events in whole.items()}
+    ways: list[tuple[Any, Callable[[float], Any]]] = [
+        (shifted, lambda t: t + late),
+        (dated, date),
+    ]
+    for whole_there, there in ways:
+        other = explain_dense(formula, whole_there, there(time))
+        assert [(s.formula, s.time, s.value, s.witness) for s in other.steps] == [
+            (s.formula, there(s.time), s.value, None if s.witness is None else there(s.witness))
+            for s in explanation.steps
+        ]
+        assert [(c.time, c.value) for c in other.causes] == [
+            (there(c.time), c.value) for c in explanation.causes
+        ]
+
+
+def test_ticks_that_doubles_do_not_tell_apart_are_told_apart(backend: Backend) -> None:
+    begin, last = 1_700_000_000_000_000_000, 10**17
+    spec = rtamt.parse("always(x > 0 implies once[0:1](y > 0))", unit="ns")
+    after: dict[str, Any] = {
+        "x": [(0, -5), (100, 5), (101, -5), (last, -5)],
+        "y": [(0, -3), (90, 9), (98, -3), (99, -2), (101, -7), (last, 1)],
+    }
+    whole = {name: [(begin + t, v) for t, v in events] for name, events in after.items()}
+    explanation = explain_dense(spec, whole, backend=backend)
+    assert (explanation.robustness, explanation.causes[0].value) == (-2.0, -2.0)
+    dates = {
+        name: [(np.datetime64(t, "ns"), value) for t, value in events]
+        for name, events in whole.items()
+    }
+    explanation = explain_dense(spec, dates, backend=backend)
+    (cause,) = explanation.causes
+    assert (cause.variable, cause.value) == ("y", -2.0)
+    assert cause.time == np.datetime64(begin + 99, "ns")
+    assert str(explanation).splitlines()[-1] == "2023-11-14T22:13:20.000000099     -2  y"
+
+
+def test_a_time_goes_to_the_nearest_tick_and_may_be_exact() -> None:
+    whole: dict[str, Any] = {"x": [(0, 1), (0.3, 2), (1, 2)]}
+    times: list[Any] = [0.3, 0.1 + 0.2, Fraction(3, 10), np.float64(0.3), 0.3 - 1e-10]
+    for time in times:
+        assert explain_dense("x > 0", whole, time).robustness == 2.0
+    assert explain_dense("x > 0", whole, 0.2).robustness == 1.0
+    assert explain_dense("x > 0", whole, 1).time == 1.0
+    assert explain_dense("x > 0", whole, 0.26, resolution="100ms").time == 0.3
+
+
+def test_without_a_time_the_begin_of_the_trace_is_explained() -> None:
+    whole: dict[str, Any] = {"x": [(0, 1), (3, 1)], "y": [(1.5, 5), (2.5, 4)]}
+    explanation = explain_dense("x + y > 0", whole)
+    assert (explanation.time, explanation.end, explanation.robustness) == (1.5, 2.5, 6.0)
+    assert explanation.causes == (("x", 1.5, 1.0), ("y", 1.5, 5.0))
