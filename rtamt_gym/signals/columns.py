@@ -2,7 +2,8 @@
 
 The selectors are those of `rtamt_gym.signals.signals`. ``obs[2]`` reads column 2 of the batched
 observations, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
-be true for every environment that takes a sample. A callable gets the whole batch and returns an
+be true for every environment that takes a sample, and at a reset says which have the key, and which
+the default. A callable gets the whole batch and returns an
 array with a number for every environment. Selectors that read simulations, such as ``qpos[1]``,
 read the environments of a `SyncVectorEnv` one by one.
 """
@@ -76,11 +77,8 @@ class SignalColumns:
                 continue
             if lanes.any():
                 table[:, column] = read(step, lanes)
-            table[begun, column] = (
-                read(step._replace(action=None, reward=None), begun)[begun]
-                if signal.default is None
-                else signal.default
-            )
+            reset = step._replace(action=None, reward=None)
+            table[begun, column] = _at_reset(signal, read, reset, begun)[begun]
         return table
 
     def reset(self, obs: Any, infos: dict[str, Any], lanes: Lanes) -> Floats:  # noqa: ANN401
@@ -88,8 +86,7 @@ class SignalColumns:
         step = Step(obs, None, None, infos, self._env)
         table = self._table()
         for column, (signal, read) in enumerate(zip(self._signals, self._reads, strict=True)):
-            default = signal.default
-            table[:, column] = read(step, lanes) if default is None else default
+            table[:, column] = _at_reset(signal, read, step, lanes)
         return table
 
     def _table(self) -> Floats:
@@ -116,6 +113,18 @@ class SignalColumns:
                 f"reset others, such as {np.flatnonzero(touched)[0]}: it does not know reset_mask; "
                 "reset all, or take gym.make_vec(..., vectorization_mode='sync')"
             )
+
+
+def _at_reset(signal: Signal, read: _Read, step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
+    """The column of a reset: what is read, or the default where there is one."""
+    if signal.default is None:
+        return read(step, lanes)
+    column = np.full(len(lanes), signal.default)
+    if signal.maybe_at_reset:
+        there = _present(signal, step.info, lanes)
+        if there.any():
+            column[there] = read(step, there)[there]
+    return column
 
 
 def _bind(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
@@ -175,6 +184,19 @@ def _bind_simulations(signal: Signal, env: Batch, *, same_step: bool) -> _Read:
         )
     reads = [signal.bind(each) for each in base.envs]
     return lambda *_: np.array([read(None, None, None, {}) for read in reads])
+
+
+def _present(signal: Signal, infos: dict[str, Any], lanes: Lanes) -> Lanes:
+    """The environments of the mask whose info has all keys of the selector."""
+    values: Any = infos
+    for part in signal.path:
+        if not isinstance(values, Mapping):
+            break
+        if part not in values:
+            return np.zeros_like(lanes)
+        lanes = lanes & np.asarray(values.get(f"_{part}", lanes), np.bool_)
+        values = values[part]
+    return lanes
 
 
 def _from_infos(signal: Signal, infos: dict[str, Any], lanes: Lanes) -> Any:  # noqa: ANN401

@@ -7,7 +7,7 @@ A signal is a text selector, a callable, or a pair of one of them and its value 
 | ``obs[2]``, ``obs[0][1]``, ``obs['key'][0]``, ``obs`` | one number of the observation | read |
 | ``action[0]``, ``action`` | one number of the action | the default |
 | ``reward`` | the reward | the default |
-| ``info['key']``, ``info['key'][0]`` | one number of the info | the default |
+| ``info['key']``, ``info['key'][0]`` | one number of the info | read, else the default |
 | ``qpos[1]``, ``sensor:imu[0]``, ... | one number of a MuJoCo simulation | read |
 | ``vehicle.speed``, ``vehicle.position[0]`` | one number of highway-env's vehicle | read |
 | a callable | what it returns for a `Step` | called, unless it has a default |
@@ -25,16 +25,17 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Final, NamedTuple, cast
+from typing import Any, Final, Literal, NamedTuple, cast
 
 import gymnasium as gym
 import numpy as np
 
-from rtamt import InputError, InputTypeError
+from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.signals.selectors import Selector, Syntax, hint, parse_selector
 
 __all__ = [
+    "AbsentError",
     "Element",
     "Env",
     "Number",
@@ -101,11 +102,15 @@ class Source(Syntax):
 
     Attributes:
         bind: Makes the function that reads a signal with such a selector from an environment.
-        at_reset: Whether there is a value at reset.
+        at_reset: Whether there is a value at reset; ``"maybe"``: it raises `AbsentError` where not.
     """
 
     bind: Callable[[Signal, Env], Read]
-    at_reset: bool = True
+    at_reset: bool | Literal["maybe"] = True
+
+
+class AbsentError(InputError):
+    """What a signal reads is not in the info."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,12 +160,13 @@ class Signal:
             )
         selector = parse_selector(name, value, sources, agents)
         row = sources[selector.source]
-        if default is None and not row.at_reset:
+        if default is None and row.at_reset is not True:
+            may_have = "may have" if row.at_reset else "has"
             raise InputError(
-                f"signal {name!r}: {value} has no value at reset; "
+                f"signal {name!r}: {value} {may_have} no value at reset; "
                 f'say what it is there: "{name}": ("{value}", 0.0)'
             )
-        if default is not None and row.at_reset:
+        if default is not None and row.at_reset is True:
             raise InputError(
                 f"signal {name!r}: {value} has a value at reset, which the default {default!r} "
                 f'would hide; write "{name}": "{value}"'
@@ -195,15 +201,43 @@ class Signal:
         )
 
     def bind_reset(self, env: Env) -> Read:
-        """Makes the function that reads the signal at reset: its default, where it has one."""
-        if self.default is None:
-            return self.bind(env)
+        """Makes the function that reads the signal at reset: its default, where it has one.
+
+        The default of an info stands for what the info of the reset does not have.
+        """
         default = self.default
-        return lambda *_: default
+        if default is None:
+            return self.bind(env)
+        if not self.maybe_at_reset:
+            return lambda *_: default
+        read = self.bind(env)
+
+        def read_or_default(obs: object, action: object, reward: object, info: Any) -> float:  # noqa: ANN401
+            try:
+                return read(obs, action, reward, info)
+            except AbsentError:
+                return default
+
+        return read_or_default
+
+    @property
+    def maybe_at_reset(self) -> bool:
+        """Whether resets of some environments give a value, in the place of the default."""
+        return self.row is not None and self.row.at_reset == "maybe"
 
     def call(self, *args: object) -> Any:  # noqa: ANN401 - whatever a callable gives
-        """Calls the callable."""
-        return cast("Callable[..., Any]", self.reads)(*args)
+        """Calls the callable.
+
+        Raises:
+            InputError: If it raises anything; names the signal and the error, its cause.
+        """
+        try:
+            return cast("Callable[..., Any]", self.reads)(*args)
+        except Exception as error:
+            if isinstance(error, RtamtError) and str(error).startswith(f"signal {self.name!r}"):
+                raise
+            what = ": ".join(filter(None, (type(error).__name__, str(error))))
+            raise InputError(f"signal {self.name!r}: {self} raised {what}") from error
 
     def _element(self, value: object) -> str:
         """The hint of a message about a selector that reads an array or a sequence."""

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.signals.signals import Element, Env, Number, Read, Signal, Source
+from rtamt_gym.signals.signals import AbsentError, Element, Env, Number, Read, Signal, Source
 from rtamt_gym.signals.spaces import fit
 from rtamt_gym.signals.vehicle import bind_vehicle
 
@@ -55,9 +55,8 @@ def _bind_info(signal: Signal, _env: Env) -> Read:
                     if isinstance(value, Mapping)
                     else f"it has {value!r} before {part!r}"
                 )
-                raise InputError(
-                    f"signal {signal.name!r}: the info has no {signal}; {held}"
-                ) from None
+                kind = AbsentError if isinstance(value, Mapping) else InputError
+                raise kind(f"signal {signal.name!r}: the info has no {signal}; {held}") from None
         return signal.number(value)
 
     return read
@@ -91,7 +90,7 @@ STEP: Final = {
         example="reward", bind=_bind_reward, brackets="none", at_reset=False, common=True
     ),
     "info": Source(
-        example="info['key']", bind=_bind_info, brackets="key", at_reset=False, common=True
+        example="info['key']", bind=_bind_info, brackets="key", at_reset="maybe", common=True
     ),
 }
 """What `reset` and `step` of an environment give."""

@@ -81,6 +81,14 @@ _INSTEAD = {
 }
 # Names of operators in other tools, each of which is more like the name of another operator here.
 _ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
+_LENGTH = "the length of two numbers is sqrt(x * x + y * y), that of one abs(x)"
+_COMPOSED = {
+    **dict.fromkeys(("norm", "hypot", "length", "dist", "distance"), _LENGTH),
+    **dict.fromkeys(("square", "sq"), "write pow(x, 2) or x * x"),
+    **dict.fromkeys(("clip", "clamp"), "write min(max(x, 0), 1)"),
+    **dict.fromkeys(("sin", "cos", "tan"), "compute it before, and name its value as a variable"),
+}
+"""What other languages have as functions, in those of this one."""
 
 
 def diagnose(
@@ -260,7 +268,9 @@ def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:
         reason = f"expected '(' after '{word}', got {_got(token)}"
         return fail(text, token, reason, f"write {word}({token.text})")
     if token.type == StlParser.OPEN:
-        hint = similar(word, functions + operators, f"functions are {', '.join(functions)}")
+        known = functions + _words("prefix")  # an infix operator is no mistake for a function
+        hint = similar(word, known, f"functions are {', '.join(functions)}")
+        hint = _COMPOSED.get(word.lower(), hint)
         return fail(text, before, f"unknown function '{word}'", hint)
     return None
 

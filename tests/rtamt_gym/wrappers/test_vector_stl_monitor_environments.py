@@ -108,7 +108,7 @@ def test_masks_of_keys_are_not_needed_and_a_missing_mode_is_that_of_the_next_ste
     with pytest.warns(UserWarning, match=r"<Bare> has no metadata\['autoreset_mode'\]"):
         envs = VectorStlMonitor(Bare(None), "always(x + v < 5)", SPEED)
     _, infos = envs.reset()
-    assert infos["robustness"].tolist() == [5, 4]
+    assert infos["robustness"].tolist() == [5, 3]
     assert "_speed" not in infos
     found = [envs.step(np.zeros(2))[-1] for _ in range(4)]
     assert [each["robustness"].tolist() for each in found] == [[3, 1], [1, -1], [-1, 5], [5, 3]]

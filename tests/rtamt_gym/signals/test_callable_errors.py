@@ -1,0 +1,147 @@
+"""A callable signal that raises names the signal, wherever it is called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+
+import rtamt
+from rtamt import InputError, StateError
+from rtamt_gym import Step, StepMonitor, StlMonitor, VectorStlMonitor, simulate
+
+
+def missing(step: Step) -> float:
+    return float(step.info["foo"])
+
+
+def late(step: Step) -> float:
+    """Fails at the first step, which has a reward."""
+    return 0.0 if step.reward is None else float(step.env.unwrapped.nothing)
+
+
+def silent(_: Step) -> float:
+    raise ValueError
+
+
+class Late:
+    """A callable without a name."""
+
+    def __call__(self, step: Step) -> float:
+        return missing(step)
+
+    def __repr__(self) -> str:
+        return "<Late>"
+
+
+def scalar(read: Callable[[Any], float]) -> None:
+    env = StlMonitor(gym.make("CartPole-v1"), "always(x < 1)", {"x": read})
+    env.reset()
+    env.step(0)
+
+
+def vector(read: Callable[[Any], Any]) -> None:
+    env = VectorStlMonitor(gym.make_vec("CartPole-v1", 2), "always(x < 1)", {"x": read})
+    env.reset()
+    env.step(np.zeros(2, np.int64))
+
+
+def simulated(read: Callable[[Any], float]) -> None:
+    simulate(gym.make("CartPole-v1"), "always(x < 1)", {"x": read}, policy=lambda _: 0)
+
+
+@pytest.mark.parametrize("run", [scalar, vector, simulated])
+@pytest.mark.parametrize(
+    ("read", "message", "cause"),
+    [
+        (missing, "signal 'x': missing raised KeyError: 'foo'", KeyError),
+        (Late(), "signal 'x': <Late> raised KeyError: 'foo'", KeyError),
+        (silent, "signal 'x': silent raised ValueError", ValueError),
+    ],
+)
+def test_an_error_at_reset_names_the_signal(
+    run: Callable[[Any], None], read: Callable[[Any], Any], message: str, cause: type[Exception]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        run(read)
+    assert str(caught.value) == message
+    assert type(caught.value.__cause__) is cause
+
+
+@pytest.mark.parametrize("run", [scalar, simulated])
+def test_an_error_at_a_step_names_the_signal(run: Callable[[Any], None]) -> None:
+    with pytest.raises(InputError) as caught:
+        run(late)
+    assert str(caught.value) == (
+        "signal 'x': late raised AttributeError: 'CartPoleEnv' object has no attribute 'nothing'"
+    )
+
+
+def test_an_error_at_a_step_of_many_environments_names_the_signal() -> None:
+    def read(step: Step) -> Any:  # noqa: ANN401
+        return np.zeros(2) if step.reward is None else np.zeros(2) / step.reward["x"]
+
+    with pytest.raises(InputError, match=r"^signal 'x': .*read raised IndexError: only integers"):
+        vector(read)
+
+
+def monitored(model: Any, data: Any, read: Callable[..., float]) -> None:  # noqa: ANN401
+    StepMonitor(model, data, "always(z < 1)", {"z": read}).run(1)
+
+
+def rolled(model: Any, data: Any, read: Callable[..., float]) -> None:  # noqa: ANN401
+    simulate((model, data), "always(z < 1)", {"z": read}, duration=1)
+
+
+@pytest.mark.parametrize("loop", [monitored, rolled])
+def test_an_error_in_a_loop_of_mujoco_names_the_signal(loop: Callable[..., None]) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody>'
+        "</mujoco>"
+    )
+    data = mujoco.MjData(model)
+    given = []
+
+    def height(model: Any, data: Any) -> float:  # noqa: ANN401
+        given.append((model, data))
+        return float(data.qpos[99 if len(given) > 3 else 0])
+
+    with pytest.raises(InputError) as caught:
+        loop(model, data, height)
+    assert str(caught.value) == (
+        "signal 'z': test_an_error_in_a_loop_of_mujoco_names_the_signal.<locals>.height raised "
+        "IndexError: index 99 is out of bounds for axis 0 with size 1"
+    )
+    assert given == [(model, data)] * 4
+
+
+def test_an_error_that_names_the_signal_is_not_wrapped_again_and_another_is() -> None:
+    own = InputError("signal 'x': expected a torso, got none")
+
+    def raises_own(_: Step) -> float:
+        raise own
+
+    with pytest.raises(InputError) as caught:
+        scalar(raises_own)
+    assert caught.value is own
+
+    monitor = rtamt.EpisodeMonitor("always(y > 0)")
+
+    def finishes(_: Step) -> float:
+        return monitor.finish()
+
+    with pytest.raises(InputError, match=r"^signal 'x': .*finishes raised StateError: ") as wrapped:
+        scalar(finishes)
+    assert isinstance(wrapped.value.__cause__, StateError)
+
+
+def test_an_interrupt_is_not_an_error_of_the_signal() -> None:
+    def interrupted(_: Step) -> float:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        scalar(interrupted)
