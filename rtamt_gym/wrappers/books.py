@@ -9,6 +9,7 @@ that the learner sees.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -26,8 +27,8 @@ class Books:
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         self._keepers: list[tuple[Any, Any]] = []
         while isinstance(env, gym.Wrapper):
-            forget = _KEEPERS.get(type(env).__name__)
-            if forget is not None:
+            attributes, forget = _KEEPERS.get(type(env).__name__, ((), None))
+            if forget is not None and all(hasattr(env, name) for name in attributes):
                 self._keepers.insert(0, (env, forget))  # the innermost first, as in a step
             env = env.env
 
@@ -40,9 +41,10 @@ class Books:
             inside = keeper.env
             keeper.env = _LastStep(forget(keeper), terminated, truncated, info)
             try:
-                keeper.step(None)
+                *_, said = keeper.step(None)
             finally:
                 keeper.env = inside
+            info.update(said)
 
 
 class _LastStep:
@@ -68,4 +70,8 @@ def _forget_in_statistics(statistics: gym.wrappers.RecordEpisodeStatistics[Any, 
     return 0.0
 
 
-_KEEPERS = {"Monitor": _forget_in_monitor, "RecordEpisodeStatistics": _forget_in_statistics}
+_KEEPERS: dict[str, tuple[tuple[str, ...], Callable[[Any], float]]] = {
+    "Monitor": (("rewards", "total_steps"), _forget_in_monitor),
+    "RecordEpisodeStatistics": (("episode_lengths",), _forget_in_statistics),
+}
+"""By the name of its class, the attributes of a wrapper that counts, and what forgets a step."""
