@@ -4,6 +4,7 @@ __all__ = ["COMMANDS"]
 
 COMMANDS = {
     "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",
+    "envs": "list what can be read from a Gymnasium environment",
     "run": "watch episodes of a Gymnasium environment",
     "monitor": "judge a recorded trace",
     "explain": "say which samples of a recorded trace decided",

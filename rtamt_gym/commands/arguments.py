@@ -37,9 +37,14 @@ __all__ = [
 ]
 
 
-def add_environment(parser: argparse.ArgumentParser) -> None:
+def add_environment(parser: argparse.ArgumentParser, *, needed: bool = True) -> None:
     """Adds the id of an environment and ``--env-kwarg``, which `read_options` reads."""
-    parser.add_argument("env_id", metavar="ENV_ID", help="such as CartPole-v1 or module:Name-v0")
+    parser.add_argument(
+        "env_id",
+        nargs=None if needed else "?",
+        metavar="ENV_ID",
+        help="such as CartPole-v1 or module:Name-v0",
+    )
     parser.add_argument(
         "--env-kwarg",
         action="append",

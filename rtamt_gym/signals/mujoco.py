@@ -17,7 +17,7 @@ from rtamt_gym.checks.names import nearest
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Number, Signal
 
-__all__ = ["StepSignal", "bind_signal", "bind_simulation", "check_pair", "derive"]
+__all__ = ["StepSignal", "bind_signal", "bind_simulation", "check_pair", "derive", "fields_of"]
 
 StepSignal = str | Callable[[Any, Any], float]
 """A selector, or a callable of model and data."""
@@ -104,7 +104,7 @@ def _index(name: str, selector: Selector, size: int) -> int:
 
 def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
     named = _named(name, selector, selector.source, selector.names[0], data)
-    fields = [field for field in dir(named) if not field.startswith("_") and _held(named, field)]
+    fields = fields_of(named)
     field = selector.field or "data"
     if field not in fields:
         raise InputError(
@@ -112,6 +112,11 @@ def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
             f"{', '.join(fields)}, got {field!r}{nearest(field, fields)}"
         )
     return getattr(named, field)
+
+
+def fields_of(named: Any) -> list[str]:  # noqa: ANN401
+    """The fields of a named object of a simulation that can be read: arrays of its data."""
+    return [field for field in dir(named) if not field.startswith("_") and _held(named, field)]
 
 
 def _held(named: Any, field: str) -> bool:  # noqa: ANN401

@@ -12,7 +12,7 @@ import gymnasium as gym
 
 from rtamt import InputError
 
-__all__ = ["import_highway", "make"]
+__all__ = ["families", "import_highway", "make"]
 
 
 def make(
@@ -50,6 +50,23 @@ def make(
         raise InputError(
             f"cannot make {env_id} with {given}: {type(error).__name__}: {what}"
         ) from error
+
+
+def families() -> dict[str, list[str]]:
+    """The ids of all registered environments, the newest of each name, by where they come from."""
+    if find_spec("highway_env"):
+        import_highway()
+    newest: dict[tuple[str | None, str], gym.envs.registration.EnvSpec] = {}
+    for spec in gym.registry.values():
+        known = newest.get((spec.namespace, spec.name))
+        if known is None or (spec.version or 0) >= (known.version or 0):
+            newest[spec.namespace, spec.name] = spec
+    found: dict[str, list[str]] = {}
+    for spec in newest.values():
+        entry = spec.entry_point if isinstance(spec.entry_point, str) else ""
+        module = entry.partition(":")[0].removeprefix("gymnasium.envs.")
+        found.setdefault(module.partition(".")[0] or "others", []).append(spec.id)
+    return {family: sorted(ids) for family, ids in sorted(found.items())}
 
 
 def import_highway() -> None:

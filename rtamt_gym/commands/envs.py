@@ -1,0 +1,153 @@
+"""`rtamt envs`: prints the selectors that an environment offers."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+from rtamt import InputError
+from rtamt_gym.commands.arguments import add_environment, read_options, whole
+from rtamt_gym.tables import number, shorten, table
+
+if TYPE_CHECKING:
+    import gymnasium as gym
+
+    from rtamt_gym.signals.selectors import Selector
+
+__all__ = ["add_arguments", "run"]
+
+_MOST, _SHOWN = 8, 6
+"""Of more selectors than the first that begin with one word, as many as the second are shown."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Prints what the signals of specifications can read from an environment, each selector "
+        "with its value at reset and after a step with a random action; and how long a step "
+        "lasts. Without an id, lists the environments that are registered."
+    )
+    parser.epilog = "example: rtamt envs Hopper-v5 --env-kwarg frame_skip=2"
+    add_environment(parser, needed=False)
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="show all selectors; else long spaces are cut, and of a MuJoCo simulation the "
+        "positions and velocities are shown",
+    )
+    parser.add_argument(
+        "--seed", type=whole, default=0, metavar="S", help="seed of the episode (default: 0)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Prints the selectors of an environment, or the ids of all environments; returns 0."""
+    from rtamt_gym.simulation.environments import families, make
+
+    if options.env_id is None:
+        for family, names in families().items():
+            print(family, _filled(", ".join(names), "  "), sep="\n")
+        return 0
+    kwargs = read_options(options.env_kwarg)
+    with closing(make(options.env_id, None, kwargs)) as env:
+        print(*_described(env), "", *_listed(env, options.seed, everything=options.all), sep="\n")
+    return 0
+
+
+def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
+    """The length of a step, the time limit and the spaces of an environment."""
+    from rtamt_gym.judges.specs import find_period, read_period
+    from rtamt_gym.signals.spaces import described
+    from rtamt_gym.wrappers.substeps import read_substep_period
+
+    name = env.spec.id if env.spec else str(env)
+    period, found = read_period(env), find_period(env.unwrapped)
+    if period is None or found is None:
+        yield f"{name} does not say how long a step lasts;"
+        yield "for bounds in time give --period in seconds, or --period 1 to count steps"
+    else:
+        yield f"{name}: a step lasts {number(period)} s, says env.unwrapped.{found[1]}"
+    within = read_substep_period(env)
+    if within is not None and within != period:
+        yield f"a step of its simulation, which --substeps samples, lasts {number(within)} s"
+    if env.spec and env.spec.max_episode_steps:
+        yield f"an episode has {env.spec.max_episode_steps} steps at most"
+    yield _filled(f"obs: {described(env.observation_space)}")
+    yield _filled(f"action: {described(env.action_space)}")
+
+
+def _filled(text: str, indent: str = "") -> str:
+    """Breaks a text at blanks into lines of 80 columns; those after the first are indented."""
+    after = indent or "  "
+    return textwrap.fill(
+        text, 80, initial_indent=indent, subsequent_indent=after, break_on_hyphens=False
+    )
+
+
+def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]:
+    """A table of the selectors with their values at reset and after a step."""
+    from rtamt_gym.signals.offers import offers
+
+    space = env.action_space  # an environment may make a new one at a reset
+    space.seed(seed)
+    obs, begun = env.reset(seed=seed)
+    # What is read from the simulation changes with it, so that reset's values are read before.
+    reset = _Reader(env, obs, None, None, dict(begun))
+    first = {str(s): reset(s) for o in offers(env, begun).values() for s in o.common + o.others}
+    action = space.sample()
+    obs, reward, _, _, info = env.step(action)
+    step = _Reader(env, obs, action, reward, info)
+    rows = [("selector", "at reset", "after a step")]
+    notes: dict[int, str] = {}  # what stands below a row
+    left_out = 0
+    for offer in offers(env, {**begun, **info}).values():
+        shown = offer.common
+        if everything:
+            shown = offer.common + offer.others
+        elif len(shown) > _MOST:
+            shown = shown[:_SHOWN]
+            notes[len(rows) + _SHOWN - 1] = _rest(offer.common[_SHOWN:])
+        rows += [(str(s), first.get(str(s), "-"), step(s)) for s in shown]
+        left_out += len(offer.common) + len(offer.others) - len(shown)
+    lines = []
+    for at, line in enumerate(table(rows, "<>>")):
+        lines += [line, notes[at]] if at in notes else [line]
+    if any(value == "-" for _, value, _ in rows):
+        lines += ["", "-: no value at reset; a signal gives one: --signal 'u=action[0],0'"]
+    if left_out:
+        lines += ["", f"{left_out} more with --all"]
+    return lines
+
+
+def _rest(selectors: Sequence[Selector]) -> str:
+    """Says what the selectors that are not shown read."""
+    named = dict.fromkeys(name for selector in selectors for name in selector.names)
+    which = f"of {', '.join(named)}" if named else f"to {selectors[-1]}"
+    return shorten(f"... {len(selectors)} more, {which}", 80)
+
+
+class _Reader:
+    """Reads selectors from a step of an environment, as signals are read."""
+
+    def __init__(self, env: gym.Env[Any, Any], *step: Any) -> None:  # noqa: ANN401
+        self._env = env
+        self._step = step
+
+    def __call__(self, selector: Selector) -> str:
+        """The value of a selector as text; "-" if it has none."""
+        from rtamt_gym.signals.signals import Signal
+        from rtamt_gym.signals.sources import SOURCES
+
+        _, action, reward, _ = self._step
+        row = SOURCES[selector.source]
+        if (selector.source == "action" and action is None) or (
+            selector.source == "reward" and reward is None
+        ):
+            return "-"
+        signal = Signal(str(selector), selector, None, row)
+        try:
+            return number(signal.bind(self._env)(*self._step))
+        except InputError:  # the info has no such key
+            return "-"

@@ -1,0 +1,163 @@
+"""The selectors that an environment offers; `rtamt_gym.signals.signals` says what they select."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from rtamt_gym.signals.selectors import Selector
+from rtamt_gym.signals.signals import Env
+from rtamt_gym.signals.sources import MUJOCO
+
+__all__ = ["Offer", "offers"]
+
+Path = tuple[int | str, ...]
+
+
+@dataclass(slots=True)
+class Offer:
+    """Selectors that begin with one word.
+
+    Attributes:
+        common: Those that most specifications read.
+        others: The others.
+    """
+
+    common: list[Selector] = field(default_factory=list)
+    others: list[Selector] = field(default_factory=list)
+
+
+def offers(env: Env, info: Mapping[str, Any]) -> dict[str, Offer]:
+    """Finds the selectors of an environment whose episode has begun, by the word they begin with.
+
+    Args:
+        env: The environment.
+        info: An info of a step: no space describes it, so that its keys say what there is.
+    """
+    simulation: Any = env.unwrapped
+    found = {
+        "obs": Offer([Selector("obs", path=path) for path in _in_space(env.observation_space)]),
+        "action": Offer([Selector("action", path=path) for path in _in_space(env.action_space)]),
+        "reward": Offer([Selector("reward")]),
+        "info": Offer([Selector("info", path=path) for path in _in_value(info) if path]),
+    }
+    mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
+    if mujoco is not None and isinstance(getattr(simulation, "data", None), mujoco.MjData):
+        found |= _in_mujoco(simulation.model, simulation.data)
+    if hasattr(simulation, "vehicle"):
+        found["vehicle"] = _of_vehicle(simulation.vehicle)
+    return {word: offer for word, offer in found.items() if offer.common or offer.others}
+
+
+def _in_space(space: spaces.Space[Any]) -> Iterator[Path]:
+    """The paths of the numbers in the values of a space."""
+    parts: Any = ()
+    match space:
+        case spaces.Dict():
+            parts = space.spaces.items()
+        case spaces.Tuple():
+            parts = enumerate(space.spaces)
+        case spaces.Box() | spaces.MultiDiscrete() | spaces.MultiBinary():
+            yield from np.ndindex(space.shape or ())
+        case spaces.Discrete():
+            yield ()
+    for key, part in parts:
+        yield from ((key, *path) for path in _in_space(part))
+
+
+def _in_value(value: object) -> Iterator[Path]:
+    """The paths of the numbers in a value that no space describes."""
+    match value:
+        case Real() | np.bool_():
+            yield ()
+        case np.ndarray() if value.dtype.kind in "biuf":
+            yield from np.ndindex(value.shape)
+        case Mapping():
+            for key, part in value.items():
+                if isinstance(key, str) and not {"'", '"'} & set(key):  # a selector can spell it
+                    yield from ((key, *path) for path in _in_value(part))
+        case list() | tuple():
+            for i, part in enumerate(value):
+                yield from ((i, *path) for path in _in_value(part))
+
+
+_FIELDS = {
+    "body": ["xpos"],
+    "joint": ["qpos", "qvel"],
+    "geom": ["xpos"],
+    "site": ["xpos"],
+    "tendon": ["length"],
+    "actuator": ["force"],
+    "sensor": ["data"],
+    "camera": [],
+    "light": [],
+}
+"""The objects of a MuJoCo model that have names, with the fields that most specifications read."""
+
+_COUNTS = {"joint": "njnt", "camera": "ncam", "actuator": "nu"}
+"""How MuJoCo calls the number of objects of a kind, where that is not "n" and the kind."""
+
+
+def _in_mujoco(model: Any, data: Any) -> dict[str, Offer]:  # noqa: ANN401
+    found = {"time": Offer([Selector("time")])}
+    for word in MUJOCO:
+        array = getattr(data, word, None)
+        if isinstance(array, np.ndarray):
+            elements = _elements(Selector(word), array)
+            found[word] = Offer(elements) if word in {"qpos", "qvel"} else Offer(others=elements)
+    for kind, common in _FIELDS.items():
+        found[kind] = _named(model, data, kind, common)
+    geoms = [model.geom(i).name for i in range(model.ngeom)]
+    found["contact"] = Offer(
+        [Selector("contact", (name,)) for name in geoms if name],
+        [Selector("contact", (name,), "force") for name in geoms if name],
+    )
+    return found
+
+
+def _named(model: Any, data: Any, kind: str, common: Sequence[str]) -> Offer:  # noqa: ANN401
+    from rtamt_gym.signals.mujoco import fields_of
+
+    offer = Offer()
+    for i in range(getattr(model, _COUNTS.get(kind, f"n{kind}"))):
+        named = getattr(data, kind)(i)
+        for each in fields_of(named) if named.name else ():
+            whole = Selector(kind, (named.name,), "" if kind == "sensor" else each)
+            still = kind == "body" and i == 0  # the world does not move
+            held = offer.common if each in common and not still else offer.others
+            held += _elements(whole, getattr(named, each))
+    return offer
+
+
+def _elements(whole: Selector, array: Any) -> list[Selector]:  # noqa: ANN401
+    """The selectors of the numbers in an array; one alone needs no index."""
+    parts = whole.source, whole.names, whole.field
+    if array.size == 1:
+        return [whole]
+    return [Selector(*parts, (i,)) for i in range(array.size)]
+
+
+_VEHICLE = {"position", "heading", "speed", "velocity", "crashed", "on_road"}
+"""The attributes of highway-env's vehicle that most specifications read."""
+
+
+def _of_vehicle(vehicle: object) -> Offer:
+    """The attributes of highway-env's vehicle that are numbers."""
+    offer = Offer()
+    for name in dir(vehicle):
+        if name.startswith("_"):
+            continue
+        try:
+            value = getattr(vehicle, name)
+        except Exception:  # noqa: BLE001, S112 - a property may raise anything before it is used
+            continue
+        paths = _in_value(value) if not isinstance(value, Mapping) else ()
+        held = offer.common if name in _VEHICLE else offer.others
+        held += [Selector("vehicle", field=name, path=path) for path in paths]
+    return offer
