@@ -62,8 +62,8 @@ class Rich(gym.Env[Any, Any]):
 class Wide(Rich):
     """An environment with as many numbers as asked for."""
 
-    def __init__(self, n: int) -> None:
-        self.observation_space = spaces.Box(0, 1, (n,), np.float64)  # type: ignore[assignment]
+    def __init__(self, **options: int) -> None:
+        self.observation_space = spaces.Box(0, 1, (options["n"],), np.float64)  # type: ignore[assignment]
 
     def _obs(self) -> Any:  # noqa: ANN401
         return np.zeros(self.observation_space.shape or ())
@@ -71,7 +71,7 @@ class Wide(Rich):
 
 @pytest.fixture(autouse=True)
 def _registered() -> Iterator[None]:
-    gym.register("RtamtRich-v0", Rich, max_episode_steps=9)
+    gym.register("RtamtRich-v0", lambda **_: Rich(), max_episode_steps=9)
     gym.register("RtamtWide-v0", Wide)
     yield
     del gym.registry["RtamtRich-v0"], gym.registry["RtamtWide-v0"]
