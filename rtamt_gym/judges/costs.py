@@ -8,8 +8,9 @@ A specification makes demands on instants of the episode, one for each of its co
 | ``always[a:b](p)`` | p | a to b |
 | any other, p | p | the first |
 
-With ``view="step"`` the whole formula is demanded at all instants. Whether an instant t violates p
-is known at t + H, H being the horizon of p: the step that takes this sample is charged.
+With ``view="step"`` the whole formula is demanded at all instants; if it is ``always(p)``, p is.
+Whether an instant t violates p is known at t + H, H being the horizon of p: the step that takes
+this sample is charged.
 
 | ``cost=`` | at a step |
 |---|---|
@@ -79,19 +80,33 @@ def demands_of(
     for name, spec in specs.items():
         parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
         for part in parts:
-            first, last, wanted = (0, None, part) if view == "step" else (0, 0, part)
-            if view == "episode" and _is(part, "always"):
-                first, last = _instants(replace(spec, formula=part), period, align)
-                (wanted,) = _operands(part)
-            demand = replace(spec, formula=wanted)
-            if math.isinf(demand.horizon):
+            demand = _demand(name, replace(spec, formula=part), view, period, align)
+            if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
-                    f"{shorten(str(wanted), 60)} is known at the end alone, for its future has no "
-                    'end; give it bounds, such as eventually[0:5], or take cost="latched"'
+                    f"{shorten(str(demand.spec.formula), 60)} is known at the end alone, for its "
+                    "future has no end; give it bounds, such as eventually[0:5], or take "
+                    'cost="latched"'
                 )
-            demands.append(Demand(name, demand, first, last))
+            demands.append(demand)
     return demands
+
+
+def _demand(
+    name: str, spec: rtamt.Specification, view: View, period: Period, align: Align | None
+) -> Demand:
+    """What a conjunct demands: what is below its outer ``always``, at the instants of that."""
+    first, last = 0, None if view == "step" else 0
+    while _is(spec.formula, "always"):
+        begin, end = _instants(spec, period, align)
+        if last is None and end is not None:
+            break  # a window of every instant is part of what is demanded of it
+        first, last = first + begin, end
+        (operand,) = _operands(spec.formula)
+        spec = replace(spec, formula=operand)
+        if end is not None:
+            break
+    return Demand(name, spec, first, last)
 
 
 def _is(formula: rtamt.Formula, operator: str) -> bool:
@@ -103,17 +118,12 @@ def _operands(formula: rtamt.Formula) -> tuple[rtamt.Formula, ...]:
 
 
 def _conjuncts(formula: rtamt.Formula) -> Iterator[rtamt.Formula]:
-    """The operands of the outermost conjunctions; of ``always(always(p))``, ``always(p)``."""
-    if _is(formula, "and"):
-        for part in _operands(formula):
-            yield from _conjuncts(part)
+    """The operands of the outermost conjunctions."""
+    if not _is(formula, "and"):
+        yield formula
         return
-    while _is(formula, "always") and formula.interval is None:
-        (operand,) = _operands(formula)
-        if not (_is(operand, "always") and operand.interval is None):
-            break
-        formula = operand
-    yield formula
+    for part in _operands(formula):
+        yield from _conjuncts(part)
 
 
 def _instants(

@@ -71,11 +71,11 @@ class EpisodeRecords:
 
 
 def _element(value: Any, i: int) -> Any:  # noqa: ANN401
-    """Element i of all arrays in a record, as a Python value."""
+    """Element i of all arrays in a record, as the record of one environment has it."""
     match value:
         case Where():
             return Where(value.there[i], value.value.item(i))
         case dict():
             return {key: _element(part, i) for key, part in value.items()}
         case _:
-            return value.item(i)
+            return value[i] if value.dtype == np.float64 else value.item(i)

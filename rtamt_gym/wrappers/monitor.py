@@ -216,7 +216,7 @@ class StlMonitor(
             self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
         except SpecificationError as error:
             inner = None if substeps else read_substep_period(env)
-            if inner is not None and period is None and _fits(loaded, inner, view):
+            if inner is not None and period is None and _fits(loaded, inner, view, cost):
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
         self._substeps = substeps
@@ -376,10 +376,10 @@ class StlMonitor(
 _float = np.float64
 
 
-def _fits(specs: Mapping[str, Specification], period: float, view: View) -> bool:
-    """Whether all bounds are multiples of the period."""
+def _fits(specs: Mapping[str, Specification], period: float, view: View, cost: Cost | None) -> bool:
+    """Whether the specifications can be monitored with this period."""
     try:
-        Panel(specs, period, view)
+        Panel(specs, period, view, cost=cost)
     except SpecificationError:
         return False
     return True

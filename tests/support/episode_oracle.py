@@ -81,7 +81,7 @@ def report(
         trace: The samples of all variables.
         flags: Of every sample whether the environment terminates or truncates.
         options: Those of the wrapper.
-        own_success: What the environment's last info says of ``is_success``, if it has the key.
+        own_success: What the info of the last of these samples says of ``is_success``, if it does.
         left: Whether the episode is left after the last sample, by a reset or a close.
     """
     made, decided = Report(), dict[str, _Judgement]()
@@ -112,11 +112,12 @@ def report(
         over = bool(t) and (terminated or truncated)
         if over:
             success = all(it.verdict > 0 for it in decided.values())
+            own = own_success if t == len(flags) - 1 else None
             info |= {
                 "stl_episode": {name: _outcome(it) for name, it in decided.items()},
                 "stl_success": success,
                 "stl_undecided": any(it.verdict == 0 for it in decided.values()),
-                "is_success": success if own_success is None else own_success,
+                "is_success": success if own is None else own,
                 **_blame(decided, "stl_violated"),
             }
             made.record = _record(decided, t + 1, terminated=terminated, truncated=truncated)
@@ -137,6 +138,17 @@ def report(
 def chargeable(specs: Mapping[str, Formula], view: str) -> bool:
     """Whether every demand can be charged for while the episode runs."""
     return all(horizon(p) < INF for f in specs.values() for p, _, _ in _demands(f, view))
+
+
+def charge(f: Formula, trace: Trace, t: int, view: str, kind: str | None) -> float:
+    """The cost of sample t: of the instants that it settles, those that violate a demand."""
+    depths = [
+        -value
+        for p, first, last in _demands(f, view)
+        if first <= t - horizon(p) <= last
+        and not holds(value := robustness(p, trace, t + 1)[int(t - horizon(p))])
+    ]
+    return max(depths, default=0.0) if kind == "depth" else float(bool(depths))
 
 
 def _reading(options: Options, terminated: bool, truncated: bool) -> str | None:  # noqa: FBT001 - as Gymnasium has them
@@ -187,14 +199,20 @@ def _instant(f: Node, trace: Trace, t: int) -> float:
 
 def _demands(f: Formula, view: str) -> list[tuple[Node, float, float]]:
     """What is demanded, and the first and the last instant at which it is."""
-    if view == "step":
-        return [(f, 0, INF)]
     parts: list[Node] = [f]
-    while any(_named(part, "and") for part in parts):
+    while view == "episode" and any(_named(part, "and") for part in parts):
         parts = [p for part in parts for p in (part.args if _named(part, "and") else [part])]
-    return [
-        (part.args[0], *bounds(part)) if _named(part, "always") else (part, 0, 0) for part in parts
-    ]
+    found: list[tuple[Node, float, float]] = []
+    for part in parts:
+        p, first, last = part, 0.0, 0.0
+        if view == "step":
+            last = INF
+        elif _named(part, "always"):
+            p, (first, last) = part.args[0], bounds(part)
+        while last == INF and _named(p, "always") and bounds(p)[1] == INF:
+            p, first = p.args[0], first + bounds(p)[0]
+        found.append((p, first, last))
+    return found
 
 
 def _named(f: Node, name: str) -> bool:
@@ -219,14 +237,12 @@ def _costs(
             case "first":
                 each[name] = float(violated and (t == 1 or before[name].verdict >= 0))
             case kind:
-                depths = [
-                    -value
-                    for p, first, last in _demands(f, options.view)
-                    if first <= t - horizon(p) <= last
-                    and not holds(value := robustness(p, trace, t + 1)[int(t - horizon(p))])
-                ]
-                each[name] = max(depths, default=0.0) if kind == "depth" else float(bool(depths))
-    found = {"cost": np.float64(max(each.values()))}
+                each[name] = charge(f, trace, t, options.view, kind)
+    if options.cost == "first" and t > 1 and any(it.verdict < 0 for it in before.values()):
+        total = 0.0  # it is charged once
+    else:
+        total = max(each.values())
+    found = {"cost": np.float64(total)}
     if len(specs) > 1:
         found |= {f"cost_{name}": np.float64(cost) for name, cost in each.items()}
     return found

@@ -38,7 +38,8 @@ class Script:
     Attributes:
         trace: The samples.
         end: How the episode ends at the last sample, a name of `ENDS`.
-        success: What the last info says of ``is_success``; None: nothing.
+        success: What the last info says of ``is_success``; None: nothing. Without an end no info is
+            the last.
     """
 
     trace: Trace
@@ -52,6 +53,11 @@ class Script:
     def flags(self) -> list[Flags]:
         """Those of the reset and of every step."""
         return [(False, False)] * (len(self) - 1) + [ENDS[self.end]]
+
+    @property
+    def own_success(self) -> bool | None:
+        """What the environment itself says of its success at the end; None: nothing."""
+        return None if self.end == "none" else self.success
 
 
 class Scripted(gym.Env[Any, Any]):
@@ -82,11 +88,9 @@ class Scripted(gym.Env[Any, Any]):
         script, last = self.script, len(self.script) - 1
         self.at = min(self.at + 1, last)
         info: dict[str, Any] = {}
-        ended = self.at == last and script.end != "none"
-        if ended and script.success is not None:
-            info["is_success"] = script.success
-        flags = ENDS[script.end] if ended else (False, False)
-        return self._observation(), script.trace["c"][self.at], *flags, info
+        if self.at == last and script.own_success is not None:
+            info["is_success"] = script.own_success
+        return self._observation(), script.trace["c"][self.at], *script.flags[self.at], info
 
     def _observation(self) -> Any:  # noqa: ANN401
         return np.array([self.script.trace[name][self.at] for name in ("a", "b")])

@@ -1,0 +1,212 @@
+"""What the wrappers say in words of how an episode ends, and of what they refuse."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from replay import Replay, X, run
+from vector_environments import Envs, sync
+
+from rtamt import InputError, SpecificationError
+from rtamt_gym import StlMonitor, VectorStlMonitor
+from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.specs import View
+
+INVARIANT = "always(x > 1)"
+ASSUMED = (
+    "the environment ended an episode while specification 'spec' was open, and counts it as "
+    "satisfied: a terminated episode is taken for all there is. Say what its end means: "
+    'at_termination="complete" for this, "failure" where an environment ends what has failed, such '
+    'as a fall, or "cut" where an episode could have gone on'
+)
+
+
+NO_DEPTH = (
+    'cost="depth" has no depth to measure under semantics="boolean", where a robustness is +inf or '
+    '-inf; take cost="violation"'
+)
+
+
+def own_success() -> Replay:
+    env = Replay([3, 3])
+    env.info = {"is_success": False}
+    return env
+
+
+def lead(envs: Envs, steps: int) -> None:
+    envs.reset()
+    for _ in range(steps):
+        envs.step(np.zeros((envs.num_envs, 1)))
+
+
+def bare() -> Envs:
+    return sync([lambda: Replay([3, 3])], AutoresetMode.DISABLED)
+
+
+def warned(act: Any) -> list[str]:  # noqa: ANN401
+    """The texts of the warnings, each of which points here."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        act()
+    assert {warning.filename for warning in caught} <= {__file__, run.__code__.co_filename}
+    assert {warning.category for warning in caught} <= {UserWarning}
+    return [str(warning.message) for warning in caught]
+
+
+# ---- warnings ----
+
+
+def test_a_success_that_only_the_default_makes_is_said_once() -> None:
+    env = StlMonitor(Replay([3, 3]), INVARIANT, X)
+    assert warned(lambda: [run(env) for _ in range(3)]) == [ASSUMED]
+    envs = VectorStlMonitor(
+        sync([lambda: Replay([3, 3])] * 2, AutoresetMode.SAME_STEP), INVARIANT, X
+    )
+    assert warned(lambda: lead(envs, 6)) == [ASSUMED]
+
+
+def test_the_specification_that_was_open_is_named() -> None:
+    specs = {"peak": "eventually(x > 2)", "calm": INVARIANT, "goal": "eventually(x > 5)"}
+    env = StlMonitor(Replay([3, 3]), specs, X)
+    assert warned(lambda: run(env)) == [ASSUMED.replace("'spec'", "'calm'")]
+
+
+@pytest.mark.parametrize(
+    ("values", "end", "text", "options"),
+    [
+        ([3, 3], "terminated", INVARIANT, {"at_termination": "complete"}),
+        ([3, 3], "terminated", INVARIANT, {"at_termination": "cut"}),
+        ([3, 3], "terminated", INVARIANT, {"at_termination": "failure"}),
+        ([3, 3], "truncated", INVARIANT, {}),
+        ([3, 0], "terminated", INVARIANT, {}),
+        ([3, 3], "terminated", "eventually(x > 2)", {}),
+        ([3, 3], "terminated", "eventually(x > 5)", {}),
+    ],
+)
+def test_nothing_is_said_where_nothing_was_assumed(
+    values: list[float], end: str, text: str, options: dict[str, Any]
+) -> None:
+    env = StlMonitor(Replay(values, end), text, X, **options)
+    assert warned(lambda: run(env)) == []
+
+
+def test_a_success_that_the_environment_reports_is_kept_and_said_once() -> None:
+    env = StlMonitor(own_success(), INVARIANT, X, at_termination="complete")
+    text = (
+        f"{env.unwrapped} reports an is_success of its own, which is kept; "
+        'info["stl_success"] says whether the specifications are satisfied'
+    )
+    infos: list[dict[str, Any]] = []
+    assert warned(lambda: infos.extend(run(env)[-1] for _ in range(3))) == [text]
+    assert [(info["is_success"], info["stl_success"]) for info in infos] == [(False, True)] * 3
+    envs = VectorStlMonitor(
+        sync([own_success] * 2, AutoresetMode.SAME_STEP), INVARIANT, X, at_termination="complete"
+    )
+    text = text.replace(str(env.unwrapped), str(envs.unwrapped))
+    assert warned(lambda: lead(envs, 6)) == [text]
+
+
+# ---- errors ----
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (
+            {"at_termination": "truncate"},
+            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'truncate'",
+        ),
+        (
+            {"at_termination": "open"},
+            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'open'",
+        ),
+        (
+            {"at_truncation": None},
+            "expected at_truncation='cut' or 'complete' or 'open', got None",
+        ),
+        (
+            {"at_truncation": "failure"},
+            "expected at_truncation='cut' or 'complete' or 'open', got 'failure'",
+        ),
+        (
+            {"cost": "indicator"},
+            "expected cost=None or 'violation' or 'depth' or 'latched' or 'first', got 'indicator'",
+        ),
+        (
+            {"cost": "depth", "semantics": "boolean"},
+            NO_DEPTH,
+        ),
+    ],
+)
+def test_an_option_that_does_not_fit_is_refused(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        StlMonitor(Replay([3, 3]), INVARIANT, X, **options)
+    assert str(caught.value) == text
+    with pytest.raises(InputError) as caught:
+        VectorStlMonitor(
+            sync([lambda: Replay([3, 3])], AutoresetMode.DISABLED), INVARIANT, X, **options
+        )
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize("cost", ["violation", "depth"])
+@pytest.mark.parametrize(
+    ("text", "demand", "view"),
+    [
+        ("eventually(x > 5)", "eventually(x > 5)", "episode"),
+        ("always(x < 0 implies eventually(x > 5))", "x < 0 implies eventually(x > 5)", "episode"),
+        ("always(x > 1) and (x > 0) until (x > 5)", "x > 0 until x > 5", "episode"),
+        ("eventually(x > 1)", "eventually(x > 1)", "step"),
+    ],
+)
+def test_a_demand_that_only_the_end_settles_has_no_cost_of_an_instant(
+    text: str, demand: str, view: View, cost: Cost
+) -> None:
+    with pytest.raises(SpecificationError) as caught:
+        StlMonitor(Replay([3, 3]), text, X, cost=cost, view=view)
+    assert str(caught.value) == (
+        f"specification 'spec': whether an instant violates {demand} is known at the end alone, "
+        'for its future has no end; give it bounds, such as eventually[0:5], or take cost="latched"'
+    )
+
+
+def monitored() -> gym.Env[Any, Any]:
+    return StlMonitor(Replay([3, 3]), INVARIANT, X)
+
+
+def test_a_monitor_around_a_monitor_is_refused() -> None:
+    text = (
+        "expected an environment without a monitor, got one with {}; give one monitor all "
+        'specifications, such as specs={{"upright": "always(abs(angle) < 0.1)", '
+        '"near": "always(abs(x) < 1)"}}'
+    )
+    with pytest.raises(InputError) as caught:
+        StlMonitor(gym.wrappers.TimeLimit(monitored(), 9), INVARIANT, X)
+    assert str(caught.value) == text.format("StlMonitor")
+    with pytest.raises(InputError) as caught:
+        VectorStlMonitor(VectorStlMonitor(bare(), INVARIANT, X), INVARIANT, X)
+    assert str(caught.value) == text.format("VectorStlMonitor")
+    with pytest.raises(InputError) as caught:
+        VectorStlMonitor(sync([monitored], AutoresetMode.NEXT_STEP), INVARIANT, X)
+    assert str(caught.value) == text.format("StlMonitor around each of its environments")
+
+
+# ---- time limits outside ----
+
+
+def test_a_time_limit_outside_is_seen_at_the_next_reset_and_at_the_close() -> None:
+    inner = StlMonitor(Replay([3, 3, 3, 3, 0]), INVARIANT, X)
+    env = gym.wrappers.TimeLimit(inner, 2)
+    for _ in range(2):
+        assert "stl_episode" not in run(env)[-1]
+    assert len(inner.stl_episodes) == 1
+    env.close()
+    env.close()
+    outcome = {"robustness": 2.0, "verdict": "SATISFIED", "satisfied": True, "decided_at": 2}
+    record = {"samples": 3, "terminated": False, "truncated": True, "specs": {"spec": outcome}}
+    assert list(inner.stl_episodes) == [record] * 2
