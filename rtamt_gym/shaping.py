@@ -49,6 +49,7 @@ __all__ = [
     "least",
     "potential",
     "replace",
+    "scaled",
     "terminal",
 ]
 
@@ -72,6 +73,16 @@ def clip(x: Value, bound: float) -> Value:
     if isinstance(x, np.ndarray):
         return np.clip(x, -bound, bound)
     return min(max(x, -bound), bound)
+
+
+def scaled(values: Sequence[Value], weights: Sequence[float], bound: float) -> list[Value]:
+    """The values of the specifications, each times its weight and clipped.
+
+    Example:
+        >>> scaled([0.2, -3.0, float("inf")], weights=[10.0, 0.1, 1.0], bound=1.0)
+        [1.0, -0.3..., 1.0]
+    """
+    return [clip(weight * value, bound) for weight, value in zip(weights, values, strict=True)]
 
 
 def least(values: Sequence[Value], temperature: float | None = None) -> Value:
@@ -289,13 +300,6 @@ class Shaping:
             levels=_levels(names, mode, priorities),
         )
 
-    def scaled(self, values: Sequence[Value]) -> list[Value]:
-        """The values of the specifications, each times its weight and clipped."""
-        return [
-            clip(factor * value, self.clip)
-            for factor, value in zip(self.weights, values, strict=True)
-        ]
-
     def robustness(self, values: Sequence[Value]) -> Value:
         """Combines the robustness of the specifications into the number that the reward uses."""
         return hierarchical(self._levels_of(values), self.clip)
@@ -312,9 +316,9 @@ class Shaping:
         return _of_first_negative(self._levels_of(values), lows)
 
     def _levels_of(self, values: Sequence[Value]) -> list[Value]:
-        scaled = self.scaled(values)
+        bounded = scaled(values, self.weights, self.clip)
         return [
-            clip(least([scaled[i] for i in level], self.temperature), self.clip)
+            clip(least([bounded[i] for i in level], self.temperature), self.clip)
             for level in self.levels
         ]
 

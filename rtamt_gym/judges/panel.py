@@ -18,6 +18,7 @@ from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judges.interface import STANDARD, Interface
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
 from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Element, Read
 
@@ -306,6 +307,10 @@ class Panel:
 
     def _verdict(self, name: str, judge: EpisodeMonitor) -> Verdict:
         return Verdict.VIOLATED if name in self._failed else judge.verdict
+
+    def values(self) -> MonitorValues[float]:
+        """Reads the values of all monitors."""
+        return read_values(self.monitors.values(), self.samples)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``info["stl"]``."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,33 +18,16 @@ from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judges.panel import AtTermination, AtTruncation
 from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["MonitorValues", "VectorMonitors", "VectorPanel"]
+__all__ = ["VectorMonitors", "VectorPanel"]
 
 VectorMonitors = dict[str, tuple[VectorEpisodeMonitor | VectorInstantMonitor, VectorEpisodeMonitor]]
 """The monitors of each specification: ``(robustness source, judge)``."""
 
 Numbers = NDArray[np.integer[Any]]
-
-
-class MonitorValues(NamedTuple):
-    """The values of the monitors after a sample: for each specification an array.
-
-    Attributes:
-        robustness: The robustness of the sources.
-        judged: The robustness of the judges: that of the whole episode.
-        lower: The lower bounds of ``judged``.
-        upper: The upper bounds of ``judged``.
-        samples: Samples of every environment since its reset.
-    """
-
-    robustness: list[Floats]
-    judged: list[Floats]
-    lower: list[Floats]
-    upper: list[Floats]
-    samples: NDArray[np.int64]
 
 
 class VectorPanel:
@@ -235,15 +218,9 @@ class VectorPanel:
             self.violated_by[lanes] = self._names[violated.argmax(axis=0)[first]]
             self.violated_at[lanes] = last[first]
 
-    def values(self) -> MonitorValues:
+    def values(self) -> MonitorValues[Floats]:
         """Reads the values of all monitors."""
-        return MonitorValues(
-            [source.robustness for source, _ in self.monitors.values()],
-            [judge.robustness for judge in self._judges],
-            [judge.lower for judge in self._judges],
-            [judge.upper for judge in self._judges],
-            self.samples,
-        )
+        return read_values(self.monitors.values(), self.samples)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``infos["stl"]``."""

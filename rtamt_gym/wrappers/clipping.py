@@ -52,7 +52,7 @@ class ClipWatch:
         An episode that was running has ended without a last sample.
         """
         begun = self._all if lanes is None else lanes
-        self._episodes += np.count_nonzero(self._running & begun)
+        self._episodes += int(np.count_nonzero(self._running & begun))
         if not self.finished:
             self._running |= begun
             self._count(values, begun, ended=False)
@@ -61,7 +61,7 @@ class ClipWatch:
         """Sees a sample of every environment, the last one of those that ended."""
         self._count(values, self._all, ended=False)
         self._count(values, ended, ended=True)
-        self._episodes += np.count_nonzero(ended)
+        self._episodes += int(np.count_nonzero(ended))
         self._running = ~ended
 
     def _count(self, values: Sequence[Floats], lanes: Lanes, *, ended: bool) -> None:
@@ -71,6 +71,6 @@ class ClipWatch:
         deciding = deciding[np.isfinite(deciding)]
         if len(deciding):
             self._seen += len(deciding)
-            self._clipped += np.count_nonzero(np.abs(deciding) > self._shaping.clip)
+            self._clipped += int(np.count_nonzero(np.abs(deciding) > self._shaping.clip))
             self._low = min(self._low, deciding.min())
             self._high = max(self._high, deciding.max())

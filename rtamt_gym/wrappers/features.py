@@ -1,10 +1,10 @@
 """The state of monitors as bounded numbers, to be appended to an observation.
 
-For every specification, in their order:
+For every specification, in their order, times a weight:
 
 | feature | range |
 |---|---|
-| robustness, as the reward takes it | [-clip, clip] |
+| robustness | [-clip, clip] |
 | the least and the greatest robustness that the episode can still have | [-clip, clip] |
 | time left until the horizon, as a fraction of it; 1 if there is none | [0, 1] |
 
@@ -14,7 +14,7 @@ many are an array of shape (lanes, features).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,37 +22,50 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.shaping import Shaping, Value
+from rtamt_gym.judges.values import MonitorValues
+from rtamt_gym.shaping import Value, scaled
 
-__all__ = ["KEY", "append", "appended_space", "feature_box", "features", "time_left"]
+__all__ = ["KEY", "StateFeatures", "append", "appended_space", "time_left"]
 
 KEY = "stl"
 """Key of the features in a dictionary of observations."""
 
 
-def feature_box(shaping: Shaping) -> spaces.Box:
-    """The space of `features`."""
-    count = len(shaping.weights)
-    bound = shaping.clip
-    low = np.array([-bound, -bound, -bound, 0.0] * count, np.float32)
-    high = np.array([bound, bound, bound, 1.0] * count, np.float32)
-    return spaces.Box(low, high, dtype=np.float32)
+@dataclass(frozen=True, slots=True)
+class StateFeatures:
+    """What is shown of monitors.
 
+    Attributes:
+        weights: A factor of the numbers of each specification.
+        clip: The bound to which they are clipped.
+        horizons: Of each specification, the samples after the first on which it depends.
+        whole: Whether the robustness is that of the whole episode in every view.
+    """
 
-def features(
-    shaping: Shaping,
-    robustness: Sequence[Value],
-    lower: Sequence[Value],
-    upper: Sequence[Value],
-    left: Sequence[Value],
-) -> NDArray[np.float32]:
-    """The features of all specifications, from a sequence with an element for each."""
-    rows: list[Value] = []
-    for now, low, high, time in zip(
-        shaping.scaled(robustness), shaping.scaled(lower), shaping.scaled(upper), left, strict=True
-    ):
-        rows += [now, low, high, time]
-    return np.array(rows, np.float32).T
+    weights: tuple[float, ...]
+    clip: float
+    horizons: tuple[int | None, ...]
+    whole: bool = False
+
+    @property
+    def box(self) -> spaces.Box:
+        """The space of the features."""
+        count, bound = len(self.weights), self.clip
+        low = np.array([-bound, -bound, -bound, 0.0] * count, np.float32)
+        high = np.array([bound, bound, bound, 1.0] * count, np.float32)
+        return spaces.Box(low, high, dtype=np.float32)
+
+    def read(self, values: MonitorValues[Value]) -> NDArray[np.float32]:
+        """The features of all specifications."""
+        robustness = values.judged if self.whole else values.robustness
+        numbers = [
+            scaled(column, self.weights, self.clip)
+            for column in (robustness, values.lower, values.upper)
+        ]
+        sample = values.samples - 1.0
+        left = [time_left(sample, horizon) for horizon in self.horizons]
+        rows = [number for each in zip(*numbers, left, strict=True) for number in each]
+        return np.array(rows, np.float32).T
 
 
 def time_left(sample: Value, horizon: int | None) -> Value:

@@ -19,6 +19,7 @@ from rtamt_gym.judges.infos import last_info, present, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import AtTermination, AtTruncation, Feed, Monitors, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
+from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
@@ -308,6 +309,10 @@ class StlMonitor(
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
         return dict(self._panel.monitors)
+
+    def values(self) -> MonitorValues[float]:
+        """Reads robustness and bounds of each specification now."""
+        return self._panel.values()
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do

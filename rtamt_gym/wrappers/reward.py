@@ -14,10 +14,10 @@ from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.columns import Floats
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import append, appended_space, feature_box
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
-from rtamt_gym.wrappers.rewarding import Observe, Rewarding, ShapingOptions, find_or_make
+from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.rewarding import Rewarding, ShapingOptions, find_or_make
 
 __all__ = ["StlMonitorOptions", "StlReward"]
 
@@ -172,12 +172,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         env, self._monitor = find_or_make(StlMonitor, env, specs, signals, monitor)
         gym.Wrapper.__init__(self, env)
         monitors = self._monitor.monitors
-        self._set_up(monitors, options, observe, 1)
-        self._judges = [judge for _, judge in monitors.values()]
-        self._sources = [judge if self._judged else source for source, judge in monitors.values()]
-        if self._observes:
-            box = feature_box(self._shaping)
-            self.observation_space = appended_space(env.observation_space, box)
+        self._set_up(env, monitors, options, observe, 1)
+        self._paying = [judge if self._whole else source for source, judge in monitors.values()]
         self._robustness = 0.0
 
     def reset(
@@ -190,7 +186,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         if self._watch is not None:
             self._watch.reset(_lane(values))
             self._warn_if_flat()
-        return self._observation(obs), info
+        return obs if self._state is None else self._observed(obs, self._monitor.values()), info
 
     def step(self, action: ActType) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Steps through the environment and shapes the reward."""
@@ -205,7 +201,9 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         if self._watch is not None:
             self._watch.step(_lane(values), np.array([terminated or truncated]))
             self._warn_if_flat()
-        return self._observation(obs), np.float64(shaped), terminated, truncated, info
+        if self._state is not None:
+            obs = self._observed(obs, self._monitor.values())
+        return obs, np.float64(shaped), terminated, truncated, info
 
     @property
     def samples(self) -> int:
@@ -214,18 +212,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
     def _values(self) -> list[float]:
         """For each specification the robustness that the reward is computed from."""
-        return [source.robustness for source in self._sources]
-
-    def _observation(self, obs: ObsType) -> Any:  # noqa: ANN401
-        if not self._observes:
-            return obs
-        numbers = self._features(
-            self._values(),
-            [judge.lower for judge in self._judges],
-            [judge.upper for judge in self._judges],
-            self._monitor.samples - 1.0,
-        )
-        return append(obs, numbers)
+        return [paying.robustness for paying in self._paying]
 
 
 def _lane(values: list[float]) -> list[Floats]:

@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import warnings
 from collections import deque
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Required, TypedDict, TypeVar, get_args
+from collections.abc import Mapping
+from typing import Any, Required, TypedDict, TypeVar
 
 import gymnasium as gym
-import numpy as np
 from gymnasium.vector import VectorWrapper
-from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.specs import SpecsLike
-from rtamt_gym.shaping import Mode, Priority, Shaping, Value
+from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.clipping import ClipWatch
-from rtamt_gym.wrappers.features import features, time_left
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
+from rtamt_gym.wrappers.observing import Observe, Observing
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
-__all__ = ["Observe", "Rewarding", "ShapingOptions", "find_or_make"]
-
-Observe = Literal["state"]
-"""What is appended to the observation."""
+__all__ = ["Rewarding", "ShapingOptions", "find_or_make"]
 
 _M = TypeVar("_M")
 
@@ -43,24 +37,25 @@ class ShapingOptions(TypedDict, total=False):
     priorities: Mapping[str, Priority] | None
 
 
-class Rewarding:
+class Rewarding(Observing):
     """The base of the two wrappers."""
 
     _monitor: StlMonitor[Any, Any] | VectorStlMonitor
 
     def _set_up(
         self,
+        env: Any,  # noqa: ANN401 - an environment, or many
         monitors: Mapping[str, tuple[Any, Any]],
         options: ShapingOptions,
         observe: Observe | None,
         num: int,
     ) -> None:
-        self._shaping = Shaping.of(list(monitors), **options)
-        check_choice("observe", observe, (None, *get_args(Observe)))
-        self._observes = observe is not None
-        self._judged = options["mode"] == "terminal"
-        self._horizons = [judge.program.latency for _, judge in monitors.values()]
-        self._watch: ClipWatch | None = ClipWatch(self._shaping, num)
+        self._shaping = shaping = Shaping.of(list(monitors), **options)
+        self._whole = shaping.mode == "terminal"
+        self._set_up_observations(
+            env, observe, monitors, shaping.weights, shaping.clip, whole=self._whole
+        )
+        self._watch: ClipWatch | None = ClipWatch(shaping, num)
 
     def _warn_if_flat(self) -> None:
         """Ends the watch over the first episodes once they are over."""
@@ -75,17 +70,6 @@ class Rewarding:
     def stl_episodes(self) -> deque[dict[str, Any]]:
         """The records of the last episodes that ended, as the monitor keeps them."""
         return self._monitor.stl_episodes
-
-    def _features(
-        self,
-        robustness: Sequence[Value],
-        lower: Sequence[Value],
-        upper: Sequence[Value],
-        sample: Value,
-    ) -> NDArray[np.float32]:
-        """What ``observe="state"`` appends to the observation of a sample."""
-        left = [time_left(sample, horizon) for horizon in self._horizons]
-        return features(self._shaping, robustness, lower, upper, left)
 
 
 def find_or_make(

@@ -27,6 +27,7 @@ from rtamt_gym.judges.specs import (
     read_period,
     recordable,
 )
+from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_infos import (
     final_infos,
     final_observations,
@@ -34,7 +35,7 @@ from rtamt_gym.judges.vector_infos import (
     put,
     put_last,
 )
-from rtamt_gym.judges.vector_panel import MonitorValues, VectorMonitors, VectorPanel
+from rtamt_gym.judges.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitoring import (
@@ -176,7 +177,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._table = np.full((env.num_envs, len(names)), np.nan)
         self._running = False
         self.begun: Lanes | None = None
-        self.terminal: MonitorValues | None = None
+        self.terminal: MonitorValues[Floats] | None = None
 
     def reset(
         self,
@@ -282,7 +283,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """The monitors of each specification: ``(robustness source, judge)``."""
         return dict(self._panel.monitors)
 
-    def values(self) -> MonitorValues:
+    def values(self) -> MonitorValues[Floats]:
         """Reads robustness and bounds of each specification, an array each."""
         return self._panel.values()
 

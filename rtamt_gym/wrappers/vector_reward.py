@@ -8,18 +8,17 @@ from typing import Any, Unpack
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import VectorWrapper
-from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from rtamt_gym.judges.specs import SpecsLike
+from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_infos import put
-from rtamt_gym.judges.vector_panel import MonitorValues
 from rtamt_gym.shaping import Mode, Priority
-from rtamt_gym.signals.columns import Batch, Floats, Lanes
+from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.wrappers.features import append, appended_space, feature_box
 from rtamt_gym.wrappers.monitoring import MonitorOptions
-from rtamt_gym.wrappers.rewarding import Observe, Rewarding, ShapingOptions, find_or_make
+from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.rewarding import Rewarding, ShapingOptions, find_or_make
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
 __all__ = ["VectorStlReward"]
@@ -94,11 +93,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         RecordConstructorArgs.__init__(self, **options, observe=observe)
         env, self._monitor = find_or_make(VectorStlMonitor, env, specs, signals, monitor)
         VectorWrapper.__init__(self, env)
-        self._set_up(self._monitor.monitors, options, observe, env.num_envs)
-        if self._observes:
-            space = appended_space(env.single_observation_space, feature_box(self._shaping))
-            self.single_observation_space = space
-            self.observation_space = batch_space(space, env.num_envs)
+        self._set_up(env, self._monitor.monitors, options, observe, env.num_envs)
         self._robustness = np.zeros(env.num_envs)
 
     def reset(
@@ -143,8 +138,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             infos["final_info"] = dict(infos["final_info"])
             put(infos["final_info"], "reward", paid, ended, self.num_envs)
             put(infos, "reward", paid, ~ended, self.num_envs)
-            if self._observes and "final_obs" in infos:
-                infos["final_obs"] = self._observed_last(infos["final_obs"], last, ended)
+            self._observed_last(infos, last, ended)
         if self._watch is not None:
             self._watch.step(self._paying(last), ended)
             if last is not now:
@@ -157,26 +151,9 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         """Samples fed since each environment's reset, that of the reset included."""
         return self._monitor.samples
 
-    def _paying(self, values: MonitorValues) -> list[Floats]:
+    def _paying(self, values: MonitorValues[Floats]) -> list[Floats]:
         """For each specification the robustness that the reward is computed from."""
-        return values.judged if self._judged else values.robustness
+        return values.judged if self._whole else values.robustness
 
-    def _potential(self, values: MonitorValues) -> Floats:
+    def _potential(self, values: MonitorValues[Floats]) -> Floats:
         return self._shaping.robustness(self._paying(values))
-
-    def _shown(self, values: MonitorValues) -> NDArray[np.float32]:
-        sample = values.samples.astype(np.float64) - 1.0
-        return self._features(self._paying(values), values.lower, values.upper, sample)
-
-    def _observed(self, obs: Any, values: MonitorValues) -> Any:  # noqa: ANN401
-        return append(obs, self._shown(values)) if self._observes else obs
-
-    def _observed_last(self, final: Any, values: MonitorValues, ended: Lanes) -> Any:  # noqa: ANN401
-        numbers = self._shown(values)
-        if not isinstance(final, np.ndarray) or final.dtype != object:
-            return append(final, numbers)
-        # An object for each environment, as Gymnasium has them.
-        shown = final.copy()
-        for lane in np.flatnonzero(ended):
-            shown[lane] = append(final[lane], numbers[lane])
-        return shown

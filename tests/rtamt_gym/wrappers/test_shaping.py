@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from rtamt.errors import InputError
 from rtamt_gym import shaping
+from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.shaping import Mode, Priority, Shaping
-from rtamt_gym.wrappers.features import features, time_left
+from rtamt_gym.wrappers.features import StateFeatures, time_left
 
 MODES: tuple[Mode, ...] = get_args(Mode)
 
@@ -176,16 +177,17 @@ def test_time_left_is_a_fraction_of_the_horizon(horizon: int | None, expected: l
 
 
 def test_features_of_lanes_are_those_of_each() -> None:
-    shape = Shaping.of("ab", mode="add", clip=2.0, weights={"b": 0.5})
+    state = StateFeatures((1.0, 0.5), 2.0, (None, 9))
     rng = np.random.default_rng(2)
     now, low, high = rng.normal(scale=3.0, size=(3, 2, 5))
-    left = rng.random((2, 5))
-    lanes = features(shape, list(now), list(low), list(high), list(left))
+    samples = rng.integers(1, 12, 5)
+    lanes = state.read(MonitorValues(list(now), [], list(low), list(high), samples))
     assert lanes.shape == (5, 8)
     assert lanes.dtype == np.float32
     for i in range(5):
-        one = features(shape, *(column[:, i].tolist() for column in (now, low, high, left)))
-        assert np.array_equal(lanes[i], one)
+        one = [column[:, i].tolist() for column in (now, low, high)]
+        values = MonitorValues(one[0], [], one[1], one[2], int(samples[i]))
+        assert np.array_equal(lanes[i], state.read(values))
 
 
 def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:

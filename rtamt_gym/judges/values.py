@@ -1,0 +1,41 @@
+"""The values of monitors after a sample: of one environment, or of many."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Generic, NamedTuple
+
+from rtamt_gym.judges.infos import Lanewise
+from rtamt_gym.shaping import Value
+
+__all__ = ["MonitorValues", "read_values"]
+
+
+class MonitorValues(NamedTuple, Generic[Value]):
+    """The values of the monitors after a sample: for each specification a float or an array.
+
+    Attributes:
+        robustness: The robustness of the sources.
+        judged: The robustness of the judges: that of the whole episode.
+        lower: The lower bounds of ``judged``.
+        upper: The upper bounds of ``judged``.
+        samples: Samples since the reset, of every environment: an int or an array.
+    """
+
+    robustness: list[Value]
+    judged: list[Value]
+    lower: list[Value]
+    upper: list[Value]
+    samples: Lanewise
+
+
+def read_values(monitors: Iterable[tuple[Any, Any]], samples: Lanewise) -> MonitorValues[Any]:
+    """Reads the values of monitors, which are pairs ``(robustness source, judge)``."""
+    pairs = list(monitors)
+    return MonitorValues(
+        [source.robustness for source, _ in pairs],
+        [judge.robustness for _, judge in pairs],
+        [judge.lower for _, judge in pairs],
+        [judge.upper for _, judge in pairs],
+        samples,
+    )

@@ -1,0 +1,102 @@
+"""What the wrappers share that append the state of monitors to observations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, get_args
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector.utils import batch_space
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.judges.values import MonitorValues
+from rtamt_gym.signals.columns import Lanes
+from rtamt_gym.wrappers.features import StateFeatures, append, appended_space
+
+__all__ = ["Observe", "Observing"]
+
+Observe = Literal["state"]
+"""What is appended to the observation."""
+
+
+class Observing:
+    """A base of wrappers of one environment, and of wrappers of many."""
+
+    _state: StateFeatures | None
+    """What is appended to the observation; None if nothing is."""
+
+    def _set_up_observations(
+        self,
+        env: Any,  # noqa: ANN401 - an environment, or many
+        observe: Observe | None,
+        monitors: Mapping[str, tuple[Any, Any]],
+        weights: Sequence[float],
+        clip: float,
+        *,
+        whole: bool = False,
+    ) -> None:
+        """Checks what is to be observed, and makes the spaces of it.
+
+        Args:
+            env: The environment inside of the wrapper.
+            observe: The argument of the wrapper.
+            monitors: The monitors of each specification: ``(robustness source, judge)``.
+            weights: A factor of the numbers of each specification.
+            clip: The bound to which they are clipped.
+            whole: Whether the robustness shown is that of the whole episode in every view.
+
+        Raises:
+            InputError: If ``observe`` is unknown, nothing can be appended, or a wrapper inside
+                appends the state already.
+        """
+        check_choice("observe", observe, (None, *get_args(Observe)))
+        self._state = None
+        if observe is None:
+            return
+        _refuse_twice(env, type(self).__name__)
+        horizons = [judge.program.latency for _, judge in monitors.values()]
+        self._state = StateFeatures(tuple(weights), clip, tuple(horizons), whole=whole)
+        wrapper: Any = self  # of one environment, or of many
+        if isinstance(env, VectorEnv):
+            space = appended_space(env.single_observation_space, self._state.box)
+            wrapper.single_observation_space = space
+            wrapper.observation_space = batch_space(space, env.num_envs)
+        else:
+            wrapper.observation_space = appended_space(env.observation_space, self._state.box)
+
+    def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:  # noqa: ANN401
+        """The observation, or the batch of them, with what is to be appended."""
+        return obs if self._state is None else append(obs, self._state.read(values))
+
+    def _observed_last(
+        self,
+        infos: dict[str, Any],
+        values: MonitorValues[Any],
+        ended: Lanes,
+    ) -> None:
+        """Appends to the observations from before the resets in a step: ``final_obs``."""
+        if self._state is None or "final_obs" not in infos:
+            return
+        final, numbers = infos["final_obs"], self._state.read(values)
+        if not isinstance(final, np.ndarray) or final.dtype != object:
+            infos["final_obs"] = append(final, numbers)
+            return
+        # An object for each environment, as Gymnasium has them.
+        shown = final.copy()
+        for lane in np.flatnonzero(ended):
+            shown[lane] = append(final[lane], numbers[lane])
+        infos["final_obs"] = shown
+
+
+def _refuse_twice(env: Any, name: str) -> None:  # noqa: ANN401 - an environment, or many
+    while isinstance(env, gym.Wrapper | VectorWrapper):
+        if isinstance(env, Observing) and env._state is not None:  # noqa: SLF001 - the same class
+            inner = type(env).__name__
+            raise InputError(
+                f"observe='state' of {name} would append what observe='state' of the {inner} "
+                "inside of it has appended already; give observe= to one of them"
+            )
+        env = env.env
