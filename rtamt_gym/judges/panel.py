@@ -146,7 +146,10 @@ class Panel:
     @property
     def upper(self) -> float:
         """The greatest that the robustness can still become."""
-        return least([self._upper(name, judge) for name, (_, judge) in self.monitors.items()])
+        return least(self._uppers())
+
+    def _uppers(self) -> list[float]:
+        return [self._upper(name, judge) for name, (_, judge) in self.monitors.items()]
 
     def _upper(self, name: str, judge: EpisodeMonitor) -> float:
         return -0.0 if name in self._failed else judge.upper
@@ -310,7 +313,7 @@ class Panel:
 
     def values(self) -> MonitorValues[float]:
         """Reads the values of all monitors."""
-        return read_values(self.monitors.values(), self.samples)
+        return read_values(self.monitors.values(), self._uppers(), self.samples)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``info["stl"]``."""

@@ -29,13 +29,18 @@ class MonitorValues(NamedTuple, Generic[Value]):
     samples: Lanewise
 
 
-def read_values(monitors: Iterable[tuple[Any, Any]], samples: Lanewise) -> MonitorValues[Any]:
-    """Reads the values of monitors, which are pairs ``(robustness source, judge)``."""
+def read_values(
+    monitors: Iterable[tuple[Any, Any]], upper: list[Value], samples: Lanewise
+) -> MonitorValues[Value]:
+    """Reads the values of monitors, which are pairs ``(robustness source, judge)``.
+
+    The upper bounds are given: what the end of an episode alone violates is not known to a monitor.
+    """
     pairs = list(monitors)
     return MonitorValues(
         [source.robustness for source, _ in pairs],
         [judge.robustness for _, judge in pairs],
         [judge.lower for _, judge in pairs],
-        [judge.upper for _, judge in pairs],
+        upper,
         samples,
     )

@@ -220,7 +220,7 @@ class VectorPanel:
 
     def values(self) -> MonitorValues[Floats]:
         """Reads the values of all monitors."""
-        return read_values(self.monitors.values(), self.samples)
+        return read_values(self.monitors.values(), self._uppers(), self.samples)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``infos["stl"]``."""

@@ -12,19 +12,19 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import Specification, SpecificationError, StateError
+from rtamt import SpecificationError, StateError
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.infos import last_info, present, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import AtTermination, AtTruncation, Feed, Monitors, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
-from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
 from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
-from rtamt_gym.wrappers.substeps import SubSteps, read_substep_period
+from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 
 __all__ = ["StlMonitor"]
 
@@ -36,7 +36,7 @@ class StlMonitor(
 
     Sample 0 of an episode is the observation that :meth:`reset` returns; every later sample is the
     observation after a step with the action and the reward of that step, the terminal observation
-    included. Observations, actions and rewards pass through unchanged.
+    included. Observations, actions and rewards pass through unchanged, but for ``observe="state"``.
 
     Every ``info``, that of :meth:`reset` included, gets
 
@@ -86,6 +86,12 @@ class StlMonitor(
     With ``view="step"`` a formula is a requirement on every instant, as in an online monitor:
     ``robustness`` is that of the newest instant whose horizon has passed (before the first, that of
     the samples so far), bounds and verdict are those of ``always(formula)``.
+
+    ``observe="state"`` appends the state of the monitors to the observation, for a learner or a
+    policy that is to act on it; the reward stays as it is, and signals read the observation of the
+    environment. There are four numbers for every specification, in their order: robustness, lower
+    and upper bound, clipped to [-clip, clip], and the fraction of its horizon that is left (1
+    without a horizon). A ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     Attributes:
         stl_episodes: Records of the last ``buffer_length`` episodes that ended, the newest last:
@@ -139,6 +145,8 @@ class StlMonitor(
         cost: Cost | None = None,
         buffer_length: int = 100,
         substeps: bool = False,
+        observe: Observe | None = None,
+        clip: float = 1.0,
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -181,6 +189,9 @@ class StlMonitor(
                 the first violation on; ``"first"`` is 1 only at the step that shows it
             buffer_length: How many records :attr:`stl_episodes` keeps
             substeps: Whether to take a sample after every step of the simulation, see above
+            observe: ``"state"`` appends the state of the monitors to the observation
+            clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
+                specification should lie inside
 
         Raises:
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
@@ -206,9 +217,8 @@ class StlMonitor(
             cost=cost,
             buffer_length=buffer_length,
         )
-        RecordConstructorArgs.__init__(
-            self, specs=recordable(specs), signals=signals, **options, substeps=substeps
-        )
+        given = {"specs": recordable(specs), "signals": signals, "substeps": substeps, **options}
+        RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         gym.Wrapper.__init__(self, env)
         find_period = read_substep_period if substeps else read_period
         loaded = self._set_up(env, specs, signals, options, find_period)
@@ -217,9 +227,10 @@ class StlMonitor(
             self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
         except SpecificationError as error:
             inner = None if substeps else read_substep_period(env)
-            if inner is not None and period is None and _fits(loaded, inner, view, cost):
+            if inner is not None and period is None and fits(loaded, inner, view, cost):
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
+        self._set_up_observations(env, observe, clip, self._panel.monitors)
         self._substeps = substeps
         self._bind_signals()
         self._books = Books(env)
@@ -244,7 +255,7 @@ class StlMonitor(
         found = _float(robustness), _float(lower), _float(upper), panel.violated_by is not None
         info = step_info(info, *found, panel.describe() if self._details else None)
         self._running = True
-        return obs, info
+        return obs if self._state is None else self._observed(obs, self.values()), info
 
     def close(self) -> None:
         """Closes the environment; an episode that has not ended is recorded as truncated."""
@@ -298,6 +309,8 @@ class StlMonitor(
             self._conclude(info, terminated, truncated)
             if not ended:
                 self._books.close(terminated, truncated, info)
+        if self._state is not None:
+            obs = self._observed(obs, self.values())
         return obs, reward, terminated, truncated, info
 
     @property
@@ -309,10 +322,6 @@ class StlMonitor(
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
         return dict(self._panel.monitors)
-
-    def values(self) -> MonitorValues[float]:
-        """Reads robustness and bounds of each specification now."""
-        return self._panel.values()
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
@@ -379,12 +388,3 @@ class StlMonitor(
 
 
 _float = np.float64
-
-
-def _fits(specs: Mapping[str, Specification], period: float, view: View, cost: Cost | None) -> bool:
-    """Whether the specifications can be monitored with this period."""
-    try:
-        Panel(specs, period, view, cost=cost)
-    except SpecificationError:
-        return False
-    return True

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
 
 import gymnasium as gym
-from gymnasium.vector import SyncVectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
 
 from rtamt import InputError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
@@ -16,11 +16,13 @@ from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.judges.panel import AtTermination, AtTruncation, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.wrappers.observing import Observing
 
-__all__ = ["MonitorOptions", "Monitoring", "OnViolation", "refuse_monitored"]
+__all__ = ["MonitorOptions", "Monitoring", "OnViolation", "check_can_end", "refuse_monitored"]
 
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
@@ -55,7 +57,7 @@ class MonitorOptions(TypedDict, total=False):
     buffer_length: int
 
 
-class Monitoring:
+class Monitoring(Observing):
     """The base of the two wrappers."""
 
     _UNPICKLED: ClassVar[frozenset[str]]
@@ -124,6 +126,10 @@ class Monitoring:
             stacklevel=4,
         )
 
+    def values(self) -> MonitorValues[Any]:
+        """Reads robustness and bounds of each specification now: of many environments, arrays."""
+        return self._panel.values()
+
     @property
     def period(self) -> Fraction | None:
         """Seconds between samples; ``None`` if neither the argument nor the environment says."""
@@ -152,6 +158,17 @@ def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or ma
         else:
             return
     refuse_monitored(type(within).__name__, where)
+
+
+def check_can_end(on_violation: OnViolation, autoreset: AutoresetMode, env: object) -> None:
+    """Refuses to end episodes of a vector environment that nobody could reset then."""
+    if on_violation != "report" and autoreset is not AutoresetMode.DISABLED:
+        raise InputError(
+            f"on_violation={on_violation!r} needs an environment that resets when it is told, "
+            f"AutoresetMode.DISABLED, got {autoreset} of {env}; wrap each environment, "
+            "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
+            "take on_violation='report'"
+        )
 
 
 def refuse_monitored(monitor: str, where: str = "") -> NoReturn:

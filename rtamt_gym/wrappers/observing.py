@@ -11,7 +11,7 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError
-from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.wrappers.features import StateFeatures, append, appended_space
@@ -32,9 +32,9 @@ class Observing:
         self,
         env: Any,  # noqa: ANN401 - an environment, or many
         observe: Observe | None,
-        monitors: Mapping[str, tuple[Any, Any]],
-        weights: Sequence[float],
         clip: float,
+        monitors: Mapping[str, tuple[Any, Any]],
+        weights: Sequence[float] | None = None,
         *,
         whole: bool = False,
     ) -> None:
@@ -43,22 +43,24 @@ class Observing:
         Args:
             env: The environment inside of the wrapper.
             observe: The argument of the wrapper.
+            clip: The argument of the wrapper: the bound of the numbers appended.
             monitors: The monitors of each specification: ``(robustness source, judge)``.
-            weights: A factor of the numbers of each specification.
-            clip: The bound to which they are clipped.
+            weights: A factor of the robustness of each specification; None: 1.
             whole: Whether the robustness shown is that of the whole episode in every view.
 
         Raises:
-            InputError: If ``observe`` is unknown, nothing can be appended, or a wrapper inside
-                appends the state already.
+            InputError: If ``observe`` or ``clip`` is not what it can be, if nothing can be
+                appended, or if a wrapper inside appends the state already.
         """
         check_choice("observe", observe, (None, *get_args(Observe)))
+        bound = check_number("clip", clip)
         self._state = None
         if observe is None:
             return
         _refuse_twice(env, type(self).__name__)
-        horizons = [judge.program.latency for _, judge in monitors.values()]
-        self._state = StateFeatures(tuple(weights), clip, tuple(horizons), whole=whole)
+        horizons = tuple(judge.program.latency for _, judge in monitors.values())
+        factors = (1.0,) * len(horizons) if weights is None else tuple(weights)
+        self._state = StateFeatures(factors, bound, horizons, whole=whole)
         wrapper: Any = self  # of one environment, or of many
         if isinstance(env, VectorEnv):
             space = appended_space(env.single_observation_space, self._state.box)
@@ -74,11 +76,14 @@ class Observing:
     def _observed_last(
         self,
         infos: dict[str, Any],
-        values: MonitorValues[Any],
-        ended: Lanes,
+        values: MonitorValues[Any] | None,
+        ended: Lanes | None,
     ) -> None:
-        """Appends to the observations from before the resets in a step: ``final_obs``."""
-        if self._state is None or "final_obs" not in infos:
+        """Appends to the observations from before the resets in a step: ``final_obs``.
+
+        ``values`` are those from before the resets, ``ended`` says where; None: there were none.
+        """
+        if self._state is None or values is None or ended is None or "final_obs" not in infos:
             return
         final, numbers = infos["final_obs"], self._state.read(values)
         if not isinstance(final, np.ndarray) or final.dtype != object:

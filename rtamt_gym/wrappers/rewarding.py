@@ -53,7 +53,7 @@ class Rewarding(Observing):
         self._shaping = shaping = Shaping.of(list(monitors), **options)
         self._whole = shaping.mode == "terminal"
         self._set_up_observations(
-            env, observe, monitors, shaping.weights, shaping.clip, whole=self._whole
+            env, observe, shaping.clip, monitors, shaping.weights, whole=self._whole
         )
         self._watch: ClipWatch | None = ClipWatch(shaping, num)
 

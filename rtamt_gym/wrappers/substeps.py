@@ -12,12 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from rtamt import InputError, StateError
+from rtamt import InputError, Specification, SpecificationError, StateError
+from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.panel import Assessment, Panel
+from rtamt_gym.judges.specs import View
 from rtamt_gym.signals.signals import Env, Read, Signal
 from rtamt_gym.signals.sources import STEP
 
-__all__ = ["Inside", "SubSteps", "read_substep_period"]
+__all__ = ["Inside", "SubSteps", "fits", "read_substep_period"]
 
 
 class Inside:
@@ -188,3 +190,12 @@ def _follow_road(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
     if around is None:
         return lambda: vars(road).pop("step")
     return lambda: setattr(road, "step", around)
+
+
+def fits(specs: Mapping[str, Specification], period: float, view: View, cost: Cost | None) -> bool:
+    """Whether the specifications can be monitored with this period."""
+    try:
+        Panel(specs, period, view, cost=cost)
+    except SpecificationError:
+        return False
+    return True

@@ -11,7 +11,7 @@ from gymnasium.utils import RecordConstructorArgs
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
-from rtamt import InputError, StateError
+from rtamt import StateError
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.episodes import EpisodeRecords, record
 from rtamt_gym.judges.infos import last_info, step_info
@@ -42,8 +42,10 @@ from rtamt_gym.wrappers.monitoring import (
     Monitoring,
     MonitorOptions,
     OnViolation,
+    check_can_end,
     refuse_monitored,
 )
+from rtamt_gym.wrappers.observing import Observe
 
 __all__ = ["VectorStlMonitor"]
 
@@ -75,6 +77,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     ``reward`` None. Selectors that read simulations, such as ``"qpos[1]"``, need a
     ``SyncVectorEnv``, whose environments are read one by one. For samples inside a step,
     ``substeps=True``, wrap each environment with :class:`StlMonitor` too.
+
+    With ``SAME_STEP``, what ``observe="state"`` appends is appended to ``final_obs`` too.
 
     Attributes:
         stl_episodes: Records of the last ``buffer_length`` episodes that ended, as
@@ -127,6 +131,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
+        observe: Observe | None = None,
+        clip: float = 1.0,
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -156,21 +162,17 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             cost=cost,
             buffer_length=buffer_length,
         )
-        RecordConstructorArgs.__init__(self, specs=recordable(specs), signals=signals, **options)
+        given = {"specs": recordable(specs), "signals": signals, **options}
+        RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         VectorWrapper.__init__(self, env)
         loaded = self._set_up(env, specs, signals, options, read_period)
         self._autoreset = autoreset_mode(env)
-        if on_violation != "report" and self._autoreset is not AutoresetMode.DISABLED:
-            raise InputError(
-                f"on_violation={on_violation!r} needs an environment that resets when it is told, "
-                f"AutoresetMode.DISABLED, got {self._autoreset} of {env}; wrap each environment, "
-                "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
-                "take on_violation='report'"
-            )
+        check_can_end(on_violation, self._autoreset, env)
         names = [signal.name for signal in self._signals]
         self._panel = VectorPanel(
             loaded, env.num_envs, self._period, view, nan, names, interface, align, cost
         )
+        self._set_up_observations(env, observe, clip, self._panel.monitors)
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset
@@ -218,7 +220,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         if self._done is not None:
             self._done = _some(self._done & ~lanes)
         self._running = True
-        return obs, infos
+        return obs if self._state is None else self._observed(obs, self.values()), infos
 
     def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - those of the environment
         """Closes the environments; episodes that have not ended are recorded as truncated."""
@@ -270,6 +272,9 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             if ended is not None:
                 self._conclude(infos, ended, terminated, truncated)
             self._done = ended
+        if self._state is not None:
+            self._observed_last(infos, self.terminal, resets)
+            obs = self._observed(obs, self.values())
         self._running = True
         return obs, rewards, terminated, truncated, infos
 
@@ -282,10 +287,6 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
     def monitors(self) -> VectorMonitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
         return dict(self._panel.monitors)
-
-    def values(self) -> MonitorValues[Floats]:
-        """Reads robustness and bounds of each specification, an array each."""
-        return self._panel.values()
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:

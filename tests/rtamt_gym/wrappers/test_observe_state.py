@@ -1,0 +1,280 @@
+"""`observe="state"` of the monitors: what it appends, in every kind of environment."""
+
+from __future__ import annotations
+
+import functools
+import pickle
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from environments import CASES, Case, Env, continued, equal, restored, rollout
+from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import TimeLimit
+from replay import Replay, X
+from vector_environments import MODES, Make, difference, native, sync, trajectory
+
+from rtamt.errors import InputError
+from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
+
+# But for that which shows a picture, to which nothing can be appended.
+cases = pytest.mark.parametrize(
+    "case", [*CASES[:3], CASES[-1]], ids=lambda case: case.env_id.split(":")[-1]
+)
+
+SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)", "once": "eventually(x > 8)"}
+HORIZONS = {"dry": None, "there": 4, "once": None}
+SERIES = [3.0, 1.5, 4.0, 0.5, 9.0, 2.0, 2.0]
+
+
+def observing(case: Case, **options: Any) -> Env:  # noqa: ANN401
+    return case.monitored(**{"observe": "state", "clip": 0.5, **options})
+
+
+def by_hand(states: Mapping[str, Any], sample: int, clip: float) -> list[float]:
+    """What is to be appended, of ``info["stl"]`` and the horizons in samples."""
+    numbers: list[float] = []
+    for name, horizon in HORIZONS.items():
+        values = [states[name][key] for key in ("robustness", "lower", "upper")]
+        numbers += [min(max(value, -clip), clip) for value in values]
+        numbers.append(1.0 if horizon is None else max(0.0, 1 - sample / horizon))
+    return numbers
+
+
+@pytest.mark.parametrize("clip", [1.0, 3.0])
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+def test_four_numbers_of_every_specification_are_appended(end: str, clip: float) -> None:
+    options: Any = {"details": True, "period": 1, "on_violation": "report"}
+    plain = StlMonitor(Replay(SERIES, end), SPECS, X, **options)
+    env = StlMonitor(Replay(SERIES, end), SPECS, X, observe="state", clip=clip, **options)
+    low, high = [-clip, -clip, -clip, 0.0], [clip, clip, clip, 1.0]
+    assert env.observation_space == spaces.Box(
+        np.array([-np.inf, *low * 3]), np.array([np.inf, *high * 3]), dtype=np.float64
+    )
+    for _ in range(2):
+        (obs, info), (own, same) = env.reset(seed=1), plain.reset(seed=1)
+        samples = [(obs, own, info)]
+        assert equal(info, same)
+        for _ in SERIES[1:]:
+            step, expected = env.step(np.array([0.5])), plain.step(np.array([0.5]))
+            assert equal(step[1:], expected[1:])
+            samples.append((step[0], expected[0], step[4]))
+        for sample, (obs, own, info) in enumerate(samples):
+            assert env.observation_space.contains(obs)
+            shown = np.array(by_hand(info["stl"], sample, clip), np.float32)
+            assert obs.tolist() == [*own, *shown]
+
+
+@cases
+def test_the_state_is_that_which_the_reward_shows(case: Case) -> None:
+    env = observing(case)
+    rewarded = StlReward(observing(case, observe=None), mode="add", observe="state", clip=0.5)
+    assert env.observation_space == rewarded.observation_space
+    shown, other = rollout(env), rollout(rewarded)
+    assert equal([step[0] for step in shown], [step[0] for step in other])
+    own = rollout(observing(case, observe=None))
+    assert equal([step[1:] for step in shown], [step[1:] for step in own])
+
+
+@cases
+@pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version:UserWarning")
+def test_gymnasium_finds_no_fault(case: Case) -> None:
+    check_env(observing(case), skip_render_check=True)
+
+
+@cases
+def test_the_environment_is_made_again_from_its_specification_and_from_json(case: Case) -> None:
+    env = observing(case)
+    expected = rollout(env)
+    assert env.spec is not None
+    for spec in (env.spec, EnvSpec.from_json(env.spec.to_json())):
+        again = gym.make(spec)
+        assert str(again) == str(env)
+        assert again.observation_space == env.observation_space
+        assert equal(rollout(again), expected)
+        again.close()
+
+
+@cases
+@pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_in_mid_episode_continues_as_the_original(
+    case: Case, clone: Callable[[Env], Env]
+) -> None:
+    env = observing(case)
+    rollout(env, steps=4)
+    copy = restored(clone(env), env)
+    assert equal(continued(copy, 11, 6), continued(env, 11, 6))
+
+
+@cases
+def test_a_reset_shows_what_the_first_one_did(case: Case) -> None:
+    env = observing(case)
+    first = rollout(env)
+    assert equal(rollout(env), first)
+    env.reset(seed=7)
+    again, _ = env.reset(seed=7, options=None)
+    assert equal(again, first[0][0])
+
+
+@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("case", CASES[:2], ids=lambda case: case.env_id)
+def test_many_environments_show_what_each_does(case: Case, autoreset: AutoresetMode) -> None:
+    makes: list[Make] = [
+        functools.partial(gym.make, case.env_id, max_episode_steps=n) for n in (5, 30)
+    ]
+    same(makes, autoreset, case.specs, case.signals, period=0.1)
+
+
+class Placed(gym.ObservationWrapper[Any, Any, Any]):
+    """Shows the observation in a dictionary."""
+
+    def __init__(self, env: Env) -> None:
+        super().__init__(env)
+        self.observation_space = spaces.Dict({"z": env.observation_space})
+
+    def observation(self, observation: Any) -> Any:  # noqa: ANN401
+        return {"z": observation}
+
+
+def make_placed(values: list[float], end: str) -> Env:
+    return Placed(Replay(values, end))
+
+
+@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_many_dictionaries_show_what_each_does(
+    view: str, end: str, autoreset: AutoresetMode
+) -> None:
+    makes: list[Make] = [
+        functools.partial(make_placed, SERIES[:n], end) for n in (2, 4, len(SERIES))
+    ]
+    specs = SPECS if view == "episode" else {"a": "x > 2 implies eventually[0:2](x < 1)"}
+    same(makes, autoreset, specs, {"x": "obs['z'][0]"}, period=1, view=view)
+
+
+def same(
+    makes: list[Make],
+    autoreset: AutoresetMode,
+    specs: Any,  # noqa: ANN401
+    signals: dict[str, Any],
+    **options: Any,  # noqa: ANN401
+) -> None:
+    """Environments monitored as one show what those monitored one by one do."""
+    options |= {"observe": "state", "clip": 2.0, "on_violation": "report"}
+
+    def wrapped(make: Make) -> Env:
+        return StlMonitor(make(), specs, signals, **options)
+
+    singles = sync([functools.partial(wrapped, make) for make in makes], autoreset)
+    together = VectorStlMonitor(sync(makes, autoreset), specs, signals, **options)
+    assert together.observation_space == singles.observation_space
+    assert together.single_observation_space == singles.single_observation_space
+    assert difference(trajectory(together, 16), trajectory(singles, 16)) == ""
+
+
+def test_vector_environments_that_are_one_show_the_state_too() -> None:
+    envs = VectorStlMonitor(
+        native(3), "always(abs(a) < 0.2)", {"a": "obs[2]"}, observe="state", clip=0.1
+    )
+    obs, infos = envs.reset(seed=3)
+    assert envs.single_observation_space.shape == (8,)
+    assert envs.observation_space.contains(obs)
+    assert obs[:, 4].tolist() == np.minimum(infos["robustness"], 0.1).astype(np.float32).tolist()
+    copy = pickle.loads(pickle.dumps(envs))
+    actions = np.ones(3, np.int64)
+    ahead = [envs.step(actions) for _ in range(12)]
+    assert difference([copy.step(actions) for _ in range(12)], ahead) == ""
+
+
+def test_samples_inside_of_a_step_show_the_state_after_it() -> None:
+    env = StlMonitor(
+        gym.make("HalfCheetah-v5"),
+        "always[0:1](abs(pitch) < 1)",
+        {"pitch": "qpos[2]"},
+        substeps=True,
+        observe="state",
+    )
+    env.reset(seed=1)
+    obs, _, _, _, info = env.step(np.zeros(6))
+    # Five steps of 0.01 s of a window of 1 s.
+    assert obs[-4] == np.float32(info["robustness"])
+    assert obs[-1] == np.float32(0.95)
+
+
+# ---- beside rewards ----
+
+
+def test_a_reward_around_it_shapes_what_it_would_without() -> None:
+    options: Any = {"mode": "potential", "clip": 3.0}
+
+    def monitored(**more: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401
+        return StlMonitor(Replay(SERIES), SPECS, X, period=1, on_violation="report", **more)
+
+    env = StlReward(TimeLimit(monitored(observe="state"), 99), **options)
+    alone = StlReward(monitored(), **options)
+    assert env.observation_space.shape == (13,)
+    (seen, *_), *steps = rollout(env)
+    assert len(seen) == 13
+    assert equal([step[1:] for step in steps], [step[1:] for step in rollout(alone)[1:]])
+
+
+def refused(make: Callable[[], object]) -> str:
+    with pytest.raises(InputError) as caught:
+        make()
+    return str(caught.value)
+
+
+def test_what_is_appended_twice_is_refused() -> None:
+    env = TimeLimit(StlMonitor(Replay([1]), "always(x > 1)", X, observe="state"), 9)
+    assert refused(lambda: StlReward(env, mode="add", observe="state")) == (
+        "observe='state' of StlReward would append what observe='state' of the StlMonitor inside "
+        "of it has appended already; give observe= to one of them"
+    )
+    envs = VectorStlMonitor(native(2), "always(x > 1)", X, observe="state")
+    assert refused(lambda: VectorStlReward(envs, mode="add", observe="state")) == (
+        "observe='state' of VectorStlReward would append what observe='state' of the "
+        "VectorStlMonitor inside of it has appended already; give observe= to one of them"
+    )
+    twice = StlReward(Replay([1]), "always(x > 1)", X, mode="add", observe="state")
+    assert refused(lambda: StlReward(twice, mode="add", observe="state")) == (
+        "observe='state' of StlReward would append what observe='state' of the StlReward inside "
+        "of it has appended already; give observe= to one of them"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"observe": "all"}, "expected observe=None or 'state', got 'all'"),
+        ({"observe": True}, "expected observe=None or 'state', got True"),
+        ({"clip": 0}, "expected clip= as a finite number above 0, got 0"),
+        ({"clip": np.inf}, "expected clip= as a finite number above 0, got inf"),
+    ],
+)
+def test_options_that_say_nothing_are_refused(options: Any, message: str) -> None:  # noqa: ANN401
+    assert refused(lambda: StlMonitor(Replay([1]), "always(x > 1)", X, **options)) == message
+    assert refused(lambda: VectorStlMonitor(native(2), "always(x > 1)", X, **options)) == message
+
+
+def test_observations_that_cannot_grow_are_refused() -> None:
+    lake = gym.make("FrozenLake-v1")
+    assert refused(lambda: StlMonitor(lake, "always(s < 9)", {"s": "obs"}, observe="state")) == (
+        "expected observations as a Box of one dimension or a Dict for observe='state', got "
+        "Discrete(16); flatten them first: gymnasium.wrappers.FlattenObservation"
+    )
+
+
+def test_signals_read_the_observation_of_the_environment() -> None:
+    pole = gym.make("CartPole-v1")
+    found = refused(lambda: StlMonitor(pole, "always(x > 1)", {"x": "obs[4]"}, observe="state"))
+    assert found == (
+        "signal 'x': obs[4] does not fit: the observation space has 4 elements there, 0 to 3; it "
+        "is Box(shape=(4,), dtype=float32)"
+    )
