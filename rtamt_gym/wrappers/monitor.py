@@ -217,7 +217,12 @@ class StlMonitor(
             cost=cost,
             buffer_length=buffer_length,
         )
-        given = {"specs": recordable(specs), "signals": signals, "substeps": substeps, **options}
+        given: dict[str, Any] = {
+            "specs": recordable(specs),
+            "signals": signals,
+            "substeps": substeps,
+            **options,
+        }
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         gym.Wrapper.__init__(self, env)
         find_period = read_substep_period if substeps else read_period

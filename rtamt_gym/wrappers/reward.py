@@ -17,6 +17,7 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.returns import put_return
 from rtamt_gym.wrappers.rewarding import Rewarding, ShapingOptions, find_or_make
 
 __all__ = ["StlMonitorOptions", "StlReward"]
@@ -34,6 +35,10 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     The wrapper takes the arguments of :class:`StlMonitor` and contains one, or uses the one that
     the environment has already: episodes end and ``info`` is filled as that class describes. The
     environment's own reward stays in ``info["reward"]`` (``np.float64``, as the reward is).
+
+    Where a wrapper inside counts episodes, such as the ``Monitor`` of Stable-Baselines3 or the
+    ``RecordEpisodeStatistics`` of Gymnasium, ``info["episode"]["r"]`` becomes the sum of the
+    rewards that the learner was paid, ``info["episode"]["r_env"]`` that of the environment's.
 
     Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
     to [-clip, clip], and x the same before the step. The new reward is
@@ -175,6 +180,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         self._set_up(env, monitors, options, observe, 1)
         self._paying = [judge if self._whole else source for source, judge in monitors.values()]
         self._robustness = 0.0
+        self._return = np.float64(0.0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -183,6 +189,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         obs, info = self.env.reset(seed=seed, options=options)
         values = self._values()
         self._robustness = self._shaping.robustness(values)
+        self._return = np.float64(0.0)
         if self._watch is not None:
             self._watch.reset(_lane(values))
             self._warn_if_flat()
@@ -194,16 +201,18 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         paid = float(reward)
         values = self._values()
         before, self._robustness = self._robustness, self._shaping.robustness(values)
-        shaped = self._shaping.reward(
-            paid, before, self._robustness, terminated, terminated or truncated
-        )
+        ended = terminated or truncated
+        shaped = np.float64(self._shaping.reward(paid, before, self._robustness, terminated, ended))
+        self._return += shaped
         info = {**info, "reward": np.float64(paid)}
+        if ended:
+            put_return(info, self._return)
         if self._watch is not None:
-            self._watch.step(_lane(values), np.array([terminated or truncated]))
+            self._watch.step(_lane(values), np.array([ended]))
             self._warn_if_flat()
         if self._state is not None:
             obs = self._observed(obs, self._monitor.values())
-        return obs, np.float64(shaped), terminated, truncated, info
+        return obs, shaped, terminated, truncated, info
 
     @property
     def samples(self) -> int:

@@ -162,7 +162,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             cost=cost,
             buffer_length=buffer_length,
         )
-        given = {"specs": recordable(specs), "signals": signals, **options}
+        given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         VectorWrapper.__init__(self, env)
         loaded = self._set_up(env, specs, signals, options, read_period)

@@ -18,6 +18,7 @@ from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.observing import Observe
+from rtamt_gym.wrappers.returns import put_returns
 from rtamt_gym.wrappers.rewarding import Rewarding, ShapingOptions, find_or_make
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 
@@ -95,6 +96,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         VectorWrapper.__init__(self, env)
         self._set_up(env, self._monitor.monitors, options, observe, env.num_envs)
         self._robustness = np.zeros(env.num_envs)
+        self._returns = np.zeros(env.num_envs)
 
     def reset(
         self,
@@ -107,6 +109,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
         values = self._monitor.values()
         self._robustness = self._potential(values)
+        self._returns[slice(None) if mask is None else mask] = 0.0
         if self._watch is not None:
             self._watch.reset(self._paying(values), mask)
             self._warn_if_flat()
@@ -126,12 +129,14 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         shaped = self._shaping.reward(
             paid, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
         )
+        self._returns += shaped
         infos = dict(infos)
         if last is now:
             self._robustness = after
             begun = self._monitor.begun
             if begun is not None:
                 shaped = np.where(begun, paid, shaped)
+                self._returns[begun] = 0.0
             put(infos, "reward", paid, None if begun is None else ~begun, self.num_envs)
         else:
             self._robustness = self._potential(now)
@@ -139,6 +144,10 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             put(infos["final_info"], "reward", paid, ended, self.num_envs)
             put(infos, "reward", paid, ~ended, self.num_envs)
             self._observed_last(infos, last, ended)
+            put_returns(infos["final_info"], self._returns, ended)
+        if ended.any():
+            put_returns(infos, self._returns, ended)
+            self._returns[ended] = 0.0
         if self._watch is not None:
             self._watch.step(self._paying(last), ended)
             if last is not now:
