@@ -1,158 +1,145 @@
-"""Stable-Baselines3 takes what the wrappers give."""
+"""Stable-Baselines3's own functions read the wrappers; the program is that of docs/learners.md."""
 
 from __future__ import annotations
 
 import csv
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from environments import CASES, Env
+from programs import BOUND, LIMIT, Ride, run, watched
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv, VecNormalize
 
 from rtamt_gym import StlMonitor, StlReward
-from rtamt_gym.simulation.policies import policy_of
-
-KEYS = ("robustness", "stl_lower", "stl_upper", "stl_violated", "cost", "reward")
-"""The keys that every last info has."""
 
 
-def shaped(**arguments: Any) -> Env:  # noqa: ANN401
-    return StlReward(
-        gym.make("CartPole-v1", max_episode_steps=60),
-        {"upright": "always(abs(theta) < 0.2)", "near": "eventually[0:0.4](abs(x) < 1)"},
-        {"theta": "obs[2]", "x": "obs[0]"},
-        cost="first",
-        **{"mode": "potential", "observe": "state", **arguments},
+def monitored(count: int, wrapper: type = StlMonitor, **arguments: Any) -> VecEnv:  # noqa: ANN401
+    more = {key: arguments.pop(key) for key in ("vec_env_cls", "seed") if key in arguments}
+    chosen = {
+        "specs": "always(abs(x) < 0.12)",
+        "signals": {"x": "obs[0]"},
+        "at_termination": "failure",
+        "cost": "violation",
+    }
+    return make_vec_env(
+        "CartPole-v1",
+        n_envs=count,
+        env_kwargs={"max_episode_steps": LIMIT},
+        wrapper_class=wrapper,
+        wrapper_kwargs={**chosen, **arguments},
+        **more,
     )
 
 
-# The checker wants the reward of a goal environment from compute_reward, which knows no past.
-STEPWISE = [case for case in CASES if "parking" not in case.env_id]
+def learner(envs: VecEnv) -> Any:  # noqa: ANN401
+    return PPO(
+        "MlpPolicy", envs, n_steps=128, n_epochs=1, seed=1, device="cpu", stats_window_size=10_000
+    )
 
 
-@pytest.mark.parametrize("case", STEPWISE, ids=lambda case: case.env_id.split(":")[-1])
-@pytest.mark.filterwarnings("ignore::UserWarning")  # advice about environments that are not ours
-def test_its_checker_finds_no_fault(case: Any) -> None:  # noqa: ANN401
-    from stable_baselines3.common.env_checker import check_env
-
-    env = StlReward(case.bare(), case.specs, case.signals, mode="add")
-    check_env(env, skip_render_check=True)
-    if len(env.observation_space.shape or ()) < 2:
-        check_env(StlReward(env, mode="add", observe="state"), skip_render_check=True)
+def robustness_reward(ride: Ride) -> float:
+    """What ``StlReward`` adds in an episode: after each step the least margin so far."""
+    return sum(list(accumulate(ride.margins, min))[1:])
 
 
-def test_its_monitor_writes_the_flat_keys_of_every_episode(tmp_path: Path) -> None:
-    from stable_baselines3.common.monitor import Monitor
-
-    path = tmp_path / "run.monitor.csv"
-    env = Monitor(shaped(on_violation="report"), str(path), info_keywords=KEYS)
-    lasts = []
-    for seed in range(3):
-        env.reset(seed=seed)
-        env.action_space.seed(seed)
-        ended = False
-        while not ended:
-            _, _, terminated, truncated, info = env.step(env.action_space.sample())
-            ended = terminated or truncated
-        assert {key: info["episode"][key] for key in KEYS} == {key: info[key] for key in KEYS}
-        lasts.append(info)
-    env.close()
-    with path.open(encoding="utf-8") as file:
-        file.readline()
-        rows = list(csv.DictReader(file))
-    for row, info in zip(rows, lasts, strict=True):
-        assert float(row["robustness"]) == info["robustness"]
-        assert row["stl_violated"] == str(info["stl_violated"])
-        assert float(row["cost"]) == info["cost"]
+def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) -> None:
+    program, rides = run("Stable-Baselines3", tmp_path)
+    trained = rides.ended(early=True, within=program["envs"])
+    model = program["model"]
+    assert list(model.ep_success_buffer) == [ride.success for ride in trained][-100:]
+    assert [book["l"] for book in model.ep_info_buffer] == [ride.steps for ride in trained][-100:]
+    evaluated = rides.ended(early=True, within=program["test_envs"])
+    successes = np.load(tmp_path / "runs" / "evaluations.npz")["successes"]
+    assert len(successes) == 2
+    *_, last = rounds = [evaluated[at : at + 20] for at in range(0, len(evaluated), 20)]
+    assert successes.tolist() == [[ride.success for ride in found] for found in rounds[:-1]]
+    assert program["returns"] == program["lengths"] == [ride.steps for ride in last]
+    assert 0 < successes.sum() < successes.size
 
 
-@pytest.mark.parametrize("kind", ["box", "dictionary"])
-def test_a_learner_trains_on_the_state_of_the_monitor_and_counts_successes(kind: str) -> None:
-    from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import DummyVecEnv
-
-    def make() -> Env:
-        if kind == "box":
-            return shaped(mode="terminal")
-        env = gym.make("highway_env:parking-v0", config={"duration": 10})
-        return StlReward(
-            env,
-            "eventually[0:2](abs(x - goal_x) < 0.5)",
-            {"x": "obs['achieved_goal'][0]", "goal_x": "obs['desired_goal'][0]"},
-            mode="add",
-            observe="state",
-            on_violation="truncate",
-            cost="latched",
+def test_the_success_rate_that_is_logged_is_that_of_a_hand_count(tmp_path: Path) -> None:
+    with watched() as rides:
+        envs, test_envs = monitored(2, seed=1), monitored(1, seed=2)
+        model = learner(envs)
+        model.set_logger(configure(str(tmp_path), ["csv"]))
+        callback = EvalCallback(
+            test_envs, n_eval_episodes=40, eval_freq=128, deterministic=False, verbose=0
         )
+        model.learn(256, callback=callback)
+        model.logger.close()
+    evaluated = rides.ended(early=True, within=test_envs)
+    with (tmp_path / "progress.csv").open(encoding="utf-8") as file:
+        logged = [row["eval/success_rate"] for row in csv.DictReader(file)]
+    (rate,) = filter(None, logged)
+    assert float(rate) == sum(ride.success for ride in evaluated) / 40
+    assert 0 < float(rate) < 1
 
-    from stable_baselines3.common.monitor import Monitor
 
-    envs = DummyVecEnv([lambda: Monitor(make(), info_keywords=KEYS) for _ in range(2)])
-    policy = "MlpPolicy" if kind == "box" else "MultiInputPolicy"
-    learner = PPO(policy, envs, n_steps=64, batch_size=32, n_epochs=1, seed=1, device="cpu")
-    learner.learn(256)
-    assert set(KEYS) <= learner.ep_info_buffer[-1].keys()
-    # Successes and failures that are certain, out of all the episodes that ended.
-    assert set(learner.ep_success_buffer) <= {True, False}
-    assert len(learner.ep_success_buffer) > 0
+@pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])
+@pytest.mark.parametrize("wrapper", [StlMonitor])
+def test_every_episode_is_counted_once_with_the_reward_of_the_learner(
+    wrapper: type, on_violation: str
+) -> None:
+    arguments: dict[str, Any] = {"mode": "add"} if wrapper is StlReward else {}
+    with watched() as rides:
+        envs = monitored(3, wrapper, on_violation=on_violation, seed=1, **arguments)
+        model = learner(envs)
+        model.learn(1500)
+        trained = rides.ended(early=on_violation != "report", within=envs)
+        rewards, lengths = evaluate_policy(
+            model, envs, n_eval_episodes=30, deterministic=False, return_episode_rewards=True
+        )
+    assert len(trained) > 80
+    assert any(ride.outside for ride in trained)
+    books = list(model.ep_info_buffer)
+    expected = [
+        ride.steps + (robustness_reward(ride) if wrapper is StlReward else 0) for ride in trained
+    ]
+    assert [book["l"] for book in books] == [ride.steps for ride in trained]
+    assert [book["r"] for book in books] == pytest.approx(expected, abs=2e-6)
+    assert list(model.ep_success_buffer) == [ride.success for ride in trained]
+    assert (len(rewards), len(lengths)) == (30, 30)
+
+
+def test_processes_of_their_own_give_the_same_infos() -> None:
+    envs = monitored(2, seed=1, vec_env_cls=SubprocVecEnv)
+    observations: Any = envs.reset()
+    rng = np.random.default_rng(1)
+    margins = [[BOUND - abs(float(row[0]))] for row in observations]
+    ends = 0
+    while ends < 60:
+        observations, rewards, dones, infos = envs.step(rng.integers(2, size=2))
+        for index, (done, info) in enumerate(zip(dones, infos, strict=True)):
+            row = info["terminal_observation"] if done else observations[index]
+            margins[index].append(BOUND - abs(float(row[0])))
+            assert info["robustness"] == min(margins[index])
+            assert info["cost"] == float(margins[index][-1] <= 0)
+            if done:
+                # A step that ends in time with an upright pole, and inside.
+                upright = abs(row[2]) <= 12 * np.pi / 180
+                assert info["is_success"] == (upright and min(margins[index]) > 0)
+                assert info["episode"]["l"] == len(margins[index]) - 1
+                margins[index] = [BOUND - abs(float(observations[index][0]))]
+                ends += 1
+    assert rewards.shape == (2,)
+    model = learner(envs).learn(256)
+    assert len(evaluate_policy(model, envs, 4, return_episode_rewards=True)[0]) == 4
     envs.close()
 
 
-def test_a_truncation_by_the_monitor_is_a_time_limit_to_a_learner() -> None:
-    from stable_baselines3.common.vec_env import DummyVecEnv
-
-    envs = DummyVecEnv(
-        [
-            lambda: StlMonitor(
-                gym.make("CartPole-v1"),
-                "always(abs(theta) < 0.1)",
-                {"theta": "obs[2]"},
-                on_violation="truncate",
-            )
-        ]
-    )
-    envs.seed(3)
-    envs.reset()
-    done = False
-    while not done:
-        _, _, dones, infos = envs.step(np.array([1]))
-        done = bool(dones[0])
-    assert infos[0]["TimeLimit.truncated"] is True
-    assert infos[0]["stl_violated_by"] == "spec"
-    assert abs(infos[0]["terminal_observation"][2]) >= 0.1
-    envs.close()
-
-
-@pytest.mark.parametrize("name", ["A2C", "PPO", "DQN", "SAC", "TD3", "DDPG"])
-def test_a_saved_model_acts_on_the_command_line_as_it_predicts(name: str, tmp_path: Path) -> None:
-    import stable_baselines3
-
-    env = gym.make("Pendulum-v1" if name in {"SAC", "TD3", "DDPG"} else "CartPole-v1")
-    replay = {"buffer_size": 50} if name in {"DQN", "SAC", "TD3", "DDPG"} else {}
-    model = getattr(stable_baselines3, name)("MlpPolicy", env, seed=3, device="cpu", **replay)
-    model.save(tmp_path / "best")
-    act = policy_of(f"sb3:{tmp_path / 'best.zip'}", env)(0)
-    env.observation_space.seed(5)
-    for _ in range(20):
-        obs = np.clip(env.observation_space.sample(), -5, 5)
-        assert np.array_equal(act(obs), model.predict(obs, deterministic=True)[0])
-
-
-def test_a_saved_model_that_learned_from_goals_needs_no_memory_to_act(tmp_path: Path) -> None:
-    from stable_baselines3 import SAC, HerReplayBuffer
-
-    env = gym.make("highway_env:parking-v0")
-    model = SAC(
-        "MultiInputPolicy",
-        env,
-        buffer_size=50,
-        replay_buffer_class=HerReplayBuffer,
-        replay_buffer_kwargs={"n_sampled_goal": 2},
-        seed=1,
-        device="cpu",
-    )
-    model.save(tmp_path / "goals")
-    obs, _ = env.reset(seed=1)
-    assert env.action_space.contains(policy_of(f"sb3:{tmp_path / 'goals'}", env)(0)(obs))
+def test_normalized_rewards_leave_the_books_as_they_are() -> None:
+    with watched() as rides:
+        inner = monitored(2, seed=1)
+        model = learner(VecNormalize(inner))
+        model.learn(600)
+    trained = rides.ended(early=True, within=inner)
+    assert [book["r"] for book in model.ep_info_buffer] == [ride.steps for ride in trained]
+    assert list(model.ep_success_buffer) == [ride.success for ride in trained]
+    assert 0 < sum(model.ep_success_buffer) < len(trained)

@@ -1,0 +1,64 @@
+"""RLlib's env runners read what the wrappers give; the program is that of docs/learners.md."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from programs import Rides, run, watched
+
+
+@pytest.fixture(scope="module")
+def program_and_rides() -> Iterator[tuple[dict[str, Any], Rides]]:
+    # Ray writes to the home and to a folder of its own, whose path has to be short for sockets.
+    with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", folder)
+        patch.setenv("RAY_TMPDIR", folder)
+        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+        yield run("RLlib", Path(folder))
+
+
+def test_the_metrics_of_training_are_those_of_a_hand_count(
+    program_and_rides: tuple[dict[str, Any], Rides],
+) -> None:
+    import ray
+
+    program, rides = program_and_rides
+    assert not ray.is_initialized()
+    ended, result = rides.ended(early=False), program["result"]
+    assert result["num_episodes"] == len(ended)
+    assert result["success_rate"] == pytest.approx(mean(ride.success for ride in ended))
+    assert result["cost"] == pytest.approx(mean(ride.outside for ride in ended))
+    assert result["robustness"] == pytest.approx(mean(min(ride.margins) for ride in ended))
+    assert 0 < result["success_rate"] < 1
+
+
+def mean(values: Iterator[float]) -> float:
+    numbers = list(values)
+    return sum(numbers) / len(numbers)
+
+
+@pytest.mark.filterwarnings("ignore:.*Overriding environment rllib:UserWarning")
+def test_the_infos_of_an_episode_are_those_of_the_wrapper(
+    program_and_rides: tuple[dict[str, Any], Rides],
+) -> None:
+    from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
+    from ray.tune.registry import register_env
+
+    program, _ = program_and_rides
+    register_env("monitored-cart", program["make_env"])
+    with watched() as rides:
+        runner = SingleAgentEnvRunner(config=program["config"])
+        episodes: list[Any] = runner.sample(num_episodes=12, random_actions=True)
+        runner.stop()
+    ended = rides.ended(early=False)
+    for episode, ride in zip(episodes, ended, strict=True):
+        infos = episode.get_infos()
+        assert [info["robustness"] for info in infos] == [
+            min(ride.margins[: sample + 1]) for sample in range(ride.steps + 1)
+        ]
+        assert sum(info["cost"] for info in infos[1:]) == ride.outside
+        assert "cost" not in infos[0]
+        assert infos[-1]["is_success"] == ride.success
+        assert not any("is_success" in info for info in infos[:-1])

@@ -1,0 +1,51 @@
+"""The page on learners and the groups of their tests: neither has what the other lacks."""
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import pytest
+from paths import ROOT
+from programs import headings, run, watched
+
+GROUPS = ROOT / "tests" / "learners"
+
+
+def test_every_program_of_the_page_is_run_by_a_test() -> None:
+    texts = [path.read_text(encoding="utf-8") for path in GROUPS.glob("test_*.py")]
+    texts.append(Path(__file__).read_text(encoding="utf-8"))
+    run_by = {heading: sum(f'run("{heading}"' in text for text in texts) for heading in headings()}
+    assert len(run_by) > 5
+    assert set(run_by.values()) == {1}
+
+
+def test_every_test_of_a_learner_belongs_to_a_group() -> None:
+    groups = {path.stem for path in GROUPS.glob("*.txt")}
+    assert len(groups) > 4
+    names = [path.stem.removeprefix("test_") for path in GROUPS.glob("test_*.py")]
+    assert [sum(name.startswith(group) for group in groups) for name in names] == [1] * len(names)
+    assert all(any(name.startswith(group) for name in names) for group in groups)
+
+
+def test_the_order_of_wrappers_counts_episodes_and_rewards_as_the_learner_gets_them(
+    tmp_path: Path,
+) -> None:
+    program, _ = run("The order of wrappers", tmp_path)
+    env: gym.Env[Any, Any] = program["env"]
+    env.action_space.seed(1)
+    found = []
+    with watched() as rides:
+        for seed in range(40):
+            assert env.observation_space.contains(env.reset(seed=seed)[0])
+            done, total, cost = False, 0.0, 0.0
+            while not done:
+                _, reward, terminated, truncated, info = env.step(env.action_space.sample())
+                done = terminated or truncated
+                total += float(reward)
+                cost += info["cost"]
+            assert info["episode"]["r"] == pytest.approx(total)
+            found.append((info["episode"]["l"], info["is_success"], cost))
+    ended = rides.ended(early=True)
+    assert found == [(ride.steps, ride.success, ride.outside) for ride in ended]
+    assert {ride.success for ride in ended} == {False, True}
+    assert max(cost for _, _, cost in found) == 1

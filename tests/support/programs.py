@@ -1,0 +1,126 @@
+"""The programs of docs/learners.md, and what was seen inside of the environment that they ride."""
+
+from __future__ import annotations
+
+import runpy
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import pytest
+from gymnasium.envs.classic_control import CartPoleEnv
+from pages import blocks
+from paths import ROOT
+
+PAGE = ROOT / "docs" / "learners.md"
+
+BOUND, LIMIT = 0.12, 20
+"""The programs ride for 20 steps at most, under ``always(abs(x) < 0.12)``."""
+
+
+@dataclass(eq=False)
+class Ride:
+    """An episode of CartPole: its positions, that of reset first, and whether the pole fell."""
+
+    env: Any
+    positions: list[float]
+    fell: bool = False
+    last_step: int = 0
+    """The number of the newest step, over all environments."""
+
+    @property
+    def steps(self) -> int:
+        return len(self.positions) - 1
+
+    @property
+    def margins(self) -> list[float]:
+        return [BOUND - abs(x) for x in self.positions]
+
+    @property
+    def outside(self) -> int:
+        """Steps after which the cart is outside."""
+        return sum(margin <= 0 for margin in self.margins[1:])
+
+    @property
+    def success(self) -> bool:
+        """Inside all the time, and no fall."""
+        return not self.fell and min(self.margins) > 0
+
+
+@dataclass
+class Rides:
+    """All episodes of CartPole in this process."""
+
+    started: list[Ride] = field(default_factory=list)
+    steps: int = 0
+
+    def ended(self, *, early: bool, limit: int = LIMIT, within: object = None) -> list[Ride]:
+        """Those that came to their end, in the order of their ends.
+
+        Args:
+            early: Whether the first step outside is an end.
+            limit: The steps after which an episode ends.
+            within: A vector environment of Stable-Baselines3: its episodes alone.
+        """
+        envs: Any = None if within is None else within.get_attr("unwrapped")  # type: ignore[attr-defined]
+        ended = [
+            ride
+            for ride in self.started
+            if (ride.fell or ride.steps == limit or (early and ride.outside))
+            and (envs is None or any(ride.env is env for env in envs))
+        ]
+        return sorted(ended, key=lambda ride: ride.last_step)
+
+
+@contextmanager
+def watched() -> Iterator[Rides]:
+    """Watches every CartPole: what its own ``reset`` and ``step`` return."""
+    rides = Rides()
+    reset: Any = CartPoleEnv.reset
+    step: Any = CartPoleEnv.step
+
+    @wraps(reset)  # Gymnasium looks at its parameters
+    def watched_reset(env: Any, **arguments: Any) -> Any:  # noqa: ANN401
+        result = reset(env, **arguments)
+        env.ride = Ride(env, [float(result[0][0])])
+        rides.started.append(env.ride)
+        return result
+
+    def watched_step(env: Any, action: Any) -> Any:  # noqa: ANN401
+        result = step(env, action)
+        rides.steps += 1
+        env.ride.last_step = rides.steps
+        env.ride.positions.append(float(result[0][0]))
+        env.ride.fell = bool(result[2])
+        return result
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(CartPoleEnv, "reset", watched_reset)
+        patch.setattr(CartPoleEnv, "step", watched_step)
+        yield rides
+
+
+def headings() -> list[str]:
+    """The headings of the page that have a program."""
+    sections = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
+    return [section.partition("\n")[0] for section in sections if "```python" in section]
+
+
+def run(heading: str, folder: Path) -> tuple[dict[str, Any], Rides]:
+    """Runs the program under a heading, as a script in a folder.
+
+    Returns:
+        What the program names, and the rides.
+    """
+    text = PAGE.read_text(encoding="utf-8")
+    (section,) = (part for part in text.split("\n## ") if part.startswith(f"{heading}\n"))
+    page, script = folder / "section.md", folder / "program.py"
+    page.write_text(section, encoding="utf-8")
+    (program,) = blocks(page, "python")
+    script.write_text(program, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch, watched() as rides:
+        patch.chdir(folder)
+        return runpy.run_path(str(script), run_name="__main__"), rides
