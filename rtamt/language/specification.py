@@ -105,15 +105,27 @@ class Specification:
 
     def always(self) -> Specification:
         """The same requirement on every instant: ``always`` of the result."""
-        named = self._result_name
-        lasting = replace(
-            self,
-            formula=self.formula.always(),
-            positions={},
-            uses=self.uses if named is None else {**self.uses, "": (named,)},
-            requirement=None,
-        )
-        return replace(lasting, text=str(lasting))
+        return self.with_result(self.formula.always())
+
+    def with_result(self, formula: Formula) -> Specification:
+        """The same declarations and formulas with another result, such as a part of this one.
+
+        Its text is the canonical one, so that errors name the node and show no place.
+
+        Example:
+            >>> from rtamt import parse
+            >>> spec = parse("input float x; always(x > 0) and always(x < 9)")
+            >>> print(spec.with_result(spec.formula.args[1]))
+            input float x
+            always(x < 9)
+        """
+        uses, named = dict(self.uses), self._result_name
+        if self.formula not in formula.nodes():
+            uses.pop("", None)
+        elif named is not None:
+            uses[""] = (named,)
+        other = replace(self, formula=formula, positions={}, uses=uses, requirement=None)
+        return replace(other, text=str(other))
 
     @cached_property
     def title(self) -> str | None:

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, TypeVar, cast
 
 import numpy as np
@@ -80,7 +80,7 @@ def demands_of(
     for name, spec in specs.items():
         parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
         for part in parts:
-            demand = _demand(name, replace(spec, formula=part), view, period, align)
+            demand = _demand(name, spec.with_result(part), view, period, align)
             if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
@@ -103,7 +103,7 @@ def _demand(
             break  # a window of every instant is part of what is demanded of it
         first, last = first + begin, end
         (operand,) = _operands(spec.formula)
-        spec = replace(spec, formula=operand)
+        spec = spec.with_result(operand)
         if end is not None:
             break
     return Demand(name, spec, first, last)
