@@ -13,6 +13,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "highway_env": "highway",
     "matplotlib": "plot",
     "pyarrow": "parquet",
+    "pandas": "pandas",
     "fmpy": "fmi",
 }
 """The extra that installs each optional package."""

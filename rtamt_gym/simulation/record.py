@@ -10,14 +10,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import Verdict
+from rtamt import Specification, Verdict, parse
 from rtamt_gym.judges.interface import InterfaceOptions, Semantics, robustness_text
 from rtamt_gym.judges.specs import Align, View
 from rtamt_gym.tables import sample_text
 
-__all__ = ["Course", "Floats", "RunEnd", "RunRecord", "Stop"]
+__all__ = ["CURVES", "Course", "Floats", "RunEnd", "RunRecord", "Stop"]
 
 Floats = NDArray[np.float64]
+
+CURVES = ("robustness", "lower", "upper")
+"""The arrays of a course."""
 
 Stop = Literal["violation", "decided", "end"]
 """When to stop a run: at the first certain violation, also once every verdict is certain, or not
@@ -95,6 +98,11 @@ class Course(_ComparesArrays):
         return robustness_text(self.final, self.semantics, self.verdict, form)
 
     @property
+    def specification(self) -> Specification:
+        """The formula, read again."""
+        return parse(self.formula, unit=self.unit)
+
+    @property
     def interface(self) -> InterfaceOptions:
         """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
         return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
@@ -123,6 +131,17 @@ class RunRecord(_ComparesArrays):
     wall_time: float = field(compare=False)
     align: Align | None = None
     first_sample: int = 0
+
+    def columns(self) -> dict[str, Floats]:
+        """The run as a table: ``time``, the signals, and three columns for every specification.
+
+        These are ``robustness(NAME)``, ``lower(NAME)`` and ``upper(NAME)``. A signal named ``time``
+        takes the place of the times, which follow from the period.
+        """
+        columns = {"time": self.times, **self.signals}
+        for name, course in self.courses.items():
+            columns |= {f"{curve}({name})": getattr(course, curve) for curve in CURVES}
+        return columns
 
     @property
     def steps(self) -> int:

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rtamt
-from rtamt import InputError
+from rtamt import Explanation, InputError
+from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
+from rtamt_gym.judges.explanations import chosen, titled
 from rtamt_gym.judges.interface import InterfaceOptions
 from rtamt_gym.judges.specs import SpecsLike, load_specs
 from rtamt_gym.simulation.record import Floats, RunRecord
+
+if TYPE_CHECKING:  # it is optional
+    import pandas as pd
 
 __all__ = ["Run"]
 
@@ -82,18 +88,10 @@ class Run(RunRecord):
                 is None and the run has not recorded its episode from sample 0 on.
         """
         interfaces: dict[str, InterfaceOptions] = {}
-        if specs is None and self.first_sample:
-            raise InputError(
-                f"expected the samples of a whole episode, got those from sample "
-                f"{self.first_sample} on; replay(specs) takes sample {self.first_sample} for the "
-                "start of an episode"
-            )
         if specs is None:
+            self._check_whole("replay(specs)")
             interfaces = {name: course.interface for name, course in self.courses.items()}
-            specs = {
-                name: rtamt.parse(course.formula, unit=course.unit)
-                for name, course in self.courses.items()
-            }
+            specs = {name: course.specification for name, course in self.courses.items()}
         loaded = load_specs(specs)
         for name, spec in loaded.items():
             for variable in spec.variables:
@@ -113,6 +111,86 @@ class Run(RunRecord):
             )
             for name, spec in loaded.items()
         }
+
+    def explain(self, name: str | None = None, *, sample: int | None = None) -> Explanation:
+        """Which sub-formulas and samples decided the robustness of a specification of the run.
+
+        It is `rtamt.explain` of the recorded signals, under the semantics, the period and the
+        rounding of the run; ``print`` shows the way from the specification down to the sample.
+
+        Args:
+            name: The specification. None: the one that was violated first, or if none was the one
+                with the least robustness at the end.
+            sample: The sample at which the formula is explained, counted from 0. None: the whole
+                run, that is sample 0, and with ``view="step"`` the worst of all samples
+                (``always`` of the formula).
+
+        Raises:
+            InputError: If the run has no such specification or no such sample, or has not recorded
+                its episode from sample 0 on.
+
+        Example:
+            >>> from rtamt_gym import simulate
+            >>> levels = [{"level": x} for x in (1.0, 2.0, 4.0, 8.0)]
+            >>> specs = {"dry": "always(level < 3)", "fills": "eventually(level > 1)"}
+            >>> print(simulate(levels, specs, period=0.5).explain())
+            robustness -1 at 0 s, decided by level < 3 at 1 s
+            <BLANKLINE>
+             at  value  formula
+            0 s     -1  dry = always(level < 3)
+            1 s     -1  level < 3
+            1 s      4  level
+        """
+        self._check_whole("rtamt.explain(formula, run.signals, run.period)")
+        courses = self.courses
+        final = {each: course.final for each, course in courses.items()}
+        name = chosen(name, final, self.violated_by)
+        spec = courses[name].specification
+        explanation = rtamt.explain(
+            spec.always() if self.view == "step" and sample is None else spec,
+            self.signals,
+            self.period,
+            sample=0 if sample is None else sample,
+            n=self.steps + 1,
+            align=self.align,
+            **courses[name].interface,
+        )
+        return titled(explanation, name, spec.formula)
+
+    def to_frame(self) -> pd.DataFrame:
+        """The run as a data frame of pandas: a row for each sample, the columns as in `save`.
+
+        They are ``time``, the signals, and ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``
+        of every specification. The index is the number of the sample, so that
+        ``frame.loc[run.violated_at]`` is the row that showed the violation. Needs the extra
+        ``pandas``.
+
+        Example:
+            >>> from rtamt_gym import simulate
+            >>> levels = [{"level": x} for x in (1.0, 2.0, 4.0)]
+            >>> frame = simulate(levels, {"dry": "always(level < 3)"}, period=0.5).to_frame()
+            >>> frame[["time", "level", "robustness(dry)"]]
+                    time  level  robustness(dry)
+            sample
+            0        0.0    1.0              2.0
+            1        0.5    2.0              1.0
+            2        1.0    4.0             -1.0
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "Run.to_frame") from error
+        samples = pd.RangeIndex(self.first_sample, self.last_sample + 1, name="sample")
+        return pd.DataFrame(self.columns(), index=samples)
+
+    def _check_whole(self, way_out: str) -> None:
+        """Refuses a run that lacks the begin of its episode."""
+        if self.first_sample:
+            raise InputError(
+                f"expected the samples of a whole episode, got those from sample "
+                f"{self.first_sample} on; {way_out} takes sample {self.first_sample} for the "
+                "start of an episode"
+            )
 
     def plot(self, path: str | os.PathLike[str]) -> None:
         """Draws signals, robustness, bounds and verdicts into a file: .png, .svg, .pdf.

@@ -13,31 +13,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rtamt import InputError, Verdict
-from rtamt_gym.simulation.record import Course, Floats, RunRecord
+from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
 
 __all__ = ["load", "save"]
 
 _KEY = b"rtamt.run"
 """The key of the file's metadata under which everything but the arrays is kept, as JSON."""
 
-_CURVES = ("robustness", "lower", "upper")
-
 
 def save(run: RunRecord, path: Path) -> None:
-    """Writes a run.
-
-    Columns are ``time``, the signals, and ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``
-    for every specification. A signal named ``time`` takes the place of the times, which follow from
-    the period.
-    """
-    columns: dict[str, Floats] = {"time": run.times, **run.signals}
-    for name, course in run.courses.items():
-        columns |= {f"{curve}({name})": getattr(course, curve) for curve in _CURVES}
+    """Writes a run: its columns, and all else as metadata."""
     kept = {each.name: getattr(run, each.name) for each in fields(run)} | {
         "signals": list(run.signals),
         "courses": {
             name: {each.name: getattr(course, each.name) for each in fields(course)}
-            | dict.fromkeys(_CURVES)
+            | dict.fromkeys(CURVES)
             # Text, because JSON has no infinities.
             | {"final": repr(course.final), "verdict": course.verdict.name}
             for name, course in run.courses.items()
@@ -45,7 +35,7 @@ def save(run: RunRecord, path: Path) -> None:
         "period": None if run.period is None else str(run.period),
     }
     metadata = {_KEY: json.dumps(kept, allow_nan=False)}
-    table = pa.table({name: np.asarray(values) for name, values in columns.items()})
+    table = pa.table({name: np.asarray(values) for name, values in run.columns().items()})
     pq.write_table(table.replace_schema_metadata(metadata), path)
 
 
@@ -73,7 +63,7 @@ def load(path: Path) -> dict[str, Any]:
         "courses": {
             name: Course(
                 **course
-                | {curve: column(f"{curve}({name})") for curve in _CURVES}
+                | {curve: column(f"{curve}({name})") for curve in CURVES}
                 | {"final": float(course["final"]), "verdict": Verdict[course["verdict"]]}
                 | {key: tuple(course.get(key, ())) for key in ("inputs", "outputs")}
             )
