@@ -10,7 +10,7 @@ that the learner sees.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 
@@ -25,11 +25,11 @@ class Books:
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
-        self._keepers: list[tuple[Any, Any]] = []
+        self._keepers: list[tuple[Any, _Kind]] = []
         while isinstance(env, gym.Wrapper):
-            attributes, forget = _KEEPERS.get(type(env).__name__, ((), None))
-            if forget is not None and all(hasattr(env, name) for name in attributes):
-                self._keepers.insert(0, (env, forget))  # the innermost first, as in a step
+            kind = _KINDS.get(type(env).__name__)
+            if kind is not None and all(hasattr(env, name) for name in kind.attributes):
+                self._keepers.insert(0, (env, kind))  # the innermost first, as in a step
             env = env.env
 
     def close(self, terminated: bool, truncated: bool, info: dict[str, Any]) -> None:  # noqa: FBT001 - as Gymnasium has them
@@ -37,14 +37,21 @@ class Books:
 
         Adds what they say, ``"episode"``, to the info.
         """
-        for keeper, forget in self._keepers:
+        for keeper, kind in self._keepers:
             inside = keeper.env
-            keeper.env = _LastStep(forget(keeper), terminated, truncated, info)
+            keeper.env = _LastStep(kind.forget(keeper), terminated, truncated, info)
             try:
                 *_, said = keeper.step(None)
             finally:
                 keeper.env = inside
             info.update(said)
+
+    def pay(self, paid: float) -> None:
+        """Corrects the return of the last episode in the books: what the learner was paid."""
+        for keeper, kind in self._keepers:
+            returns = getattr(keeper, kind.returns)
+            if returns:  # a queue may be of length 0
+                returns[-1] = paid
 
 
 class _LastStep:
@@ -70,8 +77,26 @@ def _forget_in_statistics(statistics: gym.wrappers.RecordEpisodeStatistics[Any, 
     return 0.0
 
 
-_KEEPERS: dict[str, tuple[tuple[str, ...], Callable[[Any], float]]] = {
-    "Monitor": (("rewards", "total_steps"), _forget_in_monitor),
-    "RecordEpisodeStatistics": (("episode_lengths",), _forget_in_statistics),
+class _Kind(NamedTuple):
+    """A class of wrappers that count.
+
+    Attributes:
+        attributes: The names of attributes by which it is known.
+        returns: The name of the sequence of the returns of episodes.
+        forget: Takes the last step out of the books; returns the reward to be shown once more.
+    """
+
+    attributes: tuple[str, ...]
+    returns: str
+    forget: Callable[[Any], float]
+
+
+_KINDS = {
+    "Monitor": _Kind(
+        ("rewards", "total_steps", "episode_returns"), "episode_returns", _forget_in_monitor
+    ),
+    "RecordEpisodeStatistics": _Kind(
+        ("episode_lengths", "return_queue"), "return_queue", _forget_in_statistics
+    ),
 }
-"""By the name of its class, the attributes of a wrapper that counts, and what forgets a step."""
+"""By the name of the class."""

@@ -17,18 +17,20 @@ from rtamt_gym.signals.columns import Floats, Lanes
 __all__ = ["put_return", "put_returns"]
 
 
-def put_return(info: dict[str, Any], paid: float) -> None:
-    """Puts the return into the last info of an episode, if statistics are there.
+def put_return(info: dict[str, Any], paid: float) -> bool:
+    """Puts the return into the last info of an episode; returns whether statistics are there.
 
     Example:
         >>> info = {"episode": {"r": 12.0, "l": 12}}
         >>> put_return(info, 3.5)
+        True
         >>> info
         {'episode': {'r': 3.5, 'l': 12, 'r_env': 12.0}}
     """
     episode = _statistics(info)
     if episode is not None:
         info["episode"] = _paid(episode, paid)
+    return episode is not None
 
 
 def put_returns(infos: dict[str, Any], paid: Floats, ended: Lanes) -> None:

@@ -14,6 +14,7 @@ from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.columns import Floats
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.observing import Observe
@@ -38,7 +39,9 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
     Where a wrapper inside counts episodes, such as the ``Monitor`` of Stable-Baselines3 or the
     ``RecordEpisodeStatistics`` of Gymnasium, ``info["episode"]["r"]`` becomes the sum of the
-    rewards that the learner was paid, ``info["episode"]["r_env"]`` that of the environment's.
+    rewards that the learner was paid, and so does the return of the episode in the wrapper;
+    ``info["episode"]["r_env"]`` is that of the environment's. A file that the ``Monitor`` writes
+    holds the environment's.
 
     Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
     to [-clip, clip], and x the same before the step. The new reward is
@@ -181,6 +184,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         self._paying = [judge if self._whole else source for source, judge in monitors.values()]
         self._robustness = 0.0
         self._return = np.float64(0.0)
+        self._books = Books(env)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -205,8 +209,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         shaped = np.float64(self._shaping.reward(paid, before, self._robustness, terminated, ended))
         self._return += shaped
         info = {**info, "reward": np.float64(paid)}
-        if ended:
-            put_return(info, self._return)
+        if ended and put_return(info, self._return):
+            self._books.pay(self._return)
         if self._watch is not None:
             self._watch.step(_lane(values), np.array([ended]))
             self._warn_if_flat()

@@ -34,6 +34,9 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     step that resets an environment, in the autoreset mode ``NEXT_STEP``, pays what the vector
     environment pays: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode
     is in ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
+    Where a wrapper inside counts episodes, of each environment or of all, ``infos["episode"]`` has
+    ``r`` and ``r_env`` as in :class:`StlReward`; what that wrapper keeps stays as it is.
+
     The warning about a ``clip`` that flattens counts the first 10 episodes that end, in whichever
     environments, and the samples of all until then.
 

@@ -8,48 +8,14 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.wrappers import RecordEpisodeStatistics
-from replay import Replay, X, run
+from keepers import Fresh, Monitor
+from replay import X, run
 
 from rtamt_gym import StlMonitor
 from rtamt_gym.wrappers.monitoring import OnViolation
 
 # Ends by itself, is violated at sample 2, is violated at the sample that ends it.
 EPISODES = [[3, 3, 3], [3, 3, 0, 3, 3], [3, 3, 0], [3, 0, 3]]
-
-
-class Fresh(Replay):
-    """Gives a new info at every step, which those that count write into."""
-
-    def step(self, action: object) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        *rest, info = super().step(action)
-        return *rest, dict(info)
-
-
-class Monitor(gym.Wrapper[Any, Any, Any, Any]):
-    """Keeps the books of Stable-Baselines3's `Monitor`, in its attributes."""
-
-    def __init__(self, env: gym.Env[Any, Any]) -> None:
-        super().__init__(env)
-        self.rewards: list[float] = []
-        self.needs_reset = True
-        self.total_steps = 0
-        self.rows: list[dict[str, Any]] = []
-
-    def reset(self, **arguments: Any) -> tuple[Any, dict[str, Any]]:  # noqa: ANN401
-        self.rewards, self.needs_reset = [], False
-        return self.env.reset(**arguments)
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:  # noqa: ANN401
-        assert not self.needs_reset
-        obs, reward, terminated, truncated, info = self.env.step(action)
-        self.rewards.append(float(reward))
-        if terminated or truncated:
-            self.needs_reset = True
-            row = {"r": sum(self.rewards), "l": len(self.rewards)}
-            self.rows.append(row)
-            info = {**info, "episode": row}
-        self.total_steps += 1
-        return obs, reward, terminated, truncated, info
 
 
 def played(env: gym.Env[Any, Any], replay: Fresh) -> list[dict[str, Any]]:

@@ -1,0 +1,195 @@
+"""Statistics of episodes inside of a reward say what the learner was paid."""
+
+from __future__ import annotations
+
+import functools
+import pickle
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import RecordEpisodeStatistics, TimeLimit
+from gymnasium.wrappers.vector import RecordEpisodeStatistics as RecordStatistics
+from keepers import Fresh, Monitor
+from replay import X
+from vector_environments import MODES, Envs, Make, difference, sync
+
+from rtamt_gym import StlReward, VectorStlReward
+
+Env = gym.Env[Any, Any]
+ACTION = np.array([0.5])
+
+
+def returns(keeper: Any) -> list[float]:  # noqa: ANN401
+    held = keeper.episode_returns if isinstance(keeper, Monitor) else keeper.return_queue
+    return list(held)
+
+
+keepers = pytest.mark.parametrize("keeper", [Monitor, RecordEpisodeStatistics])
+SERIES = [3.0, 1.5, 4.0, 0.25, 9.0, 2.0]
+
+
+def shaped(env: Env, **options: Any) -> StlReward[Any, Any]:  # noqa: ANN401
+    given = {"mode": "add", "clip": 9.0, "on_violation": "report", **options}
+    return StlReward(env, "always(x > 1)", X, **given)
+
+
+def play(env: Env) -> tuple[float, float, dict[str, Any]]:
+    """The sums of the rewards of an episode, shaped and the environment's, and its last info."""
+    env.reset(seed=1)
+    paid = own = 0.0
+    while True:
+        _, reward, terminated, truncated, info = env.step(ACTION)
+        paid, own = paid + float(reward), own + info["reward"]
+        if terminated or truncated:
+            return paid, own, info
+        assert "episode" not in info
+
+
+@keepers
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+@pytest.mark.parametrize("mode", ["add", "replace", "potential", "terminal"])
+def test_statistics_inside_say_what_was_paid(
+    mode: str, end: str, keeper: Callable[[Env], Env]
+) -> None:
+    books = keeper(Fresh(SERIES, end))
+    env = shaped(books, mode=mode)
+    for episode in range(1, 4):
+        paid, own, info = play(env)
+        assert paid != own
+        found = info["episode"]
+        assert (found["r"], found["r_env"], found["l"]) == (paid, own, 5)
+        assert type(found["r"]) is np.float64
+        assert returns(books) == [paid] * episode
+
+
+@keepers
+def test_an_episode_that_the_monitor_ends_is_counted_once(keeper: Callable[[Env], Env]) -> None:
+    for how in ("terminate", "truncate"):
+        books = keeper(Fresh(SERIES))
+        env = shaped(books, on_violation=how)
+        for episode in range(1, 4):
+            paid, own, info = play(env)
+            found = info["episode"]
+            assert (found["r"], found["r_env"], found["l"]) == (paid, own, 3)
+            assert own == 1 + 2 + 3
+            assert returns(books) == [paid] * episode
+
+
+@keepers
+def test_statistics_between_the_monitor_and_the_reward_count_too(
+    keeper: Callable[[Env], Env],
+) -> None:
+    inner = shaped(Fresh(SERIES)).env  # the monitor
+    books = keeper(inner)
+    paid, own, info = play(StlReward(books, mode="add", clip=9.0))
+    assert (info["episode"]["r"], info["episode"]["r_env"]) == (paid, own)
+    assert returns(books) == [paid]
+
+
+def test_statistics_around_the_reward_count_what_they_see() -> None:
+    books = RecordEpisodeStatistics(shaped(Fresh(SERIES)))
+    paid, _, info = play(books)
+    assert info["episode"]["r"] == paid
+    assert "r_env" not in info["episode"]
+
+
+def test_of_two_rewards_the_outer_one_is_paid() -> None:
+    env = StlReward(shaped(Monitor(Fresh(SERIES))), mode="replace", clip=3.0)
+    paid, _, info = play(env)
+    assert (info["episode"]["r"], info["episode"]["r_env"]) == (paid, 15.0)
+
+
+def test_without_statistics_none_are_made() -> None:
+    env = shaped(Fresh(SERIES))
+    assert "episode" not in play(env)[2]
+    replay = Fresh(SERIES)
+    replay.info = {"episode": 7}
+    env = shaped(replay)
+    env.reset()
+    for _ in SERIES[1:]:
+        assert env.step(ACTION)[4]["episode"] == 7
+
+
+def test_an_episode_given_up_does_not_count_in_the_next() -> None:
+    env = shaped(Monitor(Fresh(SERIES)))
+    env.reset()
+    env.step(ACTION)
+    paid, _, info = play(env)
+    assert info["episode"]["r"] == paid
+
+
+def test_a_copy_goes_on_adding() -> None:
+    env = shaped(Monitor(TimeLimit(Fresh(SERIES), 4)))
+    whole = play(env)[2]["episode"]["r"]
+    env.reset(seed=1)
+    env.step(ACTION)
+    copy = pickle.loads(pickle.dumps(env))
+    for _ in range(3):
+        info = copy.step(ACTION)[4]
+    assert info["episode"]["r"] == whole
+
+
+# ---- many environments ----
+
+
+def make(values: list[float], keeper: Callable[[Env], Env] | None = RecordEpisodeStatistics) -> Env:
+    env = Fresh(values)
+    return env if keeper is None else keeper(env)
+
+
+def infos(envs: Envs, steps: int) -> list[dict[str, Any]]:
+    """The infos of steps, without the times that the statistics hold."""
+    envs.reset(seed=1)
+    listed = []
+    for _ in range(steps):
+        _, _, terminated, truncated, info = envs.step(np.full((envs.num_envs, 1), 0.5))
+        ended = terminated | truncated
+        for holder in (info, info.get("final_info", {})):
+            for key in ("t", "_t"):
+                holder.get("episode", {}).pop(key, None)
+        listed.append(deepcopy(info))  # Gymnasium changes its masks later
+        if ended.any() and envs.metadata["autoreset_mode"] is AutoresetMode.DISABLED:
+            envs.reset(options={"reset_mask": ended})
+    return listed
+
+
+@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("mode", ["add", "potential"])
+def test_many_environments_say_what_each_does(mode: str, autoreset: AutoresetMode) -> None:
+    makes: list[Make] = [
+        functools.partial(make, SERIES[:n], keeper)
+        for n, keeper in [(3, RecordEpisodeStatistics), (4, Monitor), (6, Monitor)]
+    ]
+    options: Any = {"mode": mode, "clip": 9.0, "on_violation": "report"}
+    singles = [functools.partial(lambda make: shaped(make(), **options), each) for each in makes]
+    together = VectorStlReward(sync(makes, autoreset), "always(x > 1)", X, **options)
+    found = infos(together, 16)
+    assert difference(found, infos(sync(singles, autoreset), 16)) == ""
+    holders = [info.get("final_info", info) for info in found]
+    counted = [holder["episode"] for holder in holders if "episode" in holder]
+    assert len(counted) > 7
+    assert any((each["r"] != each["r_env"]).any() for each in counted)
+
+
+@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+def test_statistics_of_many_environments_say_what_was_paid(autoreset: AutoresetMode) -> None:
+    makes: list[Make] = [functools.partial(make, SERIES[:n], None) for n in (3, 4, 6)]
+    options: Any = {"mode": "add", "clip": 9.0, "on_violation": "report"}
+    inside = RecordStatistics(sync(makes, autoreset))
+    rewarded = VectorStlReward(inside, "always(x > 1)", X, **options)
+    around = RecordStatistics(
+        VectorStlReward(sync(makes, autoreset), "always(x > 1)", X, **options)
+    )
+    ended = 0
+    for first, second in zip(infos(rewarded, 16), infos(around, 16), strict=True):
+        assert ("episode" in first) is ("episode" in second)
+        if "episode" in first:
+            assert first["episode"]["r"].tolist() == second["episode"]["r"].tolist()
+            assert first["_episode"].tolist() == second["_episode"].tolist()
+            ended += 1
+    assert ended > 6
