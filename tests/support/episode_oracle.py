@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 from end_oracle import ended, holds
-from oracle import Trace, bounds, episode, horizon, order, robustness
+from interface_oracle import reader
+from oracle import Read, Trace, bounds, episode, horizon, order, robustness
 
 from rtamt import Formula
 from rtamt.language.node import Node
@@ -33,6 +34,12 @@ class Options:
     cost: str | None = None
     view: str = "episode"
     details: bool = False
+    semantics: str = "standard"
+
+    @property
+    def read(self) -> Read:
+        """What a predicate counts."""
+        return reader(self.semantics, frozenset(), frozenset())
 
 
 @dataclass
@@ -89,8 +96,7 @@ def report(
         before = decided
         end = _reading(options, *ended_by)
         decided = {
-            name: _judge(f, trace, t, options.view, end, decided.get(name))
-            for name, f in specs.items()
+            name: _judge(f, trace, t, options, end, decided.get(name)) for name, f in specs.items()
         }
         if ended_by[0] and options.at_termination is None:
             made.assumed = any(it.verdict > 0 and it.by_end for it in decided.values())
@@ -128,9 +134,7 @@ def report(
     if left:
         t = len(flags) - 1
         end = options.at_truncation
-        read = {
-            name: _judge(f, trace, t, options.view, end, decided[name]) for name, f in specs.items()
-        }
+        read = {name: _judge(f, trace, t, options, end, decided[name]) for name, f in specs.items()}
         made.record = _record(read, t + 1, terminated=False, truncated=True)
     return made
 
@@ -140,15 +144,17 @@ def chargeable(specs: Mapping[str, Formula], view: str) -> bool:
     return all(horizon(p) < INF for f in specs.values() for p, _, _ in _demands(f, view))
 
 
-def charge(f: Formula, trace: Trace, t: int, view: str, kind: str | None) -> float:
+def charge(f: Formula, trace: Trace, t: int, options: Options) -> float:
     """The cost of sample t: of the instants that it settles, those that violate a demand."""
+    settled = {
+        p: robustness(p, trace, t + 1, options.read) for p, _, _ in _demands(f, options.view)
+    }
     depths = [
         -value
-        for p, first, last in _demands(f, view)
-        if first <= t - horizon(p) <= last
-        and not holds(value := robustness(p, trace, t + 1)[int(t - horizon(p))])
+        for p, first, last in _demands(f, options.view)
+        if first <= t - horizon(p) <= last and not holds(value := settled[p][int(t - horizon(p))])
     ]
-    return max(depths, default=0.0) if kind == "depth" else float(bool(depths))
+    return max(depths, default=0.0) if options.cost == "depth" else float(bool(depths))
 
 
 def _reading(options: Options, terminated: bool, truncated: bool) -> str | None:  # noqa: FBT001 - as Gymnasium has them
@@ -159,12 +165,13 @@ def _reading(options: Options, terminated: bool, truncated: bool) -> str | None:
 
 
 def _judge(
-    f: Formula, trace: Trace, t: int, view: str, end: str | None, before: _Judgement | None
+    f: Formula, trace: Trace, t: int, options: Options, end: str | None, before: _Judgement | None
 ) -> _Judgement:
     """What is known of a formula after sample t."""
-    judged = f.always() if view == "step" else f
-    now, low, high = episode(judged, trace, t + 1)
-    it = _Judgement(_instant(f, trace, t) if view == "step" else now, low, high, now)
+    read, instants = options.read, options.view == "step"
+    judged = f.always() if instants else f
+    now, low, high = episode(judged, trace, t + 1, read)
+    it = _Judgement(_instant(f, trace, t, read) if instants else now, low, high, now)
     if before is not None and before.verdict:
         it.verdict, it.decided_at = before.verdict, before.decided_at
         return it
@@ -173,7 +180,7 @@ def _judge(
         if end == "failure":
             it.upper = -0.0
         else:
-            _, it.lower, it.upper = ended(judged, trace, t + 1, end)
+            _, it.lower, it.upper = ended(judged, trace, t + 1, end, read)
         it.verdict = _verdict(it.lower, it.upper)
         it.by_end = it.verdict != 0
     it.decided_at = t if it.verdict else None
@@ -184,16 +191,16 @@ def _verdict(low: float, high: float) -> int:
     return -1 if not holds(high) else int(holds(low))
 
 
-def _instant(f: Node, trace: Trace, t: int) -> float:
+def _instant(f: Node, trace: Trace, t: int, read: Read) -> float:
     """The value of the newest instant whose horizon has passed; before, that of sample 0."""
     assert f.op is not None
     endless = f.op.name in ("always", "eventually") and bounds(f) == (0, INF)
     late = horizon(f.args[0] if endless else f)
     if t < late:
-        return robustness(f, trace, t + 1)[0]
+        return robustness(f, trace, t + 1, read)[0]
     if not endless:
-        return robustness(f, trace, t + 1)[int(t - late)]
-    seen = robustness(f.args[0], trace, t + 1)[: int(t - late) + 1]
+        return robustness(f, trace, t + 1, read)[int(t - late)]
+    seen = robustness(f.args[0], trace, t + 1, read)[: int(t - late) + 1]
     return min(seen, key=order) if f.op.name == "always" else max(seen, key=order)
 
 
@@ -236,8 +243,8 @@ def _costs(
                 each[name] = float(violated)
             case "first":
                 each[name] = float(violated and (t == 1 or before[name].verdict >= 0))
-            case kind:
-                each[name] = charge(f, trace, t, options.view, kind)
+            case _:
+                each[name] = charge(f, trace, t, options)
     if options.cost == "first" and t > 1 and any(it.verdict < 0 for it in before.values()):
         total = 0.0  # it is charged once
     else:

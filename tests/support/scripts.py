@@ -152,13 +152,15 @@ _shape = st.sampled_from(("always", "within", "eventually", "until", "response",
 def cases(draw: st.DrawFn, costs: tuple[str | None, ...], num: int = 1) -> Case:
     """A case for ``num`` environments with these costs."""
     view = draw(st.sampled_from(("episode", "episode", "step")))
+    cost = draw(st.sampled_from(costs))
     options = Options(
         on_violation=draw(st.sampled_from(("terminate", "truncate", "report"))),
         at_termination=draw(st.sampled_from((None, "complete", "cut", "failure"))),
         at_truncation=draw(st.sampled_from(("cut", "complete", "open"))),
-        cost=draw(st.sampled_from(costs)),
+        cost=cost,
         view=view,
         details=draw(st.booleans()),
+        semantics="boolean" if cost != "depth" and draw(_seldom) else "standard",
     )
     drawn = draw(st.lists(_wanted(view), min_size=1, max_size=3))
     lane = st.lists(scripts(), min_size=1, max_size=3)

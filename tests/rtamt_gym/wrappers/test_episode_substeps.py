@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gymnasium as gym
 import pytest
-from episode_oracle import charge
+from episode_oracle import Options, charge
 
 import rtamt
 from rtamt_gym import Step, StlMonitor
@@ -43,7 +43,7 @@ def test_the_cost_of_a_step_is_the_greatest_of_its_samples(text: str, cost: Cost
         begin = env.samples
         info = env.step(env.action_space.sample())[4]
         charged = [
-            charge(formula, {"v": seen}, t, "episode", cost) for t in range(begin, env.samples)
+            charge(formula, {"v": seen}, t, Options(cost=cost)) for t in range(begin, env.samples)
         ]
         assert len(charged) == 5
         assert info["cost"] == max(charged)
