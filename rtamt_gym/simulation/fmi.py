@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.simulation.fmi_variables import Variable, fit, kind_of
+from rtamt_gym.simulation.fmi_variables import Variable, Variables, fit, kind_of
 from rtamt_gym.simulation.systems import Signals, System, exact, named_signals, whole_steps
 
 if TYPE_CHECKING:  # it imports FMPy, which is optional
@@ -40,10 +39,13 @@ class Fmus(System):
 
     All FMUs step from one communication point to the next; then the outputs are copied to the
     inputs that they are connected to. The order of the FMUs does not matter. An output that depends
-    on an input without delay lags by one communication step. FMI 2.0 and 3.0, single numbers only.
+    on an input without delay lags by one communication step. FMI 2.0 and 3.0.
 
     The name of a variable is ``"plant.level"``: the name of its FMU, a dot, its own name. If there
-    is only one FMU, the variable's own name is enough.
+    is only one FMU, the variable's own name is enough. An array of FMI 3.0 is read, connected and
+    set number by number: ``"plant.row[0]"`` is the first, ``"plant.grid[0][2]"`` one of a matrix.
+
+    Errors repeat the last messages of the FMU, whose debug logging is on.
 
     Args:
         fmus: The path of an FMU; or several paths, whose FMUs are named after their files; or a
@@ -53,11 +55,14 @@ class Fmus(System):
         parameters: Numbers for parameters, and for other variables that have a start value.
         step: Seconds between communication points. None: the period of the samples, which is the
             step size that the FMUs were exported with unless `simulate` is given another.
+        validate: Whether to refuse FMUs whose model description breaks a rule of the standard,
+            which FMPy checks. Some tools export such FMUs, and most of them run.
 
     Raises:
         InputError: If a file is not an FMU for co-simulation of FMI 2.0 or 3.0, if a variable does
             not exist (names the nearest), or if one cannot be read, set or connected.
         InputTypeError: If an argument is not of the types above.
+        ModuleNotFoundError: If FMPy is not installed, which the extra ``fmi`` does.
 
     Example:
         A controller and its plant::
@@ -86,34 +91,29 @@ class Fmus(System):
         inputs: Mapping[str, _Source] | None = None,
         parameters: Mapping[str, float] | None = None,
         step: float | None = None,
+        validate: bool = True,
     ) -> None:
         self._paths = _named(fmus)
         self.name = ", ".join(self._paths)
         self._step = None if step is None else check_number("step", step)
-        self._described = [_describe(path) for path in self._paths.values()]
+        self._described = [_describe(path, validate=validate) for path in self._paths.values()]
         experiments = [described.defaultExperiment for described in self._described]
         sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
         self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
-        self._variables: dict[str, Variable] = {}
-        for i, (name, described) in enumerate(zip(self._paths, self._described, strict=True)):
-            for entry in described.modelVariables:
-                variable = Variable(f"{name}.{entry.name}", i, entry)
-                self._variables[variable.name] = variable
-                if len(self._paths) == 1:
-                    self._variables[entry.name] = variable
+        self._variables = Variables(dict(zip(self._paths, self._described, strict=True)))
         self._start_values: list[tuple[Variable, float]] = []
         for name, value in (parameters or {}).items():
-            variable = self._parameter(name)
+            variable = self._variables.parameter(name)
             self._start_values.append((variable, fit(variable, value)))
         self._wires: list[tuple[Variable, Variable | Callable[[float], float]]] = []
         for name, source in (inputs or {}).items():
-            self._connect(self._input(name), source)
+            self._connect(self._variables.input(name), source)
         self._folders: list[Path] = []
         self._instances: list[Instance] = []
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Finds the variables and counts the communication steps in a period."""
-        self._reads = [self._find(name) for name in named_signals(variables, signals)]
+        self._reads = [self._variables.find(name) for name in named_signals(variables, signals)]
         period = period or Fraction(1)
         self._h = period if self._step is None else exact(self._step)
         self._substeps = whole_steps(period, self._h, "period", "communication step")
@@ -135,7 +135,7 @@ class Fmus(System):
         ):
             self._instances.append(Instance(name, described, folder))
         for i, instance in enumerate(self._instances):
-            instance.enter([(v, value) for (_, fmu, v), value in self._start_values if fmu == i])
+            instance.enter([(v, value) for v, value in self._start_values if v.fmu == i])
         sources = [source for _, source in self._wires if isinstance(source, Variable)]
         self._outputs = self._reader(list(dict.fromkeys(sources)))
         self._connections = self._connected(list(dict.fromkeys(sources)))
@@ -191,7 +191,7 @@ class Fmus(System):
         for i, instance in enumerate(self._instances):
             at = [k for k, variable in enumerate(variables) if variable.fmu == i]
             if at:
-                parts.append((at, instance.reader([variables[k].entry for k in at])))
+                parts.append((at, instance.reader([variables[k] for k in at])))
         if len(parts) == 1:
             return parts[0][1]
 
@@ -210,7 +210,7 @@ class Fmus(System):
         for i, instance in enumerate(self._instances):
             mine = [(target, source) for target, source in self._wires if target.fmu == i]
             if mine:
-                write = instance.writer([target.entry for target, _ in mine])
+                write = instance.writer([target for target, _ in mine])
                 sources = [
                     outputs.index(source) if isinstance(source, Variable) else source
                     for _, source in mine
@@ -226,7 +226,7 @@ class Fmus(System):
 
     def _connect(self, target: Variable, source: object) -> None:
         if isinstance(source, str):
-            variable = self._find(source)
+            variable = self._variables.find(source)
             if kind_of(target.entry) is int and kind_of(variable.entry) is float:
                 raise InputError(
                     f"input {target.name!r} takes whole numbers, and {variable.name!r} is a "
@@ -242,46 +242,6 @@ class Fmus(System):
                 f"input {target.name!r}: expected the name of a variable, a number or a function "
                 f"of time, got {source!r}"
             )
-
-    def _find(self, name: str) -> Variable:
-        """The variable of a name, which holds a single number."""
-        if name not in self._variables:
-            raise InputError(
-                f"no variable {name!r} in {self.name}"
-                + (nearest(name, self._variables) or f"; the outputs are {self._all('output')}")
-            )
-        variable = self._variables[name]
-        if kind_of(variable.entry) is None:
-            raise InputError(f"{name!r} is a {variable.entry.type}, expected a number")
-        if variable.entry.dimensions:
-            raise InputError(f"{name!r} is an array, expected a single number")
-        return variable
-
-    def _input(self, name: str) -> Variable:
-        variable = self._find(name)
-        if variable.entry.causality != "input":
-            raise InputError(
-                f"expected an input, got {name!r}, which is of causality "
-                f"{variable.entry.causality!r}; the inputs are {self._all('input')}"
-            )
-        return variable
-
-    def _parameter(self, name: str) -> Variable:
-        variable = self._find(name)
-        entry = variable.entry
-        if entry.causality == "input":
-            raise InputError(f"{name!r} is an input: give it in inputs=")
-        if entry.variability == "constant" or entry.initial not in {"exact", "approx"}:
-            raise InputError(
-                f"expected a variable with a start value, got {name!r}, which is of causality "
-                f"{entry.causality!r} and calculated"
-            )
-        return variable
-
-    def _all(self, causality: str) -> str:
-        """Lists the names of all inputs or outputs."""
-        known = dict.fromkeys(self._variables.values())
-        return listing([each.name for each in known if each.entry.causality == causality])
 
 
 def _named(fmus: object) -> dict[str, Path]:
@@ -305,15 +265,18 @@ def _named(fmus: object) -> dict[str, Path]:
     return {str(name): Path(path) for name, path in fmus.items()}
 
 
-def _describe(path: Path) -> Any:  # noqa: ANN401 - FMPy is not typed
+def _describe(path: Path, *, validate: bool) -> Any:  # noqa: ANN401 - FMPy is not typed
     """Reads the model description of an FMU."""
     fmpy = _fmpy()
     try:
-        described = fmpy.read_model_description(path)
+        described = fmpy.read_model_description(path, validate=validate)
     except OSError:
         raise
     except Exception as error:  # FMPy has no class of its own for what it refuses
-        raise InputError(f"cannot read the FMU {path}: {error}") from error
+        way_out = ""
+        if isinstance(error, fmpy.model_description.ValidationError):
+            way_out = "\nFmus(..., validate=False) takes it without this check"
+        raise InputError(f"cannot read the FMU {path}: {error}{way_out}") from error
     if described.fmiVersion == "1.0":
         raise InputError(f"expected an FMU of FMI 2.0 or 3.0, got 1.0 in {path}")
     if described.coSimulation is None:

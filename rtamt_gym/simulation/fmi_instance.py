@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import ctypes
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NamedTuple, NoReturn
 
 import fmpy  # type: ignore[import-untyped]
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmpy.fmi2 import fmi2Discard, fmi2Fatal, fmi2Terminated  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError
-from rtamt_gym.simulation.fmi_variables import TYPES
+from rtamt_gym.simulation.fmi_variables import TYPES, Variable, size_of, start_values
 
 __all__ = ["Instance", "Reader", "Writer"]
 
@@ -21,6 +22,24 @@ Writer = Callable[[Sequence[float]], None]
 
 _MESSAGES: Final = 3
 """The number of an FMU's latest messages that an error repeats."""
+
+
+class _Group(NamedTuple):
+    """A call that reads or writes all variables of one type.
+
+    Attributes:
+        call: The function of the FMU.
+        arguments: Its arguments, the values among them.
+        values: The numbers of all variables, arrays whole.
+        at: The indices of the variables that are wanted.
+        places: Where each of them is in the values.
+    """
+
+    call: Callable[..., object]
+    arguments: tuple[Any, ...]
+    values: Any
+    at: list[int]
+    places: list[int]
 
 
 class Instance:
@@ -41,7 +60,9 @@ class Instance:
 
     def __init__(self, name: str, described: Any, folder: Path) -> None:  # noqa: ANN401
         self._name = name
-        self._messages: list[str] = []
+        self._messages: deque[bytes] = deque(maxlen=_MESSAGES)
+        self._warnings: deque[bytes] = deque(maxlen=_MESSAGES)
+        self._arrays: dict[int, list[float]] = {}
         self._now = 0.0
         self._steps = False
         self._dead = False
@@ -49,17 +70,23 @@ class Instance:
         self._version = 2 if described.fmiVersion == "2.0" else 3
         try:
             self._fmu = fmpy.instantiate_fmu(
-                str(folder), described, fmi_type="CoSimulation", logger=self._listen
+                str(folder),
+                described,
+                fmi_type="CoSimulation",
+                debug_logging=True,  # many FMUs say why they fail only then
+                logger=self._listen,
             )
         except Exception as error:  # FMPy has no class of its own for what it refuses
             raise InputError(
                 f"cannot load the FMU {name!r}: {error}{self._last_messages()}"
             ) from error
 
-    def enter(self, start_values: Sequence[tuple[Any, float]]) -> None:
+    def enter(self, starts: Sequence[tuple[Variable, float]]) -> None:
         """Sets start values and begins the initialization."""
-        variables = [variable for variable, _ in start_values]
-        self.writer(variables)([value for _, value in start_values])
+        for variable, value in starts:
+            if variable.entry.shape:
+                self._array(variable)[variable.element] = value
+        self.writer([variable for variable, _ in starts])([value for _, value in starts])
         if self._version == 2:
             self._call(self._fmu.setupExperiment)
         self._call(self._fmu.enterInitializationMode)
@@ -89,11 +116,11 @@ class Instance:
         _, self.ended, _, reached = answer
         return not self.ended or bool(reached >= now + 0.5 * size)
 
-    def reader(self, variables: Sequence[Any]) -> Reader:
+    def reader(self, variables: Sequence[Variable]) -> Reader:
         """The function that reads variables, one call into the FMU for each type."""
         groups = self._groups("Get", variables)
-        if len(groups) == 1:  # by far the most frequent case
-            (call, arguments, values, _) = groups[0]
+        if len(groups) == 1 and groups[0].places == list(range(len(groups[0].values))):
+            (call, arguments, values, _, _) = groups[0]  # by far the most frequent case
 
             def read_one_type() -> Sequence[float]:
                 try:
@@ -107,22 +134,25 @@ class Instance:
 
         def read() -> Sequence[float]:
             found = [0.0] * len(variables)
-            for call, arguments, values, at in groups:
+            for call, arguments, values, at, places in groups:
                 self._call(call, *arguments)
-                for k, value in zip(at, values, strict=True):
-                    found[k] = value
+                for k, place in zip(at, places, strict=True):
+                    found[k] = values[place]
             return found
 
         return read
 
-    def writer(self, variables: Sequence[Any]) -> Writer:
-        """The function that writes variables, one call into the FMU for each type."""
+    def writer(self, variables: Sequence[Variable]) -> Writer:
+        """The function that writes variables, one call into the FMU for each type.
+
+        An array is written whole: its other numbers are those that it starts with.
+        """
         groups = self._groups("Set", variables)
 
         def write(given: Sequence[float]) -> None:
-            for call, arguments, values, at in groups:
-                for i, k in enumerate(at):
-                    values[i] = given[k]
+            for call, arguments, values, at, places in groups:
+                for k, place in zip(at, places, strict=True):
+                    values[place] = given[k]
                 self._call(call, *arguments)
 
         return write
@@ -140,22 +170,33 @@ class Instance:
             if not self._dead:
                 self._fmu.freeInstance()
 
-    def _groups(
-        self, verb: str, variables: Sequence[Any]
-    ) -> list[tuple[Callable[..., object], tuple[Any, ...], Any, list[int]]]:
-        """For each type: its function, the arguments, the values in them, the indices."""
+    def _groups(self, verb: str, variables: Sequence[Variable]) -> list[_Group]:
         types = TYPES[self._version]
-        groups: dict[tuple[str, type[Any]], list[int]] = {}
+        chosen: dict[tuple[str, type[Any]], list[int]] = {}
         for k, variable in enumerate(variables):
-            groups.setdefault(types[variable.type], []).append(k)
-        made = []
-        for (name, kind), at in groups.items():
-            references = (ctypes.c_uint * len(at))(*(variables[k].valueReference for k in at))
-            values = (kind * len(at))()
+            chosen.setdefault(types[variable.entry.type], []).append(k)
+        groups = []
+        for (name, kind), at in chosen.items():
+            begins: dict[int, int] = {}  # the place of the first number, by value reference
+            held: list[float] = []
+            for variable in (variables[k] for k in at):
+                if variable.entry.valueReference not in begins:
+                    begins[variable.entry.valueReference] = len(held)
+                    sets = verb == "Set" and variable.entry.shape
+                    held += self._array(variable) if sets else [0] * size_of(variable.entry)
+            references = (ctypes.c_uint * len(begins))(*begins)
+            values = (kind * len(held))(*held)
+            places = [begins[variables[k].entry.valueReference] + variables[k].element for k in at]
             call = getattr(self._fmu, f"fmi{self._version}{verb}{name}")
-            arguments: tuple[Any, ...] = (self._fmu.component, references, len(at), values)
-            made.append((call, arguments + (len(at),) * (self._version == 3), values, at))
-        return made
+            arguments: tuple[Any, ...] = (self._fmu.component, references, len(begins), values)
+            arguments += (len(held),) * (self._version == 3)
+            groups.append(_Group(call, arguments, values, at, places))
+        return groups
+
+    def _array(self, variable: Variable) -> list[float]:
+        """The numbers of an array before the first step: its start values, and those given."""
+        reference = variable.entry.valueReference
+        return self._arrays.setdefault(reference, start_values(variable.entry))
 
     def _call(self, function: Callable[..., object], *arguments: Any) -> None:  # noqa: ANN401
         try:
@@ -171,8 +212,10 @@ class Instance:
         ) from error
 
     def _listen(self, *message: Any) -> None:  # noqa: ANN401 - not the same in FMI 2.0 and 3.0
-        self._messages.append(message[-1].decode(errors="replace"))
+        *_, status, _, text = message
+        (self._warnings if status else self._messages).append(text or b"")
 
     def _last_messages(self) -> str:
-        last = "; ".join(self._messages[-_MESSAGES:])
-        return f" It said: {last}" if last else ""
+        """The last warnings and errors of the FMU; its last messages if there are none."""
+        said = [text.decode(errors="replace").strip() for text in self._warnings or self._messages]
+        return f" It said: {'; '.join(said)}" if said else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import zipfile
 from pathlib import Path
@@ -30,6 +31,22 @@ VARIABLES = (
     ("maker", 64, "String", "String", "us", "parameter", 'variability="fixed"'),
 )
 
+ARRAYS = (
+    # of FMI 3.0: name, value reference, type, sizes (or the variable that says one), and the rest
+    ("row", 80, "Float64", (3,), 'causality="output"'),
+    ("valves", 81, "Float64", ("n",), 'causality="input" start="0 0"'),
+    (
+        "grid",
+        82,
+        "Float64",
+        (2, 3),
+        'causality="parameter" variability="fixed" start="7 0 0 0 0 0"',
+    ),
+    ("shown", 83, "Float64", (2, 3), 'causality="output"'),
+    ("turns", 84, "Int32", (3,), 'causality="input" variability="discrete" start="4"'),
+    ("open", 85, "Boolean", (2,), 'causality="input" start="false true"'),
+)
+
 
 def describe(version: int, interface: str, step: float | None) -> str:
     """The text of modelDescription.xml."""
@@ -53,7 +70,21 @@ def describe(version: int, interface: str, step: float | None) -> str:
         structure, unique = f"<Outputs>{listed}</Outputs>", "guid"
     else:
         variables.append('<Float64 name="time" valueReference="98" causality="independent"/>')
-        variables.append('<Float64 name="row" valueReference="99"><Dimension start="3"/></Float64>')
+        variables.append(
+            '<UInt64 name="n" valueReference="99" causality="structuralParameter" '
+            'variability="fixed" start="2"/>'
+        )
+        for name, reference, kind, sizes, more in ARRAYS:
+            inner = "".join(
+                '<Dimension valueReference="99"/>'
+                if size == "n"
+                else f'<Dimension start="{size}"/>'
+                for size in sizes
+            )
+            said = f'name="{name}" valueReference="{reference}" {more}'
+            variables.append(f"<{kind} {said}>{inner}</{kind}>")
+            if "output" in more:
+                outputs.append((len(variables), reference))
         structure = "".join(f'<Output valueReference="{r}"/>' for _, r in outputs)
         unique = "instantiationToken"
     size = "" if step is None else f'stepSize="{step}"'
@@ -69,11 +100,12 @@ def describe(version: int, interface: str, step: float | None) -> str:
 def library(version: int, folder: Path) -> Path:
     """The shared library of the tank, compiled."""
     slave, prefix = (FMU2Slave, "fmi2") if version == 2 else (FMU3Slave, "fmi3")
-    ours = SOURCE.read_text()
+    of_3, _, of_2 = SOURCE.read_text().partition("#else\n\nfmi2Component")
+    ours = f" fmi2Component{of_2}" if version == 2 else of_3
     stubs = folder / f"stubs{version}.c"
     # FMPy asks for every function of the standard, the tank needs few of them.
     names = [n for n in dir(slave) if n.startswith(prefix) and n[4:5].isupper()]
-    defined = [n for n in names if f" {n}(" in ours or f"{n[4:7].upper()}({n[7:]}," in ours]
+    defined = [n for n in names if re.search(rf" {n}\(|{n[4:7].upper()}\({n[7:]}[,)]", ours)]
     stubs.write_text("".join(f"int {n}(void) {{ return 3; }}\n" for n in names if n not in defined))
     made = folder / f"tank{version}.so"
     command = [os.environ.get("CC", "cc"), "-shared", "-fPIC", "-O1", "-ffp-contract=off"]

@@ -1,6 +1,7 @@
 /* A tank that fills and drains, as an FMU for co-simulation of FMI 2.0 and of FMI 3.0.
  *
  * level' = (inflow - drain * level) / area, by one step of Euler's method a communication step.
+ * In FMI 3.0 it has arrays too: valves, which let water in, and others that show what was set.
  */
 #include <stdbool.h>
 #include <stdlib.h>
@@ -20,18 +21,20 @@ typedef fmi2ValueReference Reference;
 #endif
 
 enum { INFLOW, LEVEL, AREA, DRAIN, DOUBLED, FAILS_AT, ENDS_AT, REALS,
-       COUNT = 16, GEAR, FULL = 32, HALF = 48 };
+       COUNT = 16, GEAR, FULL = 32, HALF = 48,
+       ROW = 80, VALVES, GRID, SHOWN, TURNS, OPEN };
 
 typedef struct {
     double real[REALS];
-    int count, gear;
-    bool ended;
+    double valves[2], grid[6];
+    int count, gear, turns[3];
+    bool ended, logging, open[2];
     double time;
     void *environment;
     void *logger;
 } Tank;
 
-static Tank *make(void *logger, void *environment)
+static Tank *make(void *logger, void *environment, bool logging)
 {
     Tank *tank = calloc(1, sizeof *tank);
     tank->real[LEVEL] = tank->real[AREA] = 1.0;
@@ -40,6 +43,10 @@ static Tank *make(void *logger, void *environment)
     tank->gear = 1;
     tank->logger = logger;
     tank->environment = environment;
+    tank->logging = logging;
+    tank->grid[0] = 7;
+    tank->turns[0] = tank->turns[1] = tank->turns[2] = 4;
+    tank->open[1] = true;
     return tank;
 }
 
@@ -53,6 +60,9 @@ static int integer(Tank *tank, Reference r)
     return r == COUNT ? tank->count : r == GEAR ? tank->gear : tank->real[LEVEL] > 2;
 }
 
+/* A tank that fails at once does not say why. */
+static bool mute(Tank *tank) { return tank->real[FAILS_AT] < 0; }
+
 /* Whether the step succeeds; a tank that ends leaves the step undone. */
 static bool flow(Tank *tank, double now, double step)
 {
@@ -60,7 +70,8 @@ static bool flow(Tank *tank, double now, double step)
     if (now + step > v[FAILS_AT]) return false;
     tank->ended = now + step > v[ENDS_AT];
     if (tank->ended) return true;
-    v[LEVEL] += step * (tank->gear * v[INFLOW] - v[DRAIN] * v[LEVEL]) / v[AREA];
+    double in = tank->gear * v[INFLOW] + tank->valves[0] + 10 * tank->valves[1];
+    v[LEVEL] += step * (in - v[DRAIN] * v[LEVEL]) / v[AREA];
     tank->count++;
     tank->time = now + step;
     return true;
@@ -74,7 +85,7 @@ fmi3Instance fmi3InstantiateCoSimulation(
     size_t n, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
     fmi3IntermediateUpdateCallback update)
 {
-    return make((void *)log, environment);
+    return make((void *)log, environment, logging);
 }
 
 void fmi3FreeInstance(fmi3Instance tank) { free(tank); }
@@ -94,43 +105,72 @@ fmi3Status fmi3DoStep(
     fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
 {
     Tank *tank = instance;
-    if (!flow(tank, now, step)) {
-        ((fmi3LogMessageCallback)tank->logger)(
-            tank->environment, fmi3Error, "logStatusError", "the tank has burst");
-        return ERROR;
+    fmi3LogMessageCallback log = (fmi3LogMessageCallback)tank->logger;
+    bool flows = flow(tank, now, step);
+    if (tank->logging) {
+        log(tank->environment, fmi3OK, "logAll", "a step was asked for");
+        if (!flows && !mute(tank))
+            log(tank->environment, fmi3Error, "logStatusError", "the tank has burst");
+        log(tank->environment, fmi3OK, "logAll", "the step is over");
     }
+    if (!flows) return ERROR;
     *event = *early = false;
     *terminate = tank->ended;
     *last = tank->time;
     return OK;
 }
 
-#define GET(TYPE, VALUE)                                                                           \
+/* How many numbers a variable holds. */
+static size_t size(Reference r)
+{
+    return r == ROW || r == TURNS ? 3 : r == VALVES || r == OPEN ? 2
+         : r == GRID || r == SHOWN ? 6 : 1;
+}
+
+static double number(Tank *tank, Reference r, size_t i)
+{
+    switch (r) {
+    case ROW: return (double)(i + 1) * tank->real[LEVEL];
+    case VALVES: return tank->valves[i];
+    case GRID: case SHOWN: return tank->grid[i];
+    case TURNS: return tank->turns[i];
+    case OPEN: return tank->open[i];
+    case HALF: return tank->real[LEVEL] / 2;
+    default: return r < REALS ? real(tank, r) : integer(tank, r);
+    }
+}
+
+/* Arrays are read and written whole: any other number of values is an error. */
+#define GET(TYPE)                                                                                  \
     fmi3Status fmi3Get##TYPE(                                                                      \
         fmi3Instance tank, const Reference r[], size_t n, fmi3##TYPE values[], size_t m)           \
     {                                                                                              \
-        for (size_t i = 0; i < n; i++) values[i] = VALUE;                                          \
-        return OK;                                                                                 \
+        size_t at = 0;                                                                             \
+        for (size_t i = 0; i < n; i++)                                                             \
+            for (size_t k = 0; k < size(r[i]); k++, at++)                                          \
+                if (at < m) values[at] = (fmi3##TYPE)number(tank, r[i], k);                        \
+        return at == m ? OK : ERROR;                                                               \
     }
-GET(Float64, real(tank, r[i]))
-GET(Float32, (float)(real(tank, LEVEL) / 2))
-GET(Int32, integer(tank, r[i]))
-GET(UInt8, (fmi3UInt8)integer(tank, r[i]))
-GET(Boolean, integer(tank, r[i]))
+GET(Float64)
+GET(Float32)
+GET(Int32)
+GET(UInt8)
+GET(Boolean)
 
-fmi3Status fmi3SetFloat64(
-    fmi3Instance tank, const Reference r[], size_t n, const fmi3Float64 values[], size_t m)
-{
-    for (size_t i = 0; i < n; i++) ((Tank *)tank)->real[r[i]] = values[i];
-    return OK;
-}
-
-fmi3Status fmi3SetInt32(
-    fmi3Instance tank, const Reference r[], size_t n, const fmi3Int32 values[], size_t m)
-{
-    for (size_t i = 0; i < n; i++) ((Tank *)tank)->gear = values[i];
-    return OK;
-}
+#define SET(TYPE, PLACE)                                                                           \
+    fmi3Status fmi3Set##TYPE(                                                                      \
+        fmi3Instance instance, const Reference r[], size_t n, const fmi3##TYPE values[], size_t m) \
+    {                                                                                              \
+        Tank *tank = instance;                                                                     \
+        size_t at = 0;                                                                             \
+        for (size_t i = 0; i < n; at += size(r[i]), i++)                                           \
+            if (at + size(r[i]) <= m)                                                              \
+                for (size_t k = 0; k < size(r[i]); k++) (PLACE)[k] = values[at + k];               \
+        return at == m ? OK : ERROR;                                                               \
+    }
+SET(Float64, r[i] == VALVES ? tank->valves : r[i] == GRID ? tank->grid : &tank->real[r[i]])
+SET(Int32, r[i] == TURNS ? tank->turns : &tank->gear)
+SET(Boolean, tank->open)
 
 #else
 
@@ -138,7 +178,7 @@ fmi2Component fmi2Instantiate(
     fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
     const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
 {
-    return make((void *)callbacks->logger, callbacks->componentEnvironment);
+    return make((void *)callbacks->logger, callbacks->componentEnvironment, logging);
 }
 
 void fmi2FreeInstance(fmi2Component tank) { free(tank); }
@@ -157,11 +197,15 @@ fmi2Status fmi2Terminate(fmi2Component tank) { return OK; }
 fmi2Status fmi2DoStep(fmi2Component instance, fmi2Real now, fmi2Real step, fmi2Boolean keep)
 {
     Tank *tank = instance;
-    if (!flow(tank, now, step)) {
-        ((fmi2CallbackLogger)tank->logger)(
-            tank->environment, "tank", fmi2Error, "logStatusError", "the tank has burst");
-        return ERROR;
+    fmi2CallbackLogger log = (fmi2CallbackLogger)tank->logger;
+    bool flows = flow(tank, now, step);
+    if (tank->logging) {
+        log(tank->environment, "tank", fmi2OK, "logAll", "a step was asked for");
+        if (!flows && !mute(tank))
+            log(tank->environment, "tank", fmi2Error, "logStatusError", "the %s has burst", "tank");
+        log(tank->environment, "tank", fmi2OK, "logAll", "the step is over");
     }
+    if (!flows) return ERROR;
     return tank->ended ? fmi2Discard : OK;
 }
 

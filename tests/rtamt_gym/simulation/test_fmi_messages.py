@@ -1,0 +1,78 @@
+"""What FMUs say when they fail, and FMUs that break the rules of the standard."""
+
+from pathlib import Path
+
+import pytest
+from fmus import library, write_fmu
+
+from rtamt import InputError, StateError
+from rtamt_gym import Fmus, Run, simulate
+
+LOW = "always(level < 9)"
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def version(request: pytest.FixtureRequest) -> int:
+    return int(request.param)
+
+
+@pytest.fixture(scope="module")
+def tank(tmp_path_factory: pytest.TempPathFactory, version: int) -> Path:
+    folder = tmp_path_factory.mktemp(f"fmi{version}")
+    return write_fmu(folder / "tank.fmu", library(version, folder), version)
+
+
+def test_warnings_and_errors_come_before_what_an_fmu_says_besides(tank: Path, version: int) -> None:
+    with pytest.raises(StateError) as refused:
+        simulate(Fmus(tank, parameters={"fails_at": 0.55}), LOW, duration=2)
+    assert str(refused.value) == (
+        f"FMU 'tank' failed at 0.5 s: fmi{version}DoStep failed with status 3 (error). "
+        "It said: the tank has burst"
+    )
+
+
+def test_without_any_the_last_messages_are_told(tank: Path, version: int) -> None:
+    with pytest.raises(StateError) as refused:
+        simulate(Fmus(tank, parameters={"fails_at": -1}), LOW, duration=2)
+    assert str(refused.value) == (
+        f"FMU 'tank' failed at 0 s: fmi{version}DoStep failed with status 3 (error). "
+        "It said: a step was asked for; the step is over"
+    )
+
+
+def test_an_fmu_that_fails_leaves_its_samples(tank: Path) -> None:
+    system = Fmus(tank, inputs={"inflow": 1.0}, parameters={"fails_at": 0.55})
+    with pytest.raises(StateError) as refused:
+        simulate(system, LOW, duration=2)
+    run: Run = refused.value.run  # type: ignore[attr-defined]  # simulate sets it
+    assert (run.ended, run.steps) == ("error", 5)
+    whole = simulate(Fmus(tank, inputs={"inflow": 1.0}), LOW, duration=0.5)
+    assert run.courses == whole.courses
+    assert run.replay()["spec"].tolist() == whole.replay()["spec"].tolist()
+
+
+def test_what_breaks_a_rule_is_taken_where_it_is_not_checked(tank: Path, version: int) -> None:
+    attribute = 'canHandleVariableCommunicationStepSize="perhaps"'
+    broken = write_fmu(
+        tank.with_name("broken.fmu"),
+        library(version, tank.parent),
+        version,
+        fixed=attribute,
+    )
+    with pytest.raises(InputError) as refused:
+        Fmus(broken)
+    first, *_, last = str(refused.value).splitlines()
+    assert first == f"cannot read the FMU {broken}: Failed to validate modelDescription.xml:"
+    assert last == "Fmus(..., validate=False) takes it without this check"
+    assert "'perhaps' is not a valid value" in str(refused.value)
+    run = simulate(Fmus(broken, validate=False), LOW, duration=1)
+    assert run.courses == simulate(Fmus(tank), LOW, duration=1).courses
+
+
+def test_what_is_no_fmu_is_refused_unchecked_too(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.fmu"
+    broken.write_text("nothing")
+    for validate in (True, False):
+        with pytest.raises(InputError) as refused:
+            Fmus(broken, validate=validate)
+        assert str(refused.value) == f"cannot read the FMU {broken}: File is not a zip file"
