@@ -25,6 +25,7 @@ __all__ = [
     "SpecLike",
     "SpecsLike",
     "View",
+    "ask_another",
     "autoreset_mode",
     "check_period",
     "checked_mask",
@@ -32,6 +33,7 @@ __all__ = [
     "load_specs",
     "read_period",
     "recordable",
+    "why_no_period",
 ]
 
 SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
@@ -96,12 +98,14 @@ def read_period(env: Env) -> float | None:
     """Reads the seconds between two steps of an environment; None if they are not known.
 
     They are ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
-    ``1 / unwrapped.config["policy_frequency"]`` (highway-env). The frame rate of the pictures,
-    ``metadata["render_fps"]``, is not the rate of the samples: Pendulum has 30 and steps 20 times.
+    ``1 / unwrapped.config["policy_frequency"]`` (highway-env); else those of the one environment
+    that ``unwrapped`` holds as an attribute, if it takes the same actions (PointMaze, AntMaze).
+    The frame rate of the pictures, ``metadata["render_fps"]``, is not the rate of the samples:
+    Pendulum has 30 and steps 20 times.
 
-    A `SyncVectorEnv` has the period of its environments. An `AsyncVectorEnv` is not asked: it shuts
-    its environments down when they lack an attribute. Below a `MaxAndSkipObservation`, which makes
-    several steps in one, the period is not known either.
+    A `SyncVectorEnv` has the period of its environments; for an `AsyncVectorEnv` there is
+    `ask_another`. Below a `MaxAndSkipObservation`, which makes several steps in one, the period is
+    not known.
 
     Raises:
         InputError: If the environments of a `SyncVectorEnv` have different periods.
@@ -123,6 +127,57 @@ def read_period(env: Env) -> float | None:
 
 def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - an environment's own
     """The seconds between two steps of a simulation, and what says them; None if nothing does."""
+    inside = [
+        (name, held)
+        for name, held in getattr(simulation, "__dict__", {}).items()
+        if isinstance(held, gym.Env) and held is not simulation
+    ]
+    found = _own_period(simulation)
+    if found is not None or len(inside) != 1:
+        return found
+    # One that takes other actions, as below a hierarchy of policies, may step more often.
+    ((name, held),) = inside
+    if _skips(held) or held.action_space != getattr(simulation, "action_space", None):
+        return None
+    found = _own_period(held.unwrapped)
+    path = name if held.unwrapped is held else f"{name}.unwrapped"
+    return None if found is None else (found[0], f"{path}.{found[1]}")
+
+
+def ask_another(env: Env) -> float | None:
+    """Reads the period of an `AsyncVectorEnv` from one more environment; of all else gives None.
+
+    Its environments cannot be asked: they are shut down when they lack an attribute. So the first
+    of the functions that made them makes another, in this process, as the vector environment
+    itself does at construction; it is not reset, and closed at once. That takes the time and
+    memory of an environment. Environments of different periods are not noticed.
+    """
+    simulation = env.unwrapped
+    if not isinstance(simulation, AsyncVectorEnv):
+        return None
+    try:
+        another = simulation.env_fns[0]()
+    except Exception as error:
+        error.add_note(f"when another environment of {simulation} was made, to read its period;")
+        error.add_note("give period=, which needs none")
+        raise
+    try:
+        return read_period(another)
+    finally:
+        another.close()
+
+
+def why_no_period(env: Env) -> str:
+    """Says where the period of an environment was looked for, or why it is not known."""
+    if _skips(env):
+        return "a MaxAndSkipObservation makes several steps in one"
+    lacking = "there is no dt, tau or config['policy_frequency']"
+    if isinstance(env.unwrapped, AsyncVectorEnv | SyncVectorEnv):
+        return f"{lacking} in its environments, or in an environment inside these"
+    return f"{lacking} in it, or in an environment inside it"
+
+
+def _own_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401
     for name in ("dt", "tau"):
         period = _positive(getattr(simulation, name, None))
         if period is not None:
@@ -171,18 +226,21 @@ def checked_mask(mask: Any, num: int) -> NDArray[np.bool_]:  # noqa: ANN401 - wh
 
 
 def check_period(
-    specs: Mapping[str, rtamt.Specification], period: float | str | None, system: object
+    specs: Mapping[str, rtamt.Specification],
+    period: float | str | None,
+    system: object,
+    why: str = "",
 ) -> None:
     """Checks that there is a period if a specification has a bound.
 
     Raises:
-        SpecificationError: If there is none; names ``system``, which should have one.
+        SpecificationError: If there is none; names ``system``, which should have one, and why.
     """
     timed = next((name for name, spec in specs.items() if spec.timed), None)
     if period is None and timed is not None:
         raise SpecificationError(
             f"specification {timed!r} has bounds in time, but {system} does not say how long a "
-            "step lasts; give period= in seconds, or period=1 to count steps"
+            f"step lasts{why and f': {why}'}; give period= in seconds, or period=1 to count steps"
         )
 
 

@@ -17,7 +17,15 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.judges.specs import (
+    Align,
+    Nan,
+    SpecsLike,
+    View,
+    check_period,
+    load_specs,
+    why_no_period,
+)
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import carry
@@ -178,7 +186,8 @@ def simulate(
             raise InputError(
                 f"{ran.name} does not say how long a step lasts; give period= in seconds"
             )
-        check_period(loaded, period, ran.name)
+        why = why_no_period(system) if isinstance(system, gym.Env) else ""
+        check_period(loaded, period, ran.name, why)
         interface = Interface(semantics, inputs, outputs)
         panel = Panel(loaded, period, view, interface=interface, align=align)
         most = _most(duration, panel.period, ran)

@@ -15,7 +15,16 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.judges.panel import AtTermination, AtTruncation, Panel
-from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, check_period, load_specs
+from rtamt_gym.judges.specs import (
+    Align,
+    Nan,
+    SpecsLike,
+    View,
+    ask_another,
+    check_period,
+    load_specs,
+    why_no_period,
+)
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import SignalLike, parse_signals
@@ -90,12 +99,16 @@ class Monitoring(Observing):
         loaded = load_specs(specs)
         variables = [name for spec in loaded.values() for name in spec.variables]
         self._signals = parse_signals(signals, variables, SOURCES)
-        self._read_period = read_period
-        period = options["period"]
-        self._period = read_period(env) if period is None else period
-        check_period(loaded, self._period, env.unwrapped)
         timed = any(spec.timed for spec in loaded.values())
-        self._guards_period = period is None and timed
+        self._read_period = read_period
+        self._period = options["period"]
+        self._guards_period = False
+        if self._period is None:
+            self._period = read_period(env)
+            self._guards_period = timed and self._period is not None
+        if self._period is None and timed:
+            self._period = ask_another(env)
+            check_period(loaded, self._period, env.unwrapped, why_no_period(env))
         return loaded
 
     def _check_period(self, env: Any) -> None:  # noqa: ANN401

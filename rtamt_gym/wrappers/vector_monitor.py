@@ -137,9 +137,10 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
         The arguments are those of :class:`StlMonitor`, except that ``env`` is a vector environment,
-        that a callable signal reads all environments at once, that an ``AsyncVectorEnv`` is not
-        asked for its period, and that ``on_violation`` is ``"report"`` by default and may be
-        ``"terminate"`` or ``"truncate"`` only with ``AutoresetMode.DISABLED``.
+        that a callable signal reads all environments at once, that for the period of an
+        ``AsyncVectorEnv`` one more environment is made and closed if a specification has bounds,
+        and that ``on_violation`` is ``"report"`` by default and may be ``"terminate"`` or
+        ``"truncate"`` only with ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does

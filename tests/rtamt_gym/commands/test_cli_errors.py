@@ -199,7 +199,8 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
             "run Blackjack-v1 --spec always[0:2](x<1) --signal x=obs[0]",
             (
                 "specification 'spec' has bounds in time, but Blackjack-v1 does not say how long a "
-                "step lasts; give --period in seconds, or --period 1 to count steps"
+                "step lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
+                "environment inside it; give --period in seconds, or --period 1 to count steps"
             ),
         ),
         (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
@@ -14,7 +13,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rtamt.errors import InputError
-from rtamt_gym.judges.specs import read_period
 from rtamt_gym.signals.signals import Read, Signal, SignalLike, Source, Step, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
@@ -204,33 +202,3 @@ def test_any_text_is_a_selector_that_prints_itself_or_an_input_error(text: str) 
         return
     again = (str(signal), *default) if default else str(signal)
     assert Signal.parse("x", again, SOURCES) == signal
-
-
-@pytest.mark.parametrize(
-    ("env_id", "period"),
-    [
-        ("CartPole-v1", 0.02),
-        ("Pendulum-v1", 0.05),
-        ("Acrobot-v1", 0.2),
-        ("HalfCheetah-v5", 0.05),
-        ("InvertedPendulum-v5", 0.04),
-        ("highway_env:highway-fast-v0", 1.0),
-        ("highway_env:parking-v0", 0.2),
-        ("MountainCar-v0", None),
-    ],
-)
-def test_the_period_is_what_the_simulation_says_not_the_frame_rate(
-    env_id: str, period: float | None
-) -> None:
-    env = gym.make(env_id)
-    assert read_period(env) == pytest.approx(period)
-    env.close()
-
-
-@pytest.mark.parametrize("value", [0.0, -0.1, math.nan, math.inf, True, "0.1", None])
-def test_a_dt_that_is_no_time_is_no_period(value: object) -> None:
-    env: Any = Simulation(VECTOR)
-    env.dt = value
-    assert read_period(env) is None
-    env.tau = 0.5
-    assert read_period(env) == 0.5

@@ -57,7 +57,8 @@ class Timeless(gym.Env[Any, Any]):
             SpecificationError,
             (
                 "specification 'spec' has bounds in time, but <Timeless> does not say how long a "
-                "step lasts; give period= in seconds, or period=1 to count steps"
+                "step lasts: there is no dt, tau or config['policy_frequency'] in it, or in an "
+                "environment inside it; give period= in seconds, or period=1 to count steps"
             ),
         ),
         (
@@ -124,7 +125,8 @@ def test_an_error_in_one_of_several_specifications_names_it() -> None:
 def test_the_period_behind_a_wrapper_that_skips_steps_is_not_guessed() -> None:
     env = MaxAndSkipObservation(gym.make("CartPole-v1"), skip=4)
     late = "eventually[0:0.8](x > 1)"
-    with pytest.raises(SpecificationError, match="does not say how long a step lasts"):
+    why = "does not say how long a step lasts: a MaxAndSkipObservation makes several steps in one; "
+    with pytest.raises(SpecificationError, match=why + "give period="):
         StlMonitor(TransformReward(env, float), late, {"x": "obs[0]"})
     monitor = StlMonitor(env, late, {"x": "obs[0]"}, period=0.08)
     assert monitor.period == Fraction(2, 25)

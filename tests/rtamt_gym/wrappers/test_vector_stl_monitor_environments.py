@@ -29,7 +29,7 @@ from vector_environments import (
     trajectory,
 )
 
-from rtamt import SpecificationError, StateError
+from rtamt import StateError
 from rtamt_gym import StlMonitor, VectorStlMonitor
 
 
@@ -47,21 +47,6 @@ def test_asynchronous_environments_say_what_synchronous_ones_say(mode: Autoreset
     shown = trajectory(envs, 40)
     envs.close()
     assert difference(shown, trajectory(sync([make_monitored_pole] * 2, mode), 40)) == ""
-
-
-def test_an_asynchronous_environment_is_not_asked_for_its_period() -> None:
-    envs = AsyncVectorEnv([make_pole], context="forkserver")
-    with pytest.raises(SpecificationError) as caught:
-        VectorStlMonitor(envs, TEXT, ANGLE)
-    assert str(caught.value) == (
-        "specification 'spec' has bounds in time, but AsyncVectorEnv(num_envs=1) does not say how "
-        "long a step lasts; give period= in seconds, or period=1 to count steps"
-    )
-    untimed = VectorStlMonitor(envs, "always(theta < 1)", ANGLE)
-    assert untimed.period is None
-    _, infos = untimed.reset()
-    assert infos["robustness"] > 0
-    envs.close()
 
 
 # ---- environments that keep to fewer rules ----
