@@ -18,13 +18,17 @@ if TYPE_CHECKING:
     from rtamt_gym.simulation.fmi import Fmus
     from rtamt_gym.simulation.run import Run
     from rtamt_gym.simulation.simulate import simulate
+    from rtamt_gym.wrappers.cost import CostEnv
     from rtamt_gym.wrappers.monitor import StlMonitor
+    from rtamt_gym.wrappers.parallel_monitor import ParallelStlMonitor
     from rtamt_gym.wrappers.reward import StlReward
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
     from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
     __all__ = [
+        "CostEnv",
         "Fmus",
+        "ParallelStlMonitor",
         "Run",
         "Snapshot",
         "Step",
@@ -38,7 +42,9 @@ if TYPE_CHECKING:
     ]
 
 _MODULES = {
+    "CostEnv": "rtamt_gym.wrappers.cost",
     "Fmus": "rtamt_gym.simulation.fmi",
+    "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Run": "rtamt_gym.simulation.run",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Step": "rtamt_gym.signals.signals",

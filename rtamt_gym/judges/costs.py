@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeVar, cast
 
 import numpy as np
@@ -79,8 +79,10 @@ def demands_of(
     demands = []
     for name, spec in specs.items():
         parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
+        # A named always(p), which a monitor would keep beside p, needs the whole future.
+        unnamed = replace(spec, formulas={}, uses={})
         for part in parts:
-            demand = _demand(name, spec.with_result(part), view, period, align)
+            demand = _demand(name, unnamed.with_result(part), view, period, align)
             if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "

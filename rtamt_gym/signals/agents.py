@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 from gymnasium import spaces
@@ -12,7 +13,7 @@ from gymnasium import spaces
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Env, Read, Signal, Source
+from rtamt_gym.signals.signals import Read, Signal, Source
 from rtamt_gym.signals.sources import STEP
 
 __all__ = ["agent_sources"]
@@ -35,18 +36,24 @@ def agent_sources(agents: Mapping[str, Hashable], *, hold: bool) -> dict[str, So
     first = next(iter(agents))
     sources = {}
     for place, (word, row) in enumerate(STEP.items()):
-
-        def bind(signal: Signal, env: Env, row: Source = row, place: int = place) -> Read:
-            agent = agents[cast("Selector", signal.reads).agent]
-            return _of_agent(agent, place, signal, row.bind(signal, _seat(agent, env)), hold=hold)
-
+        bind = partial(_bind, row, place, agents, hold=hold)
         sources[word] = replace(row, example=f"{first}: {row.example.split(', ')[0]}", bind=bind)
     return sources
 
 
-def _seat(agent: Hashable, env: Any) -> Any:  # noqa: ANN401 - environments of two forms
-    """The spaces of one agent, as those of an environment that selectors are bound to."""
-    return _Seat(env.observation_space(agent), env.action_space(agent))
+def _bind(  # a function of the module, for pickle
+    row: Source,
+    place: int,
+    agents: Mapping[str, Hashable],
+    signal: Signal,
+    env: Any,  # noqa: ANN401 - environments of two forms
+    *,
+    hold: bool,
+) -> Read:
+    """Binds the selector of a signal to its agent in an environment of PettingZoo's form."""
+    agent = agents[cast("Selector", signal.reads).agent]
+    seat: Any = _Seat(env.observation_space(agent), env.action_space(agent))
+    return _of_agent(agent, place, signal, row.bind(signal, seat), hold=hold)
 
 
 def _of_agent(agent: Hashable, place: int, signal: Signal, read: Read, *, hold: bool) -> Read:

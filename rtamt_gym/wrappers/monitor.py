@@ -12,17 +12,17 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
-from rtamt import SpecificationError, StateError
+from rtamt import SpecificationError
 from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.episodes import record
-from rtamt_gym.judges.infos import last_info, present, step_info
+from rtamt_gym.judges.infos import step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import AtTermination, AtTruncation, Feed, Monitors, Panel
+from rtamt_gym.judges.panel import AtTermination, AtTruncation, Feed, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
-from rtamt_gym.wrappers.monitoring import Monitoring, MonitorOptions, OnViolation
+from rtamt_gym.wrappers.episode import EpisodeMonitoring
+from rtamt_gym.wrappers.monitoring import MonitorOptions, OnViolation
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 
@@ -30,7 +30,7 @@ __all__ = ["StlMonitor"]
 
 
 class StlMonitor(
-    Monitoring, gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs
+    EpisodeMonitoring, gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs
 ):
     """Monitors an environment against specifications and ends an episode that violates one.
 
@@ -123,7 +123,6 @@ class StlMonitor(
     """
 
     _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
-    _panel: Panel
 
     def __init__(
         self,
@@ -227,7 +226,7 @@ class StlMonitor(
         gym.Wrapper.__init__(self, env)
         find_period = read_substep_period if substeps else read_period
         loaded = self._set_up(env, specs, signals, options, find_period)
-        self.stl_episodes: deque[dict[str, Any]] = deque(maxlen=buffer_length)
+        self.stl_episodes = deque(maxlen=buffer_length)
         try:
             self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
         except SpecificationError as error:
@@ -239,7 +238,6 @@ class StlMonitor(
         self._substeps = substeps
         self._bind_signals()
         self._books = Books(env)
-        self._running = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -276,10 +274,7 @@ class StlMonitor(
                 ``substeps=True`` after any error of the environment.
         """
         if not self._running:
-            raise StateError(
-                "expected a running episode, got step() before reset() or after the end of the "
-                "episode; call reset()"
-            )
+            self._refuse_step()
         panel, feed = self._panel, self._feed  # self._feed() would be looked up as a method first
         if self._substeps:
             self._running = False  # until it is sure that no sample is missing
@@ -319,16 +314,6 @@ class StlMonitor(
         return obs, reward, terminated, truncated, info
 
     @property
-    def samples(self) -> int:
-        """Samples fed since :meth:`reset`, that of the reset included."""
-        return self._panel.samples
-
-    @property
-    def monitors(self) -> Monitors:
-        """The monitors of each specification: ``(robustness source, judge)``."""
-        return dict(self._panel.monitors)
-
-    @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
         """The ``EnvSpec`` with this wrapper; with a callable signal it has no JSON."""
         spec = super().spec
@@ -337,59 +322,20 @@ class StlMonitor(
         return spec
 
     def _bind_signals(self) -> None:
-        if self._substeps:
-            self._inside = SubSteps(self.env, self._signals, self._panel)
-            self._feed: Feed = self._inside.read
-            self._feed_reset: Feed = self._inside.reset
+        if not self._substeps:
+            super()._bind_signals()
             return
-        names = [signal.name for signal in self._signals]
-        reads = [signal.bind(self.env) for signal in self._signals]
-        reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
-        self._feed = self._panel.feeder(names, reads)
-        self._feed_reset = self._panel.feeder(names, reset_reads)
-
-    def _finish(self, terminated: bool) -> tuple[float, float]:  # noqa: FBT001 - as Gymnasium has it
-        """Reads the end that the environment has made; returns the bounds after it."""
-        panel = self._panel
-        if not terminated:
-            return panel.finish(self._at_truncation)
-        undecided = panel.undecided if self._unasked else ()
-        bounds = panel.finish(self._at_termination)
-        held = next((name for name in undecided if panel.satisfies(name)), None)
-        if held is not None:
-            self._tell_complete(held)
-        return bounds
+        self._inside = SubSteps(self.env, self._signals, self._panel)
+        self._feed: Feed = self._inside.read
+        self._feed_reset: Feed = self._inside.reset
 
     def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them
         """Adds the keys that only the last info of an episode has, and records the episode."""
-        panel, found, reported = self._panel, self._found(), "is_success" in info
-        last = last_info(*found, panel.success, bool(panel.undecided), reported)
-        info.update(present(last))
+        found, reported = self._found(), "is_success" in info
+        info.update(self._last_keys(found, reported=reported))
         self._record(found, terminated=terminated, truncated=truncated)
         if reported and not self._told_success:
             self._tell_success(self.env.unwrapped)
-
-    def _found(self) -> tuple[dict[str, Any], str | None, int]:
-        """The outcomes, the specification that was violated first, and the sample; -1 if none."""
-        panel = self._panel
-        return (
-            panel.outcomes(),
-            panel.violated_by,
-            -1 if panel.violated_at is None else panel.violated_at,
-        )
-
-    def _record(
-        self, found: tuple[dict[str, Any], str | None, int], *, terminated: bool, truncated: bool
-    ) -> None:
-        made = record(*found, self._panel.samples, terminated, truncated)
-        self.stl_episodes.append(present(made))
-
-    def _abandon(self) -> None:
-        """Records an episode that goes on as truncated: something around has ended it."""
-        if self._running and self._panel.samples > 1:
-            self._panel.finish(self._at_truncation)
-            self._record(self._found(), terminated=False, truncated=True)
-        self._running = False
 
 
 _float = np.float64

@@ -1,9 +1,9 @@
-"""What `StlMonitor` and `VectorStlMonitor` share: their options, their signals and their period."""
+"""What the monitors of environments share: their options, their signals and their period."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from fractions import Fraction
 from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
 
@@ -27,7 +27,7 @@ from rtamt_gym.judges.specs import (
 )
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_panel import VectorPanel
-from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.signals.signals import SignalLike, Source, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.observing import Observing
 
@@ -67,7 +67,7 @@ class MonitorOptions(TypedDict, total=False):
 
 
 class Monitoring(Observing):
-    """The base of the two wrappers."""
+    """The base of the wrappers."""
 
     _UNPICKLED: ClassVar[frozenset[str]]
     """Attributes that pickle cannot carry; `_bind_signals` makes them anew."""
@@ -81,6 +81,8 @@ class Monitoring(Observing):
         signals: Mapping[str, SignalLike],
         options: MonitorOptions,
         read_period: Callable[[Any], float | None],
+        sources: Mapping[str, Source] = SOURCES,
+        agents: Collection[str] = (),
     ) -> dict[str, Specification]:
         """Checks the options, parses specifications and signals, and finds the period."""
         _refuse_monitored(env)
@@ -98,7 +100,7 @@ class Monitoring(Observing):
         self._cost = options["cost"]
         loaded = load_specs(specs)
         variables = [name for spec in loaded.values() for name in spec.variables]
-        self._signals = parse_signals(signals, variables, SOURCES)
+        self._signals = parse_signals(signals, variables, sources, agents=agents)
         timed = any(spec.timed for spec in loaded.values())
         self._read_period = read_period
         self._period = options["period"]
@@ -142,6 +144,11 @@ class Monitoring(Observing):
     def values(self) -> MonitorValues[Any]:
         """Reads robustness and bounds of each specification now: of many environments, arrays."""
         return self._panel.values()
+
+    @property
+    def cost(self) -> Cost | None:
+        """What ``info["cost"]`` measures; ``None`` if it is not there."""
+        return self._cost
 
     @property
     def period(self) -> Fraction | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+
+from rtamt_gym import ParallelStlMonitor, StlMonitor
 
 INF = np.inf
 Five = tuple[
@@ -149,3 +151,71 @@ def selector_of_one(selector: Any) -> Any:  # noqa: ANN401
         "info": f"info['infos']['{agent}']",
     }[word]
     return place + bracket + path
+
+
+def assert_as_one(
+    make: Callable[[], Any],
+    specs: Any,  # noqa: ANN401
+    signals: Mapping[str, Any],
+    act: Callable[[str, int], Any],
+    **options: Any,  # noqa: ANN401
+) -> None:
+    """Checks that agents are monitored together as `StlMonitor` monitors them as one.
+
+    Args:
+        make: Makes the environment of several agents.
+        specs: The specifications.
+        signals: Their signals, with an agent in front of every selector.
+        act: The action of an agent at a step.
+        **options: Other arguments of the monitors.
+    """
+    bare = make()
+    env = ParallelStlMonitor(make(), specs, signals, **options)
+    of_one = {name: selector_of_one(value) for name, value in signals.items()}
+    one = StlMonitor(OneOf(make()), specs, of_one, **options)
+    bare.reset(seed=5)
+    seen, infos = env.reset(seed=5)
+    seen_of_one, info = one.reset(seed=5)
+    assert env.agents == bare.agents
+    _same(seen, {agent: seen_of_one[agent] for agent in bare.agents})
+    _same_infos(infos, bare.agents, info)
+    actions: dict[str, Any] = {}
+    ended = False
+    steps = 0
+    while not ended:
+        steps += 1
+        here = bare.agents[:]
+        given = {agent: act(agent, steps) for agent in here}
+        actions = {**actions, **given}
+        _, rewards_bare, terminated_bare, truncated_bare, _ = bare.step(given)
+        seen, rewards, terminated, truncated, infos = env.step(given)
+        seen_of_one, _, terminated_one, truncated_one, info = one.step(actions)
+        _same(seen, {agent: seen_of_one[agent] for agent in here})
+        _same(rewards, rewards_bare)
+        _same_infos(infos, here, info)
+        ended = terminated_one or truncated_one
+        # What ends an episode that goes on by itself, or that a time limit ends, is the monitor.
+        left = not bare.agents
+        by_itself = left and any(terminated_bare.values())
+        for agent in here:
+            ours = not by_itself and not terminated_bare[agent]
+            by_time = not left and not terminated_bare[agent]
+            assert terminated[agent] is (terminated_bare[agent] or (ours and terminated_one))
+            assert truncated[agent] is (truncated_bare[agent] or (by_time and truncated_one))
+        assert env.agents == ([] if ended else bare.agents)
+    assert repr(env.stl_episodes) == repr(one.stl_episodes)
+    assert env.samples == one.samples == steps + 1
+
+
+def _same(given: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+    assert given.keys() == expected.keys()
+    assert all(np.array_equal(given[agent], expected[agent]) for agent in expected)
+
+
+def _same_infos(infos: Mapping[str, Any], agents: Sequence[str], info: Mapping[str, Any]) -> None:
+    """The keys of the monitor are the same for every agent; texts tell zeros and types apart."""
+    assert infos.keys() == set(agents)
+    theirs = info["infos"]
+    expected = {key: value for key, value in info.items() if key not in ("infos", "rewards")}
+    for agent in agents:
+        assert repr(infos[agent]) == repr({**theirs[agent], **expected})

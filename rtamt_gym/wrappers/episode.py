@@ -1,0 +1,86 @@
+"""What wrappers that monitor one episode at a time share: its samples, its end, its record."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any, NoReturn
+
+from rtamt import StateError
+from rtamt_gym.judges.episodes import record
+from rtamt_gym.judges.infos import last_info, present
+from rtamt_gym.judges.panel import Feed, Monitors, Panel
+from rtamt_gym.wrappers.monitoring import Monitoring
+
+__all__ = ["EpisodeMonitoring"]
+
+Found = tuple[dict[str, Any], str | None, int]
+"""The outcomes, the specification that was violated first, and the sample; -1 if none was."""
+
+
+class EpisodeMonitoring(Monitoring):
+    """The base of `StlMonitor` and `ParallelStlMonitor`."""
+
+    env: Any
+    stl_episodes: deque[dict[str, Any]]
+    _panel: Panel
+    _running = False
+
+    @property
+    def samples(self) -> int:
+        """Samples fed since :meth:`reset`, that of the reset included."""
+        return self._panel.samples
+
+    @property
+    def monitors(self) -> Monitors:
+        """The monitors of each specification: ``(robustness source, judge)``."""
+        return dict(self._panel.monitors)
+
+    def _bind_signals(self) -> None:
+        names = [signal.name for signal in self._signals]
+        reads = [signal.bind(self.env) for signal in self._signals]
+        reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
+        self._feed: Feed = self._panel.feeder(names, reads)
+        self._feed_reset: Feed = self._panel.feeder(names, reset_reads)
+
+    def _refuse_step(self) -> NoReturn:
+        raise StateError(
+            "expected a running episode, got step() before reset() or after the end of the "
+            "episode; call reset()"
+        )
+
+    def _finish(self, terminated: bool) -> tuple[float, float]:  # noqa: FBT001 - as Gymnasium has it
+        """Reads the end that the environment has made; returns the bounds after it."""
+        panel = self._panel
+        if not terminated:
+            return panel.finish(self._at_truncation)
+        undecided = panel.undecided if self._unasked else ()
+        bounds = panel.finish(self._at_termination)
+        held = next((name for name in undecided if panel.satisfies(name)), None)
+        if held is not None:
+            self._tell_complete(held)
+        return bounds
+
+    def _last_keys(self, found: Found, *, reported: bool) -> dict[str, Any]:
+        """The keys that only a last info has; it may have reported an ``is_success`` already."""
+        panel = self._panel
+        return present(last_info(*found, panel.success, bool(panel.undecided), reported))
+
+    def _found(self) -> Found:
+        """The outcomes, the specification that was violated first, and the sample; -1 if none."""
+        panel = self._panel
+        return (
+            panel.outcomes(),
+            panel.violated_by,
+            -1 if panel.violated_at is None else panel.violated_at,
+        )
+
+    def _record(self, found: Found, *, terminated: bool, truncated: bool) -> None:
+        made = record(*found, self._panel.samples, terminated, truncated)
+        self.stl_episodes.append(present(made))
+
+    def _abandon(self) -> None:
+        """Records an episode that goes on as truncated: something around has ended it."""
+        if self._running and self._panel.samples > 1:
+            self._panel.finish(self._at_truncation)
+            self._record(self._found(), terminated=False, truncated=True)
+        self._running = False

@@ -1,0 +1,361 @@
+"""`ParallelStlMonitor`: an environment of several agents, monitored as `StlMonitor` does one."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Hashable, Iterable, Mapping
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.infos import step_info
+from rtamt_gym.judges.interface import Interface, Names, Semantics
+from rtamt_gym.judges.panel import AtTermination, AtTruncation, Panel
+from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period
+from rtamt_gym.signals.agents import agent_sources
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.episode import EpisodeMonitoring
+from rtamt_gym.wrappers.monitoring import MonitorOptions, OnViolation, refuse_monitored
+
+if TYPE_CHECKING or find_spec("pettingzoo"):
+    from pettingzoo.utils import ParallelEnv
+else:
+
+    class ParallelEnv:
+        """Stands for the class of PettingZoo, whose form is enough where it is not installed."""
+
+
+__all__ = ["ParallelStlMonitor"]
+
+Infos = dict[Any, dict[str, Any]]
+"""The infos of agents."""
+
+
+class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc]  # it has no types
+    """Monitors an environment of several agents against specifications of what they do together.
+
+    The environment is one of PettingZoo's parallel API, and so is the wrapper. Specifications speak
+    of the agents' joint signals: a selector says whose signal it reads, ``agent_0: obs[2]``,
+    ``agent_1: action[0]``, ``agent_0: reward``, ``agent_1: info['speed']``; a callable gets a
+    :class:`rtamt_gym.Step` whose observations, actions, rewards and infos are those of all agents,
+    by agent. Samples, verdicts, costs and the options are those of :class:`StlMonitor`, as if the
+    agents were one:
+
+    * **Infos.** Every agent of a step, or of a reset, gets the keys that :class:`StlMonitor` adds,
+      all agents the same: ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``, and
+      ``stl`` and ``cost`` where asked for. The cost is that of the whole: sum it for one agent, not
+      over agents.
+    * **A certain violation** ends the episode of all agents, unless it is only reported: each is
+      terminated, or truncated, and :attr:`agents` is empty.
+    * **The end of the episode** is that of the last agents. It is read by ``at_termination`` if one
+      of those that leave then is terminated, else by ``at_truncation``. The agents that are there
+      then get the last info, with ``stl_episode``, ``stl_success``, ``stl_undecided``,
+      ``is_success``, and of a violation ``stl_violated_by`` and ``stl_violated_at``.
+    * **An agent that leaves before** ends no episode, and its own last info has no verdict, for the
+      others go on. Its signals have no value then: an error says so, unless ``nan="hold"`` keeps
+      their last value. That nobody may leave is a requirement like others, on a callable such as
+      ``lambda step: len(step.obs)``.
+
+    ``state()``, ``render()`` and every other attribute are those of the environment. PettingZoo
+    need not be installed; where it is, the wrapper is one of its ``ParallelEnv``.
+
+    Attributes:
+        stl_episodes: Records of the last ``buffer_length`` episodes that ended, as
+            :class:`StlMonitor` keeps them.
+
+    Example:
+        >>> import numpy as np
+        >>> from gymnasium.spaces import Box, Discrete
+        >>> from rtamt_gym import ParallelStlMonitor
+        >>> class Chase:
+        ...     "The second of two agents on a line is the faster one."
+        ...
+        ...     possible_agents = ["first", "second"]
+        ...
+        ...     def __init__(self):
+        ...         self.unwrapped = self
+        ...         self.spaces = {name: Box(0, 99, (1,)) for name in self.possible_agents}
+        ...
+        ...     def observation_space(self, agent):
+        ...         return self.spaces[agent]
+        ...
+        ...     def action_space(self, agent):
+        ...         return Discrete(1)
+        ...
+        ...     def reset(self, seed=None, options=None):
+        ...         self.agents = [*self.possible_agents]
+        ...         self.at = {"first": 5.0, "second": 0.0}
+        ...         return self.observed(), {name: {} for name in self.agents}
+        ...
+        ...     def step(self, actions):
+        ...         self.at = {"first": self.at["first"] + 1, "second": self.at["second"] + 2}
+        ...         no = {name: False for name in self.agents}
+        ...         rewards = {name: 0.0 for name in self.agents}
+        ...         return self.observed(), rewards, no, no, {name: {} for name in self.agents}
+        ...
+        ...     def observed(self):
+        ...         return {name: np.array([self.at[name]]) for name in self.agents}
+        >>> env = ParallelStlMonitor(
+        ...     Chase(),
+        ...     "always(x1 - x2 > 2)",
+        ...     {"x1": "first: obs[0]", "x2": "second: obs[0]"},
+        ... )
+        >>> _, infos = env.reset(seed=1)
+        >>> while env.agents:
+        ...     print(env.agents, infos["first"]["robustness"])
+        ...     actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+        ...     _, _, terminations, _, infos = env.step(actions)
+        ['first', 'second'] 3.0
+        ['first', 'second'] 2.0
+        ['first', 'second'] 1.0
+        >>> terminations, infos["second"]["is_success"], infos["second"]["stl_violated_at"]
+        ({'first': True, 'second': True}, False, 3)
+
+    Change logs:
+     * v0.5.0 - Initially added
+    """
+
+    _UNPICKLED = frozenset({"_feed", "_feed_reset"})
+    env: Any
+
+    def __init__(
+        self,
+        env: Any,  # noqa: ANN401 - of PettingZoo's form
+        specs: SpecsLike,
+        signals: Mapping[str, SignalLike],
+        *,
+        period: float | str | None = None,
+        on_violation: OnViolation = "terminate",
+        at_termination: AtTermination | None = None,
+        at_truncation: AtTruncation = "cut",
+        view: View = "episode",
+        nan: Nan = "raise",
+        align: Align | None = None,
+        semantics: Semantics = "standard",
+        inputs: Names | None = None,
+        outputs: Names | None = None,
+        details: bool = False,
+        cost: Cost | None = None,
+        buffer_length: int = 100,
+    ) -> None:
+        """Parses the specifications, binds the signals, and refuses what cannot be monitored.
+
+        Args:
+            env: The environment to apply the wrapper, in the form of PettingZoo's parallel API
+            specs: As for :class:`StlMonitor`
+            signals: For every variable of the specifications a selector with its agent in front,
+                such as ``"agent_0: obs[2]"`` or ``"'agent 0': info['speed']"``, or a callable of a
+                :class:`rtamt_gym.Step` of all agents, or a pair of one of them and its value at
+                reset, which action, reward and info need
+            period: As for :class:`StlMonitor`
+            on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
+                episode of all agents, or only ``"report"`` it
+            at_termination: As for :class:`StlMonitor`, of the last agents
+            at_truncation: As for :class:`StlMonitor`, of the last agents
+            view: As for :class:`StlMonitor`
+            nan: ``"raise"`` refuses a signal that is nan, and one of an agent that has left;
+                ``"hold"`` keeps its last value
+            align: As for :class:`StlMonitor`
+            semantics: As for :class:`StlMonitor`
+            inputs: As for :class:`StlMonitor`
+            outputs: As for :class:`StlMonitor`
+            details: Whether to add ``info["stl"]``, the state of every specification
+            cost: As for :class:`StlMonitor`
+            buffer_length: How many records :attr:`stl_episodes` keeps
+
+        Raises:
+            SpecificationError: As :class:`StlMonitor` does
+            InputError: As :class:`StlMonitor` does; and if a selector names no agent
+            InputTypeError: If the environment has not the form of PettingZoo's parallel API
+        """
+        interface = Interface(semantics, inputs, outputs)
+        options = MonitorOptions(
+            period=period,
+            on_violation=on_violation,
+            at_termination=at_termination,
+            at_truncation=at_truncation,
+            view=view,
+            nan=nan,
+            align=align,
+            semantics=semantics,
+            inputs=interface.inputs,
+            outputs=interface.outputs,
+            details=details,
+            cost=cost,
+            buffer_length=buffer_length,
+        )
+        agents = _agents(env)
+        self.env = env
+        sources = agent_sources(agents, hold=nan == "hold")
+        loaded = self._set_up(env, specs, signals, options, read_period, sources, agents)
+        self.stl_episodes = deque(maxlen=buffer_length)
+        self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
+        self._bind_signals()
+        self._over = False
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the environment has
+        """What the environment has."""
+        if name.startswith("_") or name == "env":
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return getattr(self.env, name)
+
+    @property
+    def agents(self) -> list[Any]:
+        """The agents of the next step; none after the end of an episode."""
+        return [] if self._over else self.env.agents
+
+    @property
+    def unwrapped(self) -> Any:  # noqa: ANN401 - the environment inside of all wrappers
+        """The environment inside of all wrappers."""
+        return self.env.unwrapped
+
+    def observation_space(self, agent: Any) -> gym.Space[Any]:  # noqa: ANN401 - as PettingZoo names them
+        """What an agent observes, the same object at every call."""
+        space: gym.Space[Any] = self.env.observation_space(agent)
+        return space
+
+    def action_space(self, agent: Any) -> gym.Space[Any]:  # noqa: ANN401 - as PettingZoo names them
+        """What an agent does, the same object at every call."""
+        space: gym.Space[Any] = self.env.action_space(agent)
+        return space
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[Any, Any], Infos]:
+        """Resets the environment and the monitors; the observations are sample 0.
+
+        Raises:
+            InputError: If a signal is nan or cannot be read.
+            StateError: If the environment has changed its period since construction.
+        """
+        self._abandon()
+        self._over = False
+        obs, infos = self.env.reset(seed=seed, options=options)
+        self._check_period(self.env)
+        self._panel.reset()
+        found = self._feed_reset(obs, None, None, infos)
+        self._panel.begin()
+        infos = self._inform(self.env.agents, infos, *found)
+        self._running = True
+        return obs, infos
+
+    def step(
+        self, actions: dict[Any, Any]
+    ) -> tuple[dict[Any, Any], dict[Any, float], dict[Any, bool], dict[Any, bool], Infos]:
+        """Steps through the environment, feeds one sample, and ends a violated episode.
+
+        Raises:
+            StateError: Before :meth:`reset` and after the end of an episode.
+            InputError: If a signal is nan or cannot be read; the episode is over then.
+        """
+        if not self._running:
+            self._refuse_step()
+        panel, env = self._panel, self.env
+        here = [*env.agents]
+        obs, rewards, terminations, truncations, infos = env.step(actions)
+        here += [agent for agent in env.agents if agent not in here]
+        try:
+            robustness, lower, upper = self._feed(obs, actions, rewards, infos)
+        except BaseException:
+            # A monitor that misses a sample would count wrong ever after.
+            self._running = False
+            raise
+        violated = panel.violated_by is not None
+        ended = all(terminations.get(each) or truncations.get(each) for each in env.agents)
+        terminated = ended and any(terminations.get(each) for each in here)
+        truncated = ended and (not terminated or any(truncations.get(each) for each in here))
+        if ended:
+            lower, upper = self._finish(terminated)
+        if violated and not terminated and self._on_violation != "report":
+            terminated = self._on_violation == "terminate"
+            truncated = truncated or not terminated
+            ends = dict.fromkeys((each for each in here if not terminations.get(each)), True)
+            if terminated:
+                terminations = {**terminations, **ends}
+            else:
+                truncations = {**truncations, **ends}
+        costs = panel.take_costs() if self._cost is not None else None
+        infos = self._inform(here, infos, robustness, lower, upper, costs)
+        if terminated or truncated:
+            self._running, self._over = False, True
+            self._conclude(here, infos, terminated=terminated, truncated=truncated)
+        return obs, rewards, terminations, truncations, infos
+
+    def state(self) -> Any:  # noqa: ANN401 - an array, for most environments
+        """The state of the environment as a whole, as it gives it."""
+        return self.env.state()
+
+    def render(self) -> Any:  # noqa: ANN401 - as its mode says
+        """Renders the environment."""
+        return self.env.render()
+
+    def close(self) -> None:
+        """Closes the environment; an episode that has not ended is recorded as truncated."""
+        self._abandon()
+        self.env.close()
+
+    def _inform(
+        self,
+        agents: Iterable[Hashable],
+        infos: Infos,
+        robustness: float,
+        lower: float,
+        upper: float,
+        costs: Mapping[str, Any] | None = None,
+    ) -> Infos:
+        """The infos with the keys that every info has, for these agents."""
+        panel = self._panel
+        found = np.float64(robustness), np.float64(lower), np.float64(upper)
+        violated = panel.violated_by is not None
+        made = {}
+        for agent in agents:
+            states = panel.describe() if self._details else None
+            made[agent] = step_info(infos.get(agent, {}), *found, violated, states, costs)
+        return {**infos, **made}
+
+    def _conclude(
+        self, agents: Iterable[Hashable], infos: Infos, *, terminated: bool, truncated: bool
+    ) -> None:
+        """Adds the keys that only last infos have, and records the episode."""
+        found, own = self._found(), False
+        for agent in agents:
+            reported = "is_success" in infos[agent]
+            infos[agent].update(self._last_keys(found, reported=reported))
+            own = own or reported
+        self._record(found, terminated=terminated, truncated=truncated)
+        if own and not self._told_success:
+            self._tell_success(self.env.unwrapped)
+
+
+def _agents(env: Any) -> dict[str, Hashable]:  # noqa: ANN401 - of PettingZoo's form, it is hoped
+    """The agents of an environment, by the names that selectors give them.
+
+    Raises:
+        InputTypeError: If it has not the form of PettingZoo's parallel API.
+        InputError: If it has a monitor already, or does not say who its agents are.
+    """
+    if isinstance(env, gym.Env):
+        raise InputTypeError(
+            f"expected a parallel environment of PettingZoo, got {env}, which has one agent; "
+            "StlMonitor is for it"
+        )
+    if hasattr(env, "agent_iter"):
+        raise InputTypeError(
+            f"expected a parallel environment of PettingZoo, got {env}, whose agents take turns; "
+            "convert it with pettingzoo.utils.aec_to_parallel"
+        )
+    within = env
+    while within is not None:
+        if isinstance(within, ParallelStlMonitor):
+            refuse_monitored(type(within).__name__)
+        within = getattr(within, "env", None)
+    agents = getattr(env, "possible_agents", None)
+    if not agents:
+        raise InputError(
+            f"expected possible_agents, which selectors name, in {env}, got {agents!r}"
+        )
+    return {str(agent): agent for agent in agents}
