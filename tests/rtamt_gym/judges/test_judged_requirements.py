@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
@@ -22,7 +22,8 @@ from rtamt_gym import (
     simulate,
 )
 from rtamt_gym.__main__ import main
-from rtamt_gym.judges.specs import load_specs
+from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.specs import View, load_specs
 from rtamt_gym.shaping import Priority
 
 TEXT = """\
@@ -59,6 +60,26 @@ def test_a_wrapper_judges_a_text_as_it_judges_its_requirements_with_their_names(
     assert one == several
     assert list(one[0]["stl"]) == ["upright", "near", "calm"]
     assert one[-1]["stl_violated_by"] == "near"
+
+
+@pytest.mark.parametrize("cost", get_args(Cost))
+@pytest.mark.parametrize("view", ["episode", "step"])
+def test_requirements_cost_what_they_cost_apart(cost: Cost, view: View) -> None:
+    text, apart = TEXT, APART
+    if view == "step":  # an instant cannot wait for a future without end
+        text = "lean = abs(angle); slow = lean < 0.01; calm = always[0:0.2](lean < 0.1)"
+        apart = {"slow": "abs(angle) < 0.01", "calm": "always[0:0.2](abs(angle) < 0.1)"}
+    signals = {name: SIGNALS[name] for name in SIGNALS if f"({name})" in " ".join(apart.values())}
+    one, several = (
+        infos(
+            StlMonitor(
+                gym.make("CartPole-v1"), specs, signals, view=view, cost=cost, on_violation="report"
+            )
+        )
+        for specs in (text, apart)
+    )
+    assert one == several
+    assert any(info.get("cost", 0.0) > 0.0 for info in one)
 
 
 def test_a_reward_ranks_the_requirements_of_a_text_by_their_names() -> None:
