@@ -45,7 +45,7 @@ def evaluate_rollouts(
     Args:
         model: The model that was rolled out, or one with the same layout.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
-            or several with their names.
+            or several with their names; of a text, every formula that no other formula uses.
         signals: For every variable a selector.
         states: Of shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
         sensordata: Of shape (rollouts, steps, sensor data); needed if a signal reads it.

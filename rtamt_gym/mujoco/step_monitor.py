@@ -61,7 +61,7 @@ class StepMonitor(PanelValues):
         model: A ``mujoco.MjModel``, kept as an attribute.
         data: A ``mujoco.MjData`` of the model, kept as an attribute.
         specs: A specification (text, path of a ``.stl`` file, formula, or `Specification`), or
-            several with their names.
+            several with their names; of a text, every formula that no other formula uses.
         signals: For every variable a selector or a callable, see above; and whatever else is to be
             in `values` and in the record of `simulate`.
         period: Time between samples, in seconds or as text with a unit; None is

@@ -95,7 +95,8 @@ def simulate(
     Args:
         system: The simulation to run, one of those above.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
-            or several with their names. None for a `StepMonitor`, which has its own.
+            or several with their names; of a text, every formula that no other formula uses is
+            one by itself. None for a `StepMonitor`, which has its own.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
         start: Where a `StepMonitor` branches off. None: it runs on from its present state.

@@ -152,7 +152,7 @@ class StlMonitor(
         Args:
             env: The environment to apply the wrapper
             specs: A specification (text, path of a ``.stl`` file, or ``rtamt.Specification``), or
-                several with their names
+                several with their names; of a text, every formula that no other formula uses
             signals: For every variable of the specifications a selector such as ``"obs[2]"``,
                 ``"obs['goal'][0]"``, ``"action[0]"``, ``"reward"``, ``"info['speed']"`` or
                 ``"qpos[1]"``, or a callable of a :class:`rtamt_gym.Step`, or a pair of one of them
