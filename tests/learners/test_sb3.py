@@ -83,7 +83,7 @@ def test_the_success_rate_that_is_logged_is_that_of_a_hand_count(tmp_path: Path)
 
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate", "report"])
-@pytest.mark.parametrize("wrapper", [StlMonitor])
+@pytest.mark.parametrize("wrapper", [StlMonitor, StlReward])
 def test_every_episode_is_counted_once_with_the_reward_of_the_learner(
     wrapper: type, on_violation: str
 ) -> None:
