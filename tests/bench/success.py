@@ -1,0 +1,149 @@
+"""Counts successes by hand and as learners see them, under every reading of an episode's end.
+
+``always(abs(x) < 1)`` on CartPole, 40 episodes of each policy, the same everywhere: from their
+trajectories, without this project; in the ``EvalCallback`` of Stable-Baselines3; in the infos of a
+vector environment of monitored environments; and in those of a monitored vector environment.
+Needs Stable-Baselines3: ``pip install -c .ci/constraints.txt stable-baselines3``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from rtamt_gym import StlMonitor, VectorStlMonitor
+
+EPISODES, LANES = 40, 4
+SPEC, SIGNALS = "always(abs(x) < 1)", {"x": "obs[0]"}
+
+Env = gym.Env[Any, Any]
+Policy = Callable[[Any, np.random.Generator], int]
+
+
+def at_random(_obs: Any, rng: np.random.Generator) -> int:  # noqa: ANN401
+    return int(rng.integers(2))
+
+
+def balance(obs: Any, _rng: np.random.Generator) -> int:  # noqa: ANN401
+    """Moves the cart below the pole; where the cart is does not count."""
+    return int(obs[2] + 0.3 * obs[3] > 0)
+
+
+def lapse(obs: Any, rng: np.random.Generator) -> int:  # noqa: ANN401
+    """Balances, and forgets to at four of ten steps."""
+    return at_random(obs, rng) if rng.random() < 0.4 else balance(obs, rng)
+
+
+class Driven(gym.Wrapper[Any, Any, Any, Any]):
+    """Episodes of given seeds under a policy of its own, whatever actions it is given."""
+
+    def __init__(self, policy: Policy, seeds: list[int]) -> None:
+        super().__init__(gym.make("CartPole-v1"))
+        self._policy, self._seeds, self._count = policy, seeds, 0
+
+    def reset(self, **_arguments: Any) -> Any:  # noqa: ANN401
+        seed = self._seeds[self._count % len(self._seeds)]
+        self._count += 1
+        self._rng = np.random.default_rng(seed)
+        self._obs, info = self.env.reset(seed=seed)
+        return self._obs, info
+
+    def step(self, _action: object) -> Any:  # noqa: ANN401
+        self._obs, *rest = self.env.step(self._policy(self._obs, self._rng))
+        return self._obs, *rest
+
+
+def trajectories(policy: Policy) -> list[tuple[list[float], bool]]:
+    """The positions of every episode, and whether the pole fell: no monitor takes part."""
+    env, found = Driven(policy, list(range(EPISODES))), []
+    for _ in range(EPISODES):
+        positions, over = [float(env.reset()[0][0])], False
+        while not over:
+            obs, _, terminated, truncated, _ = env.step(None)
+            positions.append(float(obs[0]))
+            over = terminated or truncated
+        found.append((positions, bool(terminated)))
+    return found
+
+
+def by_hand(found: list[tuple[list[float], bool]], at_termination: str, at_truncation: str) -> int:
+    """Inside of 1 m all the time, and an end that counts as a success."""
+    return sum(
+        max(map(abs, positions)) < 1
+        and (at_termination != "failure" if fell else at_truncation != "open")
+        for positions, fell in found
+    )
+
+
+def in_eval_callback(policy: Policy, options: dict[str, Any]) -> float:
+    env = StlMonitor(Monitor(Driven(policy, list(range(EPISODES)))), SPEC, SIGNALS, **options)
+    callback = EvalCallback(
+        DummyVecEnv([lambda: env]), n_eval_episodes=EPISODES, eval_freq=1, verbose=0
+    )
+    model = PPO("MlpPolicy", gym.make("CartPole-v1"), device="cpu")
+    model.set_logger(configure(None, []))
+    callback.init_callback(model)
+    callback.on_step()
+    return float(np.sum(callback._is_success_buffer))
+
+
+def lanes(policy: Policy) -> list[Callable[[], Env]]:
+    seeds = [list(range(lane, EPISODES, LANES)) for lane in range(LANES)]
+    return [lambda own=own: Driven(policy, own) for own in seeds]  # type: ignore[misc]
+
+
+def in_infos(envs: gym.vector.VectorEnv[Any, Any, Any]) -> int:
+    """Successes of the first episodes of each lane, as many as the hand counts."""
+    envs.reset()
+    ended = np.zeros(LANES, int)
+    successes = 0
+    while ended.min() < EPISODES // LANES:
+        *_, terminated, truncated, infos = envs.step(np.zeros(LANES, int))
+        last = (terminated | truncated) & (ended < EPISODES // LANES)
+        if last.any():
+            successes += int(infos["is_success"][last].sum())
+        ended += terminated | truncated
+    return successes
+
+
+def main() -> None:
+    print(f"{SPEC} on CartPole-v1, {EPISODES} episodes: successes")
+    for policy in (at_random, lapse, balance):
+        found = trajectories(policy)
+        left = sum(max(map(abs, positions)) >= 1 for positions, _ in found)
+        fell = sum(fell for _, fell in found)
+        print(f"\n{policy.__name__}: {fell} fell, {left} left the 1 m around the middle")
+        print("at_termination at_truncation   hand  EvalCallback  SyncVectorEnv  VectorStlMonitor")
+        for ending, cut in product(("complete", "cut", "failure"), ("cut", "complete", "open")):
+            options = {"at_termination": ending, "at_truncation": cut}
+            monitored = [
+                lambda make=make: StlMonitor(make(), SPEC, SIGNALS, **options)  # noqa: B023
+                for make in lanes(policy)
+            ]
+            counts = (
+                by_hand(found, ending, cut),
+                in_eval_callback(policy, options),
+                in_infos(gym.vector.SyncVectorEnv(monitored)),
+                in_infos(
+                    VectorStlMonitor(
+                        gym.vector.SyncVectorEnv(lanes(policy)), SPEC, SIGNALS, **options
+                    )
+                ),
+            )
+            print(
+                f"{ending:14} {cut:13} {counts[0]:6} {counts[1]:13.0f} "
+                f"{counts[2]:14} {counts[3]:17}"
+            )
+
+
+if __name__ == "__main__":
+    main()
