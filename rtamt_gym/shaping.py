@@ -285,6 +285,7 @@ class Shaping:
         """
         check_choice("mode", mode, get_args(Mode))
         if weights is not None:
+            _check_mapping("weights", weights, dict.fromkeys(names, "1.0"))
             check_known("weights", weights, names)
         factor = {
             name: check_number(f"weights[{name!r}]", value)
@@ -347,6 +348,19 @@ class Shaping:
                 assert_never(never)
 
 
+def _check_mapping(name: str, given: object, such: Mapping[str, str]) -> None:
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"expected {name}= as a mapping from specifications, got {given!r}; such as "
+            f"{name}={_written(such)}"
+        )
+
+
+def _written(entries: Mapping[str, str]) -> str:
+    """A dictionary as one writes it: of names, and of values in the words of Python."""
+    return "{" + ", ".join(f'"{name}": {value}' for name, value in entries.items()) + "}"
+
+
 def _levels(
     names: Sequence[str], mode: Mode, priorities: Mapping[str, Priority] | None
 ) -> tuple[tuple[int, ...], ...]:
@@ -354,13 +368,14 @@ def _levels(
         if priorities is not None:
             raise InputError(f"priorities= belongs to mode='hierarchical', got mode={mode!r}")
         return (tuple(range(len(names))),)
+    ranks = [*get_args(Priority), *[get_args(Priority)[-1]] * len(names)]
+    such = {name: f'"{rank}"' for name, rank in zip(names, ranks, strict=False)}
     if priorities is None:
-        ranks = [*get_args(Priority), *[get_args(Priority)[-1]] * len(names)]
-        shown = ", ".join(f'"{name}": "{rank}"' for name, rank in zip(names, ranks, strict=False))
         raise InputError(
             "expected priorities= with mode='hierarchical', got None; say what every specification "
-            f"is for, such as priorities={{{shown}}}"
+            f"is for, such as priorities={_written(such)}"
         )
+    _check_mapping("priorities", priorities, such)
     check_known("priorities", priorities, names)
     for name in names:
         if name not in priorities:

@@ -148,15 +148,16 @@ def make_placed(values: list[float], end: str) -> Env:
 
 @pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
 @pytest.mark.parametrize("end", ["terminated", "truncated"])
+@pytest.mark.parametrize("ending", ["complete", "failure"])
 @pytest.mark.parametrize("view", ["episode", "step"])
 def test_many_dictionaries_show_what_each_does(
-    view: str, end: str, autoreset: AutoresetMode
+    view: str, end: str, ending: str, autoreset: AutoresetMode
 ) -> None:
     makes: list[Make] = [
         functools.partial(make_placed, SERIES[:n], end) for n in (2, 4, len(SERIES))
     ]
     specs = SPECS if view == "episode" else {"a": "x > 2 implies eventually[0:2](x < 1)"}
-    same(makes, autoreset, specs, {"x": "obs['z'][0]"}, period=1, view=view)
+    same(makes, autoreset, specs, {"x": "obs['z'][0]"}, period=1, view=view, at_termination=ending)
 
 
 def same(
@@ -206,6 +207,17 @@ def test_samples_inside_of_a_step_show_the_state_after_it() -> None:
     # Five steps of 0.01 s of a window of 1 s.
     assert obs[-4] == np.float32(info["robustness"])
     assert obs[-1] == np.float32(0.95)
+
+
+def test_an_end_that_is_a_failure_shows_the_bound_that_it_sets() -> None:
+    env = StlMonitor(
+        Replay([3.0, 3.0]), "always(x > 1)", X, observe="state", at_termination="failure", clip=4.0
+    )
+    env.reset()
+    obs, _, _, _, info = env.step(np.array([0.5]))
+    assert info["stl_violated"] is True
+    assert obs.tolist() == [3.0, 2.0, -4.0, 0.0, 1.0]
+    assert np.signbit(obs[3])
 
 
 # ---- beside rewards ----

@@ -225,6 +225,20 @@ def test_priorities_are_asked_for_by_the_names_of_the_specifications() -> None:
             "priorities= belongs to mode='hierarchical', got mode='add'",
         ),
         (
+            {"weights": [2.0, 1.0]},
+            (
+                "expected weights= as a mapping from specifications, got [2.0, 1.0]; such as "
+                'weights={"upright": 1.0, "slow": 1.0}'
+            ),
+        ),
+        (
+            {"mode": "hierarchical", "priorities": ["upright", "slow"]},
+            (
+                "expected priorities= as a mapping from specifications, got ['upright', 'slow']; "
+                'such as priorities={"upright": "safety", "slow": "target"}'
+            ),
+        ),
+        (
             {"mode": "hierarchical"},
             (
                 "expected priorities= with mode='hierarchical', got None; say what every "
