@@ -78,8 +78,6 @@ def demands_of(
     """
     demands = []
     for name, spec in specs.items():
-        # A monitor evaluates named formulas too, and might have to wait for the end of one.
-        spec = replace(spec, formulas={}, uses={})  # noqa: PLW2901
         parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
         # A named always(p), which a monitor would keep beside p, needs the whole future.
         unnamed = replace(spec, formulas={}, uses={})
