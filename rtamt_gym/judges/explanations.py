@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from rtamt import Explanation, Formula, InputError
+from rtamt import Explanation, InputError
 from rtamt_gym.checks.names import listing, nearest
 
 __all__ = ["chosen", "titled"]
@@ -40,7 +40,7 @@ def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str |
     return name
 
 
-def titled(explanation: Explanation, name: str, formula: Formula) -> Explanation:
+def titled(explanation: Explanation, name: str, formula: object) -> Explanation:
     """The explanation in which a formula without a name has this one."""
     steps = (
         replace(step, name=name) if step.formula is formula and step.name is None else step

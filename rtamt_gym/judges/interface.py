@@ -17,6 +17,7 @@ __all__ = [
     "InterfaceOptions",
     "Names",
     "Semantics",
+    "described",
     "robustness_text",
 ]
 
@@ -62,6 +63,17 @@ def robustness_text(
     if verdict == 0 and semantics not in EXACT:
         return "0"
     return "0, holds" if rtamt.holds(value) else "0, violated"
+
+
+def described(spec: rtamt.Specification, judge: rtamt.EpisodeMonitor) -> str:
+    """The formula of a judge, with its semantics unless that is the standard one."""
+    interface = judge.interface
+    if interface.semantics == "standard":
+        return str(spec.formula)
+    words = [str(interface.semantics)]
+    words += [f"input {name}" for name in interface.inputs]
+    words += [f"output {name}" for name in interface.outputs]
+    return f"{spec.formula} under {', '.join(words)}"
 
 
 def _names(names: Names | None) -> Names | None:

@@ -40,11 +40,15 @@ class InstantMonitor:
         period: Period,
         nan: Nan,
         align: Align | None = None,
+        *,
+        history: bool = False,
         **interface: Unpack[InterfaceOptions],
     ) -> None:
         self._instant = rtamt.Monitor(spec, period, nan=nan, align=align, **interface)
         self._sofar = rtamt.EpisodeMonitor(spec, period, nan=nan, align=align, **interface)
-        self.judge = rtamt.EpisodeMonitor(spec.always(), period, nan=nan, align=align, **interface)
+        self.judge = rtamt.EpisodeMonitor(
+            spec.always(), period, nan=nan, align=align, history=history, **interface
+        )
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:

@@ -15,7 +15,7 @@ import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
 from rtamt_gym.judges.costs import Cost, CostMeter
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
-from rtamt_gym.judges.interface import STANDARD, Interface
+from rtamt_gym.judges.interface import STANDARD, Interface, described
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.values import MonitorValues, read_values
@@ -59,6 +59,7 @@ class Panel:
         interface: How predicates count.
         align: How bounds that are no multiple of the period become samples; None refuses them.
         cost: What `take_costs` measures; None: nothing.
+        history: Whether the judges keep their samples, for explanations.
 
     Raises:
         SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` and `CostMeter` do.
@@ -74,13 +75,16 @@ class Panel:
         interface: Interface = STANDARD,
         align: Align | None = None,
         cost: Cost | None = None,
+        *,
+        history: bool = False,
     ) -> None:
+        options: Any = {"period": period, "nan": nan, "align": align, "history": history}
         self.monitors: Monitors = make_monitors(
             specs,
             view,
             interface,
-            of_episode=partial(EpisodeMonitor, period=period, nan=nan, align=align),
-            of_instants=partial(InstantMonitor, period=period, nan=nan, align=align),
+            of_episode=partial(EpisodeMonitor, **options),
+            of_instants=partial(InstantMonitor, **options),
         )
         self.variables = {name: spec.variables for name, spec in specs.items()}
         self._specs = specs
@@ -95,7 +99,7 @@ class Panel:
     @cached_property
     def _described(self) -> dict[str, str]:
         return {
-            name: _described(spec, judge)
+            name: described(spec, judge)
             for (name, spec), judge in zip(self._specs.items(), self._judges, strict=True)
         }
 
@@ -365,17 +369,6 @@ class Panel:
         self._failed = frozenset()
         self.settled = len(self._decided)
         self.violated_by = violated_by
-
-
-def _described(spec: rtamt.Specification, judge: EpisodeMonitor) -> str:
-    """The formula, with its semantics unless that is the standard one."""
-    interface = judge.interface
-    if interface.semantics == "standard":
-        return str(spec.formula)
-    words = [str(interface.semantics)]
-    words += [f"input {name}" for name in interface.inputs]
-    words += [f"output {name}" for name in interface.outputs]
-    return f"{spec.formula} under {', '.join(words)}"
 
 
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time

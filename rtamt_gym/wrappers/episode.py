@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from typing import Any, NoReturn
 
-from rtamt import StateError
+from rtamt import Explanation, StateError
 from rtamt_gym.judges.episodes import record
+from rtamt_gym.judges.explanations import chosen, titled
 from rtamt_gym.judges.infos import last_info, present
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
 from rtamt_gym.wrappers.monitoring import Monitoring
@@ -34,6 +35,46 @@ class EpisodeMonitoring(Monitoring):
     def monitors(self) -> Monitors:
         """The monitors of each specification: ``(robustness source, judge)``."""
         return dict(self._panel.monitors)
+
+    def explain(self, name: str | None = None) -> Explanation:
+        """Which sub-formulas and samples decided the robustness of the episode so far.
+
+        It needs ``history=True``. After the last step it is about the whole episode, until the next
+        :meth:`reset`; inside a vector environment that resets by itself, that is too late. Below
+        other wrappers it is ``env.get_wrapper_attr("explain")()``. With ``view="step"`` it is about
+        the worst instant: about ``always`` of the formula.
+
+        Args:
+            name: The specification. None: the one that was violated first, or if none was the one
+                with the least robustness.
+
+        Raises:
+            InputError: If there is no such specification.
+            StateError: Without ``history=True``, or before the first :meth:`reset`.
+
+        Example:
+            >>> import gymnasium as gym
+            >>> from rtamt_gym import StlMonitor
+            >>> specs, signals = {"upright": "always(abs(theta) < 0.1)"}, {"theta": "obs[2]"}
+            >>> env = StlMonitor(gym.make("CartPole-v1"), specs, signals, history=True)
+            >>> _, info = env.reset(seed=123)
+            >>> while not info["stl_violated"]:
+            ...     *_, info = env.step(1)
+            >>> print(env.explain())
+            robustness -0.0227786 at 0 s, decided by abs(theta) < 0.1 at 0.12 s
+            <BLANKLINE>
+                at       value  formula
+               0 s  -0.0227786  upright = always(abs(theta) < 0.1)
+            0.12 s  -0.0227786  abs(theta) < 0.1
+            0.12 s   -0.122779  theta
+        """
+        pairs = self._panel.monitors
+        robustness = {each: judge.robustness for each, (_, judge) in pairs.items()}
+        name = chosen(name, robustness, self._panel.violated_by)
+        source, judge = pairs[name]
+        root = judge.specification.formula
+        formula = root if source is judge else root.args[0]  # the judge's is always(formula)
+        return titled(judge.explain(), name, formula)
 
     def _bind_signals(self) -> None:
         names = [signal.name for signal in self._signals]

@@ -144,6 +144,7 @@ class StlMonitor(
         cost: Cost | None = None,
         buffer_length: int = 100,
         substeps: bool = False,
+        history: bool = False,
         observe: Observe | None = None,
         clip: float = 1.0,
     ) -> None:
@@ -188,6 +189,8 @@ class StlMonitor(
                 the first violation on; ``"first"`` is 1 only at the step that shows it
             buffer_length: How many records :attr:`stl_episodes` keeps
             substeps: Whether to take a sample after every step of the simulation, see above
+            history: Whether to keep the samples of the episode for :meth:`explain`, 8 bytes for
+                each variable of each specification
             observe: ``"state"`` appends the state of the monitors to the observation
             clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
                 specification should lie inside
@@ -220,6 +223,7 @@ class StlMonitor(
             "specs": recordable(specs),
             "signals": signals,
             "substeps": substeps,
+            "history": history,
             **options,
         }
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
@@ -228,7 +232,9 @@ class StlMonitor(
         loaded = self._set_up(env, specs, signals, options, find_period)
         self.stl_episodes = deque(maxlen=buffer_length)
         try:
-            self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
+            self._panel = Panel(
+                loaded, self._period, view, nan, interface, align, cost, history=history
+            )
         except SpecificationError as error:
             inner = None if substeps else read_substep_period(env)
             if inner is not None and period is None and fits(loaded, inner, view, cost):

@@ -141,6 +141,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
+        history: bool = False,
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -166,6 +167,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             details: Whether to add ``info["stl"]``, the state of every specification
             cost: As for :class:`StlMonitor`
             buffer_length: How many records :attr:`stl_episodes` keeps
+            history: Whether to keep the samples of the episode for :meth:`explain`
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
@@ -193,7 +195,9 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         sources = agent_sources(agents, hold=nan == "hold")
         loaded = self._set_up(env, specs, signals, options, read_period, sources, agents)
         self.stl_episodes = deque(maxlen=buffer_length)
-        self._panel = Panel(loaded, self._period, view, nan, interface, align, cost)
+        self._panel = Panel(
+            loaded, self._period, view, nan, interface, align, cost, history=history
+        )
         self._bind_signals()
         self._over = False
 

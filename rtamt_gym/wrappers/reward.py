@@ -28,6 +28,7 @@ class StlMonitorOptions(MonitorOptions, total=False):
     """The keyword arguments of `StlMonitor`."""
 
     substeps: bool
+    history: bool
 
 
 class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordConstructorArgs):

@@ -110,7 +110,7 @@ def go(env: ParallelStlMonitor, steps: int = 1) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
 def test_a_violation_ends_the_episode_of_all_agents(on_violation: Any) -> None:  # noqa: ANN401
-    env = near(on_violation=on_violation)
+    env = near(on_violation=on_violation, history=True)
     env.reset()
     assert env.agents == ["lead", "wing_0"]
     _, _, terminated, truncated, infos = go(env, 2)
@@ -118,6 +118,7 @@ def test_a_violation_ends_the_episode_of_all_agents(on_violation: Any) -> None: 
     assert terminated == {"lead": ends, "wing_0": ends}
     assert truncated == {"lead": not ends, "wing_0": not ends}
     assert env.agents == []
+    assert env.explain().causes == (("x", 2, 5.0), ("y", 2, 4.0))
     for info in infos.values():
         assert (info["stl_violated_by"], info["stl_violated_at"]) == ("spec", 2)
         assert (info["is_success"], info["stl_success"], info["stl_undecided"]) == (False,) * 3
