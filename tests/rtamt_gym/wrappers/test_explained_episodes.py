@@ -33,7 +33,10 @@ def recorded(case: Case, seed: int, **options: Any) -> Any:  # noqa: ANN401 - of
     )
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.env_id.split(":")[-1])
+QUICK = [case for case in CASES if "fast" not in case.env_id]
+
+
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: case.env_id.split(":")[-1])
 def test_an_episode_is_explained_as_the_run_of_its_samples(case: Case) -> None:
     env: Any = case.monitored(history=True)
     for seed in (7, 8):
