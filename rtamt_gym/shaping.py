@@ -143,6 +143,8 @@ def hierarchical(levels: Sequence[Value], bound: float) -> Value:
         >>> hierarchical([0.5, 0.5, -0.5], 1.0), hierarchical([0.5, 0.5, 0.5], 1.0)
         (1.5, 2.5)
     """
+    if len(levels) == 1:
+        return levels[0]
     # Not level + 0 * bound, which would lose the sign of a zero.
     raised = [level + rank * bound if rank else level for rank, level in enumerate(levels)]
     return _of_first_negative(levels, raised)

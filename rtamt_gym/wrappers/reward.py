@@ -184,7 +184,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         self._set_up(env, monitors, options, observe, 1)
         self._paying = [judge if self._whole else source for source, judge in monitors.values()]
         self._robustness = 0.0
-        self._return = np.float64(0.0)
+        self._return = 0.0
         self._books = Books(env)
 
     def reset(
@@ -194,7 +194,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         obs, info = self.env.reset(seed=seed, options=options)
         values = self._values()
         self._robustness = self._shaping.robustness(values)
-        self._return = np.float64(0.0)
+        self._return = 0.0
         if self._watch is not None:
             self._watch.reset(_lane(values))
             self._warn_if_flat()
@@ -207,17 +207,17 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         values = self._values()
         before, self._robustness = self._robustness, self._shaping.robustness(values)
         ended = terminated or truncated
-        shaped = np.float64(self._shaping.reward(paid, before, self._robustness, terminated, ended))
+        shaped = self._shaping.reward(paid, before, self._robustness, terminated, ended)
         self._return += shaped
         info = {**info, "reward": np.float64(paid)}
-        if ended and put_return(info, self._return):
+        if ended and put_return(info, np.float64(self._return)):
             self._books.pay(self._return)
         if self._watch is not None:
             self._watch.step(_lane(values), np.array([ended]))
             self._warn_if_flat()
         if self._state is not None:
             obs = self._observed(obs, self._monitor.values())
-        return obs, shaped, terminated, truncated, info
+        return obs, np.float64(shaped), terminated, truncated, info
 
     @property
     def samples(self) -> int:
