@@ -57,7 +57,8 @@ def main(argv: list[str] | None = None) -> None:
     for seed in range(arguments.episodes):
         for driver, colour in (("cautious", "C0"), ("aggressive", "C1")):
             policy = partial(drive, driver, env.unwrapped)
-            run = simulate(env, SPECS, SIGNALS, policy=policy, seed=seed, stop="end")
+            named: Any = {"policy": policy, "seed": seed, "stop": "end"}
+            run = simulate(env, SPECS, SIGNALS, at_termination="complete", **named)
             margins = "  ".join(f"{run.courses[rule].final:+6.2f} m" for rule in SPECS)
             crash, broken = run.ended == "terminated", "never"
             if (at := run.violated_at) is not None:

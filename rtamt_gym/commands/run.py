@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from contextlib import closing
-from typing import TYPE_CHECKING
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, Any, get_args
 
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
@@ -20,6 +21,7 @@ from rtamt_gym.commands.arguments import (
     read_requirements,
     whole,
 )
+from rtamt_gym.judges.ends import AtTermination, AtTruncation, OpenEndWarning
 
 if TYPE_CHECKING:
     from rtamt_gym.signals.signals import SignalLike
@@ -60,6 +62,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("terminate", "truncate", "report"),
         default="terminate",
         help="what happens to an episode once a violation is certain (default: terminate)",
+    )
+    parser.add_argument(
+        "--at-termination",
+        choices=get_args(AtTermination),
+        help="how an end of the environment itself is read: complete, the episode is all there is, "
+        "so that an invariant that held is satisfied and a goal not reached violated; failure, "
+        "what is open is violated, as after a fall; cut, as a time limit (default: complete, and "
+        "a note where that satisfies what was open)",
+    )
+    parser.add_argument(
+        "--at-truncation",
+        choices=get_args(AtTruncation),
+        default="cut",
+        help="how a time limit is read: cut, an invariant that held is satisfied, a goal not "
+        "reached violated, and a window not seen to its end stays open; complete; or open, all "
+        "that is open stays so (default: cut)",
     )
     parser.add_argument(
         "--policy",
@@ -106,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
     signals = _read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
-    with closing(make(options.env_id, options.max_steps, kwargs)) as env:
+    with closing(make(options.env_id, options.max_steps, kwargs)) as env, _noted_ends() as notes:
         make_policy = policy_of(options.policy, env)
         runs = [
             simulate(
@@ -121,14 +139,17 @@ def run(options: argparse.Namespace) -> int:
                 view=options.view,
                 semantics=options.semantics,
                 substeps=options.substeps,
+                at_termination=options.at_termination,
+                at_truncation=options.at_truncation,
             )
             for seed in range(options.seed, options.seed + options.episodes)
         ]
     for name, spec in specs.items():
         print(f"{name}: {spec.formula}")
-    print("", *report(runs), "", *saved_note(runs), sep="\n")
+    print("", *report(runs), "", *saved_note(runs), *notes, sep="\n")
     if options.json:
-        options.json.write_text(to_json(runs, options.on_violation) + "\n", encoding="utf-8")
+        readings = {key: getattr(options, key) for key in _READINGS}
+        options.json.write_text(to_json(runs, readings) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
         from rtamt_gym.drawing import save
@@ -138,6 +159,35 @@ def run(options: argparse.Namespace) -> int:
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown + 1}: {options.plot}")
     return 0
+
+
+_READINGS = ("on_violation", "at_termination", "at_truncation")
+"""The options that say what a violation and the ends of episodes do; the outcomes hold them."""
+
+
+@contextmanager
+def _noted_ends() -> Iterator[list[str]]:
+    """Gives the list of lines that tell, once, that an end has satisfied what was open."""
+    notes: list[str] = []
+    show = warnings.showwarning
+
+    def note(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:  # noqa: ANN401
+        if issubclass(category, OpenEndWarning):
+            notes[:] = _OPEN_END
+        else:
+            show(message, category, *where, **more)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", OpenEndWarning)
+        warnings.showwarning = note
+        yield notes
+
+
+_OPEN_END = [
+    "note: the environment ended an episode while a specification was open, which",
+    "counts as satisfied. --at-termination says what its end means: complete for this,",
+    "failure for a fall or a crash, cut where the episode could have gone on.",
+]
 
 
 def _read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:

@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
 from rtamt_gym.judges.costs import Cost, CostMeter
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judges.interface import STANDARD, Interface, described
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
@@ -22,13 +23,7 @@ from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Element, Read
 
-__all__ = ["Assessment", "AtTermination", "AtTruncation", "Feed", "Monitors", "Panel"]
-
-AtTermination = Literal["complete", "cut", "failure"]
-"""How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
-
-AtTruncation = Literal["cut", "complete", "open"]
-"""How a time limit is read, as `rtamt.EpisodeMonitor.finish` does."""
+__all__ = ["Assessment", "Feed", "Monitors", "Panel"]
 
 Assessment = tuple[float, float, float]
 """Robustness of the samples so far, and the lower and upper bound of what it can become."""

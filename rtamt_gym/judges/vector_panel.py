@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import VectorEpisodeMonitor
 from rtamt_gym.judges.costs import Cost, VectorCostMeter
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.infos import VERDICTS, Where, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
-from rtamt_gym.judges.panel import AtTermination, AtTruncation
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rtamt
@@ -48,12 +48,12 @@ def saved_note(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def to_json(runs: Sequence[Run], on_violation: str) -> str:
+def to_json(runs: Sequence[Run], options: Mapping[str, str | None]) -> str:
     """Writes the outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
 
     Args:
         runs: One or more runs of the same environment.
-        on_violation: What happened to a run once a violation was certain.
+        options: What a certain violation does to an episode, and how its ends are read.
     """
     first = runs[0]
     return json.dumps(
@@ -62,7 +62,7 @@ def to_json(runs: Sequence[Run], on_violation: str) -> str:
             "environment": first.system,
             "period": None if first.period is None else float(first.period),
             "time_limit": first.limit,
-            "on_violation": on_violation,
+            **options,
             "specs": {name: course.formula for name, course in first.courses.items()},
             "episodes": [_outcome(run) for run in runs],
         },

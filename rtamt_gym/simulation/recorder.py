@@ -10,6 +10,7 @@ import numpy as np
 
 import rtamt
 from rtamt import InputTypeError
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.interface import EXACT
 from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.judges.specs import Nan
@@ -98,10 +99,11 @@ class Recorder:
             keep((source.robustness, judge.lower, judge.upper))
         self._samples.append(tuple(values))
 
-    def amend(self) -> None:
-        """Replaces the last values of the monitors by those after the end of the trace."""
-        for name, (monitor, judge) in self._panel.monitors.items():
-            self._curves[name][-1] = monitor.robustness, judge.lower, judge.upper
+    def finish(self, end: AtTermination | AtTruncation) -> None:
+        """Ends the trace for the monitors; their last values are those after the end."""
+        self._panel.finish(end)
+        for name, state in self._panel.describe().items():
+            self._curves[name][-1] = state["robustness"], state["lower"], state["upper"]
 
     def signals(self) -> dict[str, Floats]:
         """The values of every signal."""
@@ -121,7 +123,7 @@ class Recorder:
                 lower,
                 upper,
                 judge.robustness,
-                judge.verdict,
+                rtamt.Verdict[outcomes[name]["verdict"]],
                 outcomes[name].get("decided_at"),
                 specs[name].unit,
                 judge.interface.semantics,

@@ -8,13 +8,14 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import (
@@ -60,6 +61,8 @@ def simulate(
     outputs: Names | None = None,
     label: str = "",
     substeps: bool = False,
+    at_termination: AtTermination | None = None,
+    at_truncation: AtTruncation = "cut",
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
 
@@ -76,21 +79,12 @@ def simulate(
     in ``signals`` reads the value of its own name.
 
     Sample 0 is the state before the first step: an environment's observation at reset, the present
-    state of a MuJoCo model's data, an FMU's outputs after its initialization. If a system ends by
-    itself, the trace is complete and the verdicts are final. If it is cut short by a time limit or
-    by ``duration``, it could have gone on, so an open verdict stays UNDECIDED. Write
-    ``always[0:10]`` for a verdict after 10 s.
+    state of a MuJoCo model's data, an FMU's outputs after its initialization.
 
-    A `StepMonitor` has specifications and options of its own. Its run goes on as `StepMonitor.run`
-    does, to the last bit: robustness, bounds and verdicts are those of the whole episode, and the
-    first recorded sample is the monitor's last one, or sample 0 if it has none. Afterwards the
-    monitor stands at the end of the run. With ``start=snapshot`` the run is a branch: it goes on
-    from the snapshot, and afterwards monitor and simulation are what they were before the call, to
-    the last bit. A policy may make such branches of the monitor that it drives.
-
-    An error of the system, the policy or a signal after sample 0, and Ctrl-C too, comes with its
-    own type, and with the samples so far as its attribute ``run``: a `Run` whose ``ended`` is
-    ``"error"``, with the verdicts that these samples leave.
+    What an open verdict becomes at the end of the run is said by ``at_termination``, where the
+    system ends by itself, and by ``at_truncation``, where a time limit of the system or
+    ``duration`` cuts the run short. A run that was stopped decides nothing more, nor does the
+    ``duration`` of a `StepMonitor` that goes on afterwards: open verdicts stay UNDECIDED.
 
     Args:
         system: The simulation to run, one of those above.
@@ -124,6 +118,15 @@ def simulate(
         substeps: Whether to take a sample after every step of the simulation that an environment
             makes inside of its own, as for `StlMonitor`. The run then stops at the sample that
             shows the violation, though the environment has made the whole step.
+        at_termination: How an end of the system itself is read: ``"complete"``, the run is all
+            there is (an invariant that held is satisfied, a goal not reached is violated);
+            ``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated, whatever
+            its robustness is. None is ``"complete"``, and warns where an environment's end so
+            satisfies what was open.
+        at_truncation: How a time limit is read: ``"cut"``, an ``always`` without bounds that held
+            is satisfied, an ``eventually`` without bounds violated, and windows that were not seen
+            to their end stay open; ``"complete"``; or ``"open"``, the run could have gone on, and
+            open verdicts stay UNDECIDED.
 
     Returns:
         The signals, the robustness with its bounds and verdicts at every sample, and why it ended.
@@ -156,6 +159,8 @@ def simulate(
     check_choice("view", view, get_args(View))
     check_choice("nan", nan, get_args(Nan))
     check_choice("align", align, (None, *get_args(Align)))
+    check_choice("at_termination", at_termination, (None, *get_args(AtTermination)))
+    check_choice("at_truncation", at_truncation, get_args(AtTruncation))
     if substeps and not isinstance(system, gym.Env):
         raise InputError(
             f"substeps=True is for environments, whose step makes several, got {system!r}; give a "
@@ -195,6 +200,8 @@ def simulate(
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
     ran.bind(variables, signals, panel.period)
     limits = [steps for steps in (most, ran.limit) if steps is not None]
+    goes_on = monitor is not None and start is None
+    ends = _Ends(at_termination, at_truncation, isinstance(ran, Environment), goes_on)
     begin = time.perf_counter()
     record = Recorder(panel, variables, signals or {}, nan, fed=monitor is not None)
     ended: RunEnd = "error"
@@ -222,6 +229,7 @@ def simulate(
         with closing(ran):
             try:
                 ended = _loop(ran, panel, record, stop, most)
+                _finish(record, panel, ended, ends)
             finally:
                 if ended == "error":
                     record.rewind()
@@ -231,6 +239,28 @@ def simulate(
             carry(error, run)
         raise
     return cast("Run", run)  # without an error there is a sample
+
+
+class _Ends(NamedTuple):
+    """How the end of a run is read, and whether the system is there to go on after it."""
+
+    at_termination: AtTermination | None
+    at_truncation: AtTruncation
+    environment: bool
+    goes_on: bool
+
+
+def _finish(record: Recorder, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
+    """Reads the end of a run; a run that was stopped has none."""
+    if ended == "truncated" or (ended == "duration" and not ends.goes_on):
+        record.finish(ends.at_truncation)
+    if ended != "terminated":
+        return
+    undecided = panel.undecided
+    record.finish(ends.at_termination or "complete")
+    settled = next((name for name in undecided if panel.satisfies(name)), None)
+    if ends.environment and ends.at_termination is None and settled is not None:
+        warn_of_open_end(settled, stacklevel=3)
 
 
 def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int | None) -> RunEnd:
@@ -249,11 +279,7 @@ def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int 
             return "duration"
         values = system.advance()
         steps += 1
-    if system.ended == "truncated":
-        return "truncated"
-    panel.finish()
-    record.amend()
-    return "terminated"
+    return system.ended or "terminated"
 
 
 def _as_system(

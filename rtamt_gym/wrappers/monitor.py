@@ -14,9 +14,10 @@ from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import SpecificationError
 from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.infos import step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import AtTermination, AtTruncation, Feed, Panel
+from rtamt_gym.judges.panel import Feed, Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books

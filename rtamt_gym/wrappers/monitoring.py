@@ -13,8 +13,9 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
 from rtamt import InputError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
 from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.panel import AtTermination, AtTruncation, Panel
+from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import (
     Align,
     Nan,
@@ -124,13 +125,7 @@ class Monitoring(Observing):
     def _tell_complete(self, name: str) -> None:
         """Warns once that the end of an episode has settled what was open."""
         self._unasked = False
-        warnings.warn(
-            f"the environment ended an episode while specification {name!r} was open, and counts "
-            "it as satisfied: a terminated episode is taken for all there is. Say what its end "
-            'means: at_termination="complete" for this, "failure" where an environment ends what '
-            'has failed, such as a fall, or "cut" where an episode could have gone on',
-            stacklevel=4,
-        )
+        warn_of_open_end(name, stacklevel=4)
 
     def _tell_success(self, env: object) -> None:
         """Warns once that an ``is_success`` of the environment's own is kept."""

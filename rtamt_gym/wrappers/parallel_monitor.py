@@ -12,9 +12,10 @@ import numpy as np
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.infos import step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import AtTermination, AtTruncation, Panel
+from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period
 from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.signals import SignalLike

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from rtamt import StateError
 from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.episodes import EpisodeRecords, record
 from rtamt_gym.judges.infos import last_info, step_info
 from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import AtTermination, AtTruncation
 from rtamt_gym.judges.specs import (
     Align,
     Nan,

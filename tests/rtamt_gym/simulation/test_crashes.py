@@ -79,7 +79,8 @@ def test_the_run_of_an_error_is_that_of_the_samples_before_it(
     with pytest.raises(CrashError) as crashed:
         simulate(crashing(rows, CrashError), specs, **named)
     run = run_of(crashed.value)
-    cut = simulate([*rows, rows[-1]], specs, duration=max(len(rows) - 1, 0.5), **named)
+    named |= {"duration": max(len(rows) - 1, 0.5), "at_truncation": "open"}
+    cut = simulate([*rows, rows[-1]], specs, **named)
     assert alike(told(run), told(cut))
     assert (run.ended, run.steps, cut.ended) == ("error", len(rows) - 1, "duration")
 

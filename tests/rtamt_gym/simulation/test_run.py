@@ -115,7 +115,8 @@ def test_a_run_is_replayed_under_other_specifications() -> None:
 def test_the_verdict_is_that_of_the_worst_specification() -> None:
     assert run(1.0, 5.0).verdict == Verdict.VIOLATED
     assert run(1.0, 2.5).verdict == Verdict.SATISFIED
-    cut = simulate([{"x": 1.0}, {"x": 2.5}, {"x": 2.5}], SPECS, period=0.5, duration=0.5)
+    longer = [{"x": 1.0}, {"x": 2.5}, {"x": 2.5}]
+    cut = simulate(longer, SPECS, period=0.5, duration=0.5, at_truncation="open")
     assert cut.verdict == Verdict.UNDECIDED
 
 

@@ -124,8 +124,16 @@ def test_a_run_of_an_environment_is_what_the_wrapper_sees(case: Case, view: View
         duration=12 * float(StlMonitor(env, case.specs, case.signals).period or 1),
         stop="end",
         view=view,
+        at_termination="complete",
+        at_truncation="open",
     )
-    wrapped = case.monitored(details=True, on_violation="report", view=view)
+    wrapped = case.monitored(
+        details=True,
+        on_violation="report",
+        view=view,
+        at_termination="complete",
+        at_truncation="open",
+    )
     _, info = wrapped.reset(seed=3)
     said = [info["stl"]]
     over = False
@@ -305,17 +313,6 @@ def test_a_run_can_stop_as_soon_as_all_is_decided() -> None:
     assert (run.ended, run.steps, run.verdict) == ("decided", 3, Verdict.SATISFIED)
     assert (run.violated_by, run.saved) == (None, 2)
     assert [course.decided_at for course in run.courses.values()] == [1, 3]
-
-
-def test_the_end_of_a_system_settles_and_a_time_limit_does_not() -> None:
-    values = [{"x": 1.0}] * 4
-    ended = simulate(values, "always(x < 3)", duration=9)
-    cut = simulate(values, "always(x < 3)", duration=2)
-    assert (ended.ended, ended.verdict) == ("terminated", Verdict.SATISFIED)
-    assert (cut.ended, cut.verdict, cut.steps) == ("duration", Verdict.UNDECIDED, 2)
-    env = gym.make("Pendulum-v1", max_episode_steps=5)
-    run = simulate(env, "always(v < 99)", {"v": "obs[2]"}, policy=lambda _: [0.0], seed=0)
-    assert (run.ended, run.verdict, run.limit) == ("truncated", Verdict.UNDECIDED, 5)
 
 
 def test_an_environment_without_its_time_limit_runs_on() -> None:

@@ -1,0 +1,35 @@
+"""How the end of an episode is read, and what is told where nobody has said it."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Literal
+
+__all__ = ["AtTermination", "AtTruncation", "OpenEndWarning", "warn_of_open_end"]
+
+AtTermination = Literal["complete", "cut", "failure"]
+"""How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
+
+AtTruncation = Literal["cut", "complete", "open"]
+"""How a time limit is read, as `rtamt.EpisodeMonitor.finish` does."""
+
+
+class OpenEndWarning(UserWarning):
+    """An environment ended an episode, and so settled what was open."""
+
+
+def warn_of_open_end(name: str, stacklevel: int) -> None:
+    """Warns that a specification counts as satisfied because the environment ended the episode.
+
+    Args:
+        name: The name of the specification.
+        stacklevel: Whose line the warning shows, as for `warnings.warn` in the caller.
+    """
+    warnings.warn(
+        f"the environment ended an episode while specification {name!r} was open, and counts "
+        "it as satisfied: a terminated episode is taken for all there is. Say what its end "
+        'means: at_termination="complete" for this, "failure" where an environment ends what '
+        'has failed, such as a fall, or "cut" where an episode could have gone on',
+        OpenEndWarning,
+        stacklevel=stacklevel + 1,
+    )
