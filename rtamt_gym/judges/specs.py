@@ -256,9 +256,10 @@ def _load(spec: SpecLike) -> rtamt.Specification:
             return rtamt.load(Path(spec))
         case str():
             return rtamt.parse(spec)
+    several = '; name several in a mapping, {"safe": "...", "slow": "..."}'
     raise InputTypeError(
         "expected the text of a specification, the path of a .stl file or an "
-        f"rtamt.Specification, got {spec!r}"
+        f"rtamt.Specification, got {spec!r}{several if isinstance(spec, list | tuple) else ''}"
     )
 
 

@@ -10,13 +10,16 @@ from typing import Any, NamedTuple, cast
 
 from gymnasium import spaces
 
-from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Read, Signal, Source
+from rtamt_gym.signals.signals import AbsentError, Read, Signal, Source
 from rtamt_gym.signals.sources import STEP
 
 __all__ = ["agent_sources"]
+
+
+_ACTION = 1
+"""The place of the actions among the arguments of a `Read`; they are None at reset."""
 
 
 class _Seat(NamedTuple):
@@ -65,9 +68,9 @@ def _of_agent(agent: Hashable, place: int, signal: Signal, read: Read, *, hold: 
             own: list[Any] = [None] * len(parts)
             own[place] = part[agent]
             return read(*own)
-        if hold:
+        if hold and not (signal.maybe_at_reset and parts[_ACTION] is None):
             return math.nan
-        raise InputError(
+        raise AbsentError(
             f"signal {signal.name!r}: {signal} has no value, for the agents of this step are "
             f"{listing(part)}; nan='hold' keeps the last value of an agent that left"
         )

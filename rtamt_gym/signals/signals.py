@@ -110,7 +110,7 @@ class Source(Syntax):
 
 
 class AbsentError(InputError):
-    """What a signal reads is not in the info."""
+    """What a signal reads is not there: a key of the info, or an agent."""
 
 
 @dataclass(frozen=True, slots=True)

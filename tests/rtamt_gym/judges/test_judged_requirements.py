@@ -158,6 +158,16 @@ def test_names_of_requirements_in_a_mapping(tmp_path: Path) -> None:
     assert str(caught.value) == "expected one specification 's.b', got two; rename one"
 
 
+def test_a_list_of_specifications_is_refused_with_the_way_out() -> None:
+    specs: Any = ["always(x > 0)"]
+    with pytest.raises(rtamt.InputTypeError) as caught:
+        load_specs(specs)
+    assert str(caught.value) == (
+        "expected the text of a specification, the path of a .stl file or an rtamt.Specification, "
+        """got ['always(x > 0)']; name several in a mapping, {"safe": "...", "slow": "..."}"""
+    )
+
+
 def test_an_environment_made_again_has_the_same_requirements() -> None:
     env = StlMonitor(gym.make("CartPole-v1"), rtamt.parse(TEXT), SIGNALS)
     assert env.spec is not None

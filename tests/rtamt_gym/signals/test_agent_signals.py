@@ -87,6 +87,15 @@ def test_an_agent_that_left_gives_no_number(reading: Any, number: float) -> None
     )
 
 
+@pytest.mark.parametrize("hold", [False, True])
+def test_an_info_at_reset_is_read_where_the_agent_has_it(hold: bool) -> None:  # noqa: FBT001
+    read = parse(("scout_1: info['own']", 5.0), hold=hold).bind_reset(CREW)  # type: ignore[arg-type]  # see above
+    seen, *_, infos = step_of(AGENTS)
+    assert read(seen, None, None, infos) == 14.0
+    assert read(seen, None, None, {"scout_1": {}}) == 5.0
+    assert read(seen, None, None, {}) == 5.0
+
+
 WORDS = "one of the agents scout_0, scout_1, \"'s:2\", and ':'"
 
 
