@@ -47,7 +47,7 @@ class Report:
     """What a wrapper says of an episode.
 
     Attributes:
-        infos: The keys that it adds to the info of the reset and of every step.
+        infos: The info of the reset and of every step.
         flags: How each step ends the episode, the first that of the reset.
         record: The entry of ``stl_episodes``; None while the episode runs.
         assumed: Whether the default of ``at_termination`` has satisfied a specification.
@@ -78,7 +78,7 @@ def report(
     flags: Sequence[Flags],
     options: Options,
     *,
-    own_success: bool | None = None,
+    own: Sequence[Mapping[str, Any]] = (),
     left: bool = False,
 ) -> Report:
     """The report on an episode of which the environment says these flags, the first of the reset.
@@ -88,7 +88,7 @@ def report(
         trace: The samples of all variables.
         flags: Of every sample whether the environment terminates or truncates.
         options: Those of the wrapper.
-        own_success: What the info of the last of these samples says of ``is_success``, if it does.
+        own: The environment's own infos, one for every sample; none: all are empty.
         left: Whether the episode is left after the last sample, by a reset or a close.
     """
     made, decided = Report(), dict[str, _Judgement]()
@@ -118,16 +118,15 @@ def report(
         over = bool(t) and (terminated or truncated)
         if over:
             success = all(it.verdict > 0 for it in decided.values())
-            own = own_success if t == len(flags) - 1 else None
             info |= {
                 "stl_episode": {name: _outcome(it) for name, it in decided.items()},
                 "stl_success": success,
                 "stl_undecided": any(it.verdict == 0 for it in decided.values()),
-                "is_success": success if own is None else own,
+                "is_success": own[t].get("is_success", success) if own else success,
                 **_blame(decided, "stl_violated"),
             }
             made.record = _record(decided, t + 1, terminated=terminated, truncated=truncated)
-        made.infos.append(info)
+        made.infos.append({**own[t], **info} if own else info)
         made.flags.append((terminated, truncated))
         if over:
             return made

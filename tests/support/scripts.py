@@ -38,13 +38,14 @@ class Script:
     Attributes:
         trace: The samples.
         end: How the episode ends at the last sample, a name of `ENDS`.
-        success: What the last info says of ``is_success``; None: nothing. Without an end no info is
-            the last.
+        success: What the environment says of ``is_success``; None: nothing.
+        always: Whether it says so in every info, and not only in that of its own end.
     """
 
     trace: Trace
     end: str
     success: bool | None = None
+    always: bool = False
 
     def __len__(self) -> int:
         return length(self.trace)
@@ -55,9 +56,13 @@ class Script:
         return [(False, False)] * (len(self) - 1) + [ENDS[self.end]]
 
     @property
-    def own_success(self) -> bool | None:
-        """What the environment itself says of its success at the end; None: nothing."""
-        return None if self.end == "none" else self.success
+    def infos(self) -> list[dict[str, Any]]:
+        """Those of the reset and of every step."""
+        said = {} if self.success is None else {"is_success": self.success}
+        ended = {} if self.end == "none" else said
+        return [{"own": i, **(said if self.always else {})} for i in range(len(self) - 1)] + [
+            {"own": len(self) - 1, **(said if self.always else ended)}
+        ]
 
 
 class Scripted(gym.Env[Any, Any]):
@@ -82,14 +87,12 @@ class Scripted(gym.Env[Any, Any]):
         super().reset(seed=seed, options=options)
         self.episode += 1
         self.at = 0
-        return self._observation(), {}
+        return self._observation(), dict(self.script.infos[0])
 
     def step(self, action: Any) -> Any:  # noqa: ANN401, ARG002
         script, last = self.script, len(self.script) - 1
         self.at = min(self.at + 1, last)
-        info: dict[str, Any] = {}
-        if self.at == last and script.own_success is not None:
-            info["is_success"] = script.own_success
+        info = dict(script.infos[self.at])
         return self._observation(), script.trace["c"][self.at], *script.flags[self.at], info
 
     def _observation(self) -> Any:  # noqa: ANN401
@@ -112,7 +115,7 @@ def scripts(draw: st.DrawFn) -> Script:
     trace = draw(traces(2, 8, INTEGERS))
     trace["c"][0] = AT_RESET
     own = draw(st.sampled_from((None, None, None, True, False)))
-    return Script(trace, draw(st.sampled_from(tuple(ENDS))), own)
+    return Script(trace, draw(st.sampled_from(tuple(ENDS))), own, draw(st.booleans()))
 
 
 @functools.cache

@@ -58,7 +58,7 @@ def check(case: Case) -> None:
                 script.trace,
                 script.flags,
                 case.options,
-                own_success=script.own_success,
+                own=script.infos,
                 left=True,
             )
             assert mismatch(expected.infos, infos) == ""
@@ -66,8 +66,8 @@ def check(case: Case) -> None:
             assert expected.record is not None
             records.append(expected.record)
             expected_warnings += ["at_termination"] * expected.assumed
-            if len(infos) == len(script):
-                expected_warnings += ["is_success"] * (script.own_success is not None)
+            told = any(flags[-1]) and "is_success" in script.infos[len(infos) - 1]
+            expected_warnings += ["is_success"] * told
         env.close()
     assert mismatch(records, list(env.stl_episodes)) == ""
     assert sorted(subject(text) for text in warned) == sorted(set(expected_warnings))
