@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from mpe2 import simple_spread_v3
 from parallel_environments import Crew, assert_as_one
 from pettingzoo.utils import BaseParallelWrapper, ParallelEnv, aec_to_parallel, parallel_to_aec
+from programs import run
 
 from rtamt_gym import ParallelStlMonitor
 
@@ -122,3 +124,26 @@ def test_its_other_interface_shows_the_verdict_to_every_agent() -> None:
         env.step(None if over else 1)
     assert last.keys() == set(AGENTS)
     assert all(each == last["agent_0"] for each in last.values())
+
+
+def test_the_program_of_the_page_finds_what_a_hand_count_finds(tmp_path: Path) -> None:
+    program, _ = run("PettingZoo", tmp_path)
+    bare = simple_spread_v3.parallel_env(N=2, max_cycles=25)
+    for agent in bare.possible_agents:
+        bare.action_space(agent).seed(1)
+    successes, costs = [], []
+    for episode in range(40):
+        seen = [bare.reset(seed=episode)[0]]
+        while bare.agents:
+            actions = {agent: bare.action_space(agent).sample() for agent in bare.agents}
+            seen.append(bare.step(actions)[0])
+        unsafe = [
+            abs(float(each["agent_0"][8])) + abs(float(each["agent_0"][9])) <= 0.5
+            or abs(float(each["agent_1"][2])) >= 1
+            for each in seen
+        ]
+        successes.append(not any(unsafe))
+        costs.append(float(sum(unsafe[1:])))
+    assert program["successes"] == successes
+    assert program["costs"] == costs
+    assert 0 < sum(successes) < 40

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 import pytest
 from paths import ROOT
 from programs import headings, run, watched
@@ -49,3 +50,20 @@ def test_the_order_of_wrappers_counts_episodes_and_rewards_as_the_learner_gets_t
     assert found == [(ride.steps, ride.success, ride.outside) for ride in ended]
     assert {ride.success for ride in ended} == {False, True}
     assert max(cost for _, _, cost in found) == 1
+
+
+def test_the_safe_learner_finds_costs_and_successes_of_a_hand_count(tmp_path: Path) -> None:
+    program, rides = run("Safe reinforcement learning", tmp_path)
+    ended = rides.ended(early=False)
+    assert len(ended) == 31 * 5
+    for weights, batch in ((program["tried"], ended[-5:]), (np.zeros(4), ended[:5])):
+        with watched() as again:
+            total, cost, success = program["evaluate"](weights)
+        assert [ride.positions for ride in again.ended(early=False)] == [
+            ride.positions for ride in batch
+        ]
+        assert total == np.mean([ride.steps for ride in batch])
+        assert cost == np.mean([ride.outside for ride in batch])
+        assert success == np.mean([ride.success for ride in batch])
+    assert sum(ride.outside > 1 for ride in ended) > 20
+    assert (program["cost"], program["success"]) == (0.0, 1.0)
