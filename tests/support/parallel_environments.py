@@ -67,7 +67,7 @@ class Crew:
         self.seeds.append(seed)
         self._at = 0
         self.agents = list(self.possible_agents)
-        return self._observed(), {agent: {"own": 0.0} for agent in self.agents}
+        return self._observed(), {agent: {"own": -1.0} for agent in self.agents}
 
     def step(self, actions: dict[str, Any]) -> Five:
         assert actions.keys() == set(self.agents)

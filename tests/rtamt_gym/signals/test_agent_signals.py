@@ -61,6 +61,13 @@ def test_a_selector_reads_the_part_of_its_agent(reading: Any, number: float, at:
         assert each.bind(CREW)(*step_of(AGENTS)) == 10 * at + number  # type: ignore[arg-type]  # see above
 
 
+def test_agents_need_not_be_texts() -> None:
+    crew = Crew({7: (1.0, 2.0), 8: (3.0, 4.0)})  # type: ignore[dict-item]  # as said
+    names = {str(agent): agent for agent in crew.possible_agents}
+    signal = Signal.parse("x", "8: obs[0]", agent_sources(names, hold=False), names)
+    assert signal.bind(crew)(*crew.reset()[:1], None, None, {}) == 3.0  # type: ignore[arg-type]  # see above
+
+
 @given(st.lists(st.sampled_from(AGENTS), min_size=1, unique=True))
 def test_a_callable_gets_the_step_of_all_agents(agents: list[str]) -> None:
     def highest(step: Step) -> float:

@@ -48,7 +48,7 @@ def crews(draw: Any) -> Callable[[], Crew]:  # noqa: ANN401
     return lambda: Crew(numbers, ends)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @pytest.mark.parametrize("name", SPECS)
 @given(
     make=crews(),
@@ -73,7 +73,7 @@ def test_agents_are_monitored_together_as_one(
     assert_as_one(make, specs, signals, act, period=1.0, nan="hold", **options)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(crews(), st.sampled_from(["violation", "depth"]), st.sampled_from(["report", "terminate"]))
 def test_costs_are_those_of_one(make: Callable[[], Crew], cost: str, on_violation: str) -> None:
     specs = {"apart": "always(x - y > -1.5)", "soon": "always(eventually[0:1](x > 0))"}
@@ -196,7 +196,7 @@ def test_every_agent_has_an_info_of_its_own() -> None:
     env = near(details=True, on_violation="truncate", cost="first")
     _, infos = env.reset()
     assert infos["lead"] == {
-        "own": 0.0,
+        "own": -1.0,
         "robustness": 2.0,
         "stl_lower": -math.inf,
         "stl_upper": 2.0,
@@ -209,6 +209,14 @@ def test_every_agent_has_an_info_of_its_own() -> None:
         assert infos["lead"][key] is not infos["wing_0"][key]
         assert infos["lead"][key]["spec"] is not infos["wing_0"][key]["spec"]
     assert infos["lead"]["cost"] == 1.0
+
+
+def test_an_info_signal_reads_the_info_of_reset_where_it_has_the_key() -> None:
+    signals = {"n": ("lead: info['own']", 5.0), "m": ("wing_0: info['other']", 5.0)}
+    for text, robustness in (("always(n < 9)", 10.0), ("always(m < 9)", 4.0)):
+        name = text[7]
+        env = ParallelStlMonitor(Crew(LINE), text, {name: signals[name]})
+        assert env.reset()[1]["lead"]["robustness"] == robustness
 
 
 def test_an_end_that_counts_as_success_unasked_is_told_once() -> None:
