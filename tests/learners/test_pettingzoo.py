@@ -147,3 +147,21 @@ def test_the_program_of_the_page_finds_what_a_hand_count_finds(tmp_path: Path) -
     assert program["successes"] == successes
     assert program["costs"] == costs
     assert 0 < sum(successes) < 40
+
+
+def test_supersuit_keeps_the_verdict_and_shows_the_robustness_of_the_next_episode() -> None:
+    from supersuit import pettingzoo_env_to_vec_env_v1
+
+    envs, twin = pettingzoo_env_to_vec_env_v1(monitored()), monitored()
+    envs.reset(seed=4)
+    twin.reset(seed=4)
+    while twin.agents:
+        infos = envs.step(np.ones(3, int))[4]
+        expected = twin.step(dict.fromkeys(AGENTS, 1))[4]
+    for agent, info in zip(AGENTS, infos, strict=True):
+        for key in ("is_success", "stl_episode", "stl_undecided", "cost"):
+            assert info[key] == expected[agent][key]
+    again = twin.reset()[1]
+    assert [info["robustness"] for info in infos] == [
+        again[agent]["robustness"] for agent in AGENTS
+    ]
