@@ -149,7 +149,8 @@ def explain_dense(
     leaves out, a value at a single instant inside the trace, decides nothing.
 
     Where a window lies outside the trace, ``always`` is +inf and ``eventually`` -inf whatever the
-    signals are; if that decided, the explanation ends with the operator and has no causes.
+    signals are; if that decided, the explanation ends with the operator and has no causes. It costs
+    an evaluation for each operand of the formulas on the way.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -224,19 +225,22 @@ def explain_dense(
 
 def _tick(time: object, reader: EventReader, begin: int, end: int, *, dated: bool) -> int:
     """The tick of a time of the trace."""
+    if isinstance(time, np.number) and not isinstance(time, np.timedelta64):
+        time = time.item()
     first, last = (shown(reader.time(tick, dated)) for tick in (begin, end))
     trace = f"expected a time from {first} to {last}"
     is_date = isinstance(time, np.datetime64)
+    no_date = ", which is no datetime64" if dated else ""
     if not is_date and (not isinstance(time, Real) or isinstance(time, bool | np.timedelta64)):
-        raise InputTypeError(f"{trace}, got {kind_of(time)}")
+        raise InputTypeError(f"{trace}, got {kind_of(time)}{no_date}")
     got = f"{trace}, got {shown(time) if is_date else brief(time)}"
     if dated != is_date:
-        raise InputError(f"{got}, which is {'a date' if is_date else 'no datetime64'}")
+        raise InputError(f"{got}{no_date or ', which is a date'}")
     if isinstance(time, np.datetime64):
         finite = not np.isnat(time)
         tick = int(reader.clock.ticks(np.array([time]), "")[0]) if finite else end + 1
     else:
-        finite = not isinstance(time, float | np.floating) or math.isfinite(time)
+        finite = not isinstance(time, float) or math.isfinite(time)
         tick = reader.clock.nearest(time) if finite else end + 1
     if not begin <= tick <= end:
         raise InputError(got)

@@ -42,7 +42,8 @@ class EpisodeMonitoring(Monitoring):
         It needs ``history=True``. After the last step it is about the whole episode, until the next
         :meth:`reset`; inside a vector environment that resets by itself, that is too late. Below
         other wrappers it is ``env.get_wrapper_attr("explain")()``. With ``view="step"`` it is about
-        the worst instant: about ``always`` of the formula.
+        the worst instant: about ``always`` of the formula. A violation that ``at_termination=
+        "failure"`` makes changes no robustness, and so no explanation.
 
         Args:
             name: The specification. None: the one that was violated first, or if none was the one

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Iterator
 from typing import Literal, cast
 
@@ -29,6 +30,30 @@ LATER = Operator(
 )
 NAND = Operator(
     ("nand",), "infix", 5, "-min(p, q)", lambda b, p, q: b.map("neg", b.map("min", p, q)), (2, 2)
+)
+REGAINED = Operator(
+    ("regained",),
+    "infix",
+    6,
+    "not p until[a:b] always[a:b] q",
+    lambda b, bounds, p, q: b.until(bounds, b.map("neg", p), b.window("min", *bounds, q)),
+    (2, 2),
+    timed=True,
+    future=True,
+)
+RETAINED = Operator(
+    ("retained",),
+    "infix",
+    6,
+    "once[a:b] p since[a:b] (eventually[a:b] q and q)",
+    lambda b, bounds, p, q: b.since(
+        bounds,
+        b.window("max", -bounds[1], -bounds[0], p),
+        b.map("min", b.window("max", *bounds, q), q),
+    ),
+    (2, 2),
+    timed=True,
+    future=True,
 )
 TWICE = _function("twice", "2 x")
 
@@ -70,6 +95,31 @@ def test_an_operator_is_one_row(add: Add, backend: Literal["python", "auto"]) ->
         variable("lX")
     with pytest.raises(ParseError, match="'later' speaks of neighbouring samples"):
         rtamt.DenseMonitor("later(x > 1)")
+
+
+@pytest.mark.parametrize(
+    ("row", "spelled"),
+    [
+        (REGAINED, "not (x > 0) until[{0}:{1}] always[{0}:{1}](y > 0)"),
+        (RETAINED, "once[{0}:{1}](x > 0) since[{0}:{1}] (eventually[{0}:{1}](y > 0) and y > 0)"),
+    ],
+    ids=["regained", "retained"],
+)
+def test_a_row_of_operators_inside_operators_is_explained_in_dense_time(
+    add: Add, row: Operator, spelled: str
+) -> None:
+    add(row)
+    draw = random.Random(7)
+    for _ in range(100):
+        begin = draw.randint(0, 3)
+        end = begin + draw.randint(0, 3)
+        times = {name: sorted({0, 9, *draw.sample(range(1, 9), 5)}) for name in "xy"}
+        trace = {name: [(t, draw.randint(-6, 6)) for t in times[name]] for name in times}
+        time = draw.randint(0, 9)
+        made, other = f"x > 0 {row.symbol}[{begin}:{end}] y > 0", spelled.format(begin, end)
+        assert rtamt.evaluate_dense(made, trace) == rtamt.evaluate_dense(other, trace)
+        one, two = (rtamt.explain_dense(text, trace, time) for text in (made, other))
+        assert (one.robustness, one.causes) == (two.robustness, two.causes)
 
 
 def test_an_infix_operator_is_one_row(add: Add) -> None:

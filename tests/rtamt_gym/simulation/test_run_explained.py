@@ -118,6 +118,11 @@ def test_what_a_run_has_not_is_refused() -> None:
         "did you mean 'low'?"
     )
     with pytest.raises(InputError) as refused:
+        made.explain(["low"])  # type: ignore[arg-type]
+    assert str(refused.value) == (
+        "expected the name of a specification, got ['low']; the specifications are 'low', 'soon'"
+    )
+    with pytest.raises(InputError) as refused:
         made.explain(sample=3)
     assert str(refused.value) == "expected a sample from 0 to 2, got 3"
 
