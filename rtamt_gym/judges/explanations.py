@@ -32,7 +32,7 @@ def chosen(name: str | None, robustness: Mapping[str, float], violated_by: str |
         if violated_by is not None:
             return violated_by
         return min(robustness, key=lambda n: (robustness[n], math.copysign(1.0, robustness[n])))
-    if not isinstance(name, str) or name not in robustness:
+    if name not in list(robustness):  # what has no hash is compared too
         raise InputError(
             f"expected the name of a specification, got {name!r}; the specifications are "
             f"{listing(robustness)}{nearest(name, robustness)}"
