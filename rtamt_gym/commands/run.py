@@ -51,8 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=SELECTOR",
-        help="what a variable reads: obs[2], action[0], reward, info['speed'], qpos[1]; "
-        "what a reset does not give needs a value for it: u=action[0],0; may be repeated",
+        help="what a variable reads (rtamt envs ENV_ID lists what there is): obs[2], action[0], "
+        "reward, info['speed'], qpos[1]; what a reset does not give needs a value for it: "
+        "u=action[0],0; may be repeated",
     )
     parser.add_argument(
         "--episodes", type=positive, default=1, metavar="N", help="number of episodes (default: 1)"
