@@ -55,7 +55,7 @@ def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) 
     model = program["model"]
     assert list(model.ep_success_buffer) == [ride.success for ride in trained][-100:]
     assert [book["l"] for book in model.ep_info_buffer] == [ride.steps for ride in trained][-100:]
-    evaluated = rides.ended(early=True, within=program["test_envs"])
+    evaluated = rides.ended(early=True, within=program["test_env"])
     successes = np.load(tmp_path / "runs" / "evaluations.npz")["successes"]
     assert len(successes) == 2
     *_, last = rounds = [evaluated[at : at + 20] for at in range(0, len(evaluated), 20)]
@@ -66,15 +66,15 @@ def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) 
 
 def test_the_success_rate_that_is_logged_is_that_of_a_hand_count(tmp_path: Path) -> None:
     with watched() as rides:
-        envs, test_envs = monitored(2, seed=1), monitored(1, seed=2)
+        envs, test_env = monitored(2, seed=1), monitored(1, seed=2)
         model = learner(envs)
         model.set_logger(configure(str(tmp_path), ["csv"]))
         callback = EvalCallback(
-            test_envs, n_eval_episodes=40, eval_freq=128, deterministic=False, verbose=0
+            test_env, n_eval_episodes=40, eval_freq=128, deterministic=False, verbose=0
         )
         model.learn(256, callback=callback)
         model.logger.close()
-    evaluated = rides.ended(early=True, within=test_envs)
+    evaluated = rides.ended(early=True, within=test_env)
     with (tmp_path / "progress.csv").open(encoding="utf-8") as file:
         logged = [row["eval/success_rate"] for row in csv.DictReader(file)]
     (rate,) = filter(None, logged)

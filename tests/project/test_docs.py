@@ -8,7 +8,9 @@ from pages import blocks, broken_links, check_session
 from paths import ROOT
 
 PAGES = sorted((ROOT / "docs").glob("*.md"))
-SESSIONS = [session for page in PAGES for session in blocks(page, "console")]
+SESSIONS = [
+    session for page in PAGES for session in blocks(page.read_text(encoding="utf-8"), "console")
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from paths import ROOT
-from programs import headings, run, watched
+from programs import programs, run, watched
 
 GROUPS = ROOT / "tests" / "learners"
 
@@ -15,7 +15,7 @@ GROUPS = ROOT / "tests" / "learners"
 def test_every_program_of_the_page_is_run_by_a_test() -> None:
     texts = [path.read_text(encoding="utf-8") for path in GROUPS.glob("test_*.py")]
     texts.append(Path(__file__).read_text(encoding="utf-8"))
-    run_by = {heading: sum(f'run("{heading}"' in text for text in texts) for heading in headings()}
+    run_by = {heading: sum(f'run("{heading}"' in text for text in texts) for heading in programs()}
     assert len(run_by) > 5
     assert set(run_by.values()) == {1}
 

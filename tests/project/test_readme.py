@@ -7,10 +7,11 @@ from pages import blocks, broken_links, check_session
 from paths import ROOT
 
 README = ROOT / "README.md"
+TEXT = README.read_text(encoding="utf-8")
 
 
 def test_the_python_runs_in_order_and_shows_what_it_says() -> None:
-    python = blocks(README, "python")
+    python = blocks(TEXT, "python")
     assert python
     names: dict[str, object] = {}
     parser = doctest.DocTestParser()
@@ -25,7 +26,7 @@ def test_the_python_runs_in_order_and_shows_what_it_says() -> None:
     assert not runner.failures
 
 
-@pytest.mark.parametrize("session", blocks(README, "console"))
+@pytest.mark.parametrize("session", blocks(TEXT, "console"))
 def test_the_commands_print_what_it_shows(
     session: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -34,18 +35,14 @@ def test_the_commands_print_what_it_shows(
 
 
 def test_the_first_two_lines_that_make_an_environment_are_the_demo_and_the_tests() -> None:
-    lines = [
-        line
-        for line in README.read_text(encoding="utf-8").splitlines()
-        if line.startswith("python3 -m venv")
-    ]
+    lines = [line for line in TEXT.splitlines() if line.startswith("python3 -m venv")]
     demo, tests, *_ = lines
     assert demo.endswith(".venv/bin/rtamt demo")
     assert tests.endswith(".venv/bin/pytest -q")
 
 
 def test_its_links_lead_somewhere() -> None:
-    assert "](docs/demo.png)" in README.read_text(encoding="utf-8")
+    assert "](docs/demo.png)" in TEXT
     assert broken_links(README) == []
 
 

@@ -103,10 +103,13 @@ def watched() -> Iterator[Rides]:
         yield rides
 
 
-def headings() -> list[str]:
-    """The headings of the page that have a program."""
-    sections = PAGE.read_text(encoding="utf-8").split("\n## ")[1:]
-    return [section.partition("\n")[0] for section in sections if "```python" in section]
+def programs() -> dict[str, str]:
+    """The programs of the page by their headings; sessions of ``>>>`` are none."""
+    found = {}
+    for section in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
+        own = [block for block in blocks(section, "python") if ">>>" not in block]
+        found |= {section.partition("\n")[0]: program for program in own}
+    return found
 
 
 def run(heading: str, folder: Path) -> tuple[dict[str, Any], Rides]:
@@ -115,12 +118,8 @@ def run(heading: str, folder: Path) -> tuple[dict[str, Any], Rides]:
     Returns:
         What the program names, and the rides.
     """
-    text = PAGE.read_text(encoding="utf-8")
-    (section,) = (part for part in text.split("\n## ") if part.startswith(f"{heading}\n"))
-    page, script = folder / "section.md", folder / "program.py"
-    page.write_text(section, encoding="utf-8")
-    (program,) = blocks(page, "python")
-    script.write_text(program, encoding="utf-8")
+    script = folder / "program.py"
+    script.write_text(programs()[heading], encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch, watched() as rides:
         patch.chdir(folder)
         return runpy.run_path(str(script), run_name="__main__"), rides
