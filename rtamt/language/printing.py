@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import cast
 
 from rtamt.language.node import Node
@@ -21,24 +21,32 @@ def number_text(value: float) -> str:
     return text.removesuffix(".0")
 
 
-def node_text(root: Node, names: Mapping[Node, str] = _NO_NAMES) -> str:
-    """The text of a term or formula, in which the formulas that have a name are that name."""
-    # A formula that is the value of a term is that term where it is an operand.
-    value = OPERATORS["value"]
-    names = {**{node.args[0]: name for node, name in names.items() if node.op is value}, **names}
+def node_text(
+    root: Node, names: Mapping[Node, str] = _NO_NAMES, runs: Collection[Node] = ()
+) -> str:
+    """The text of a term or formula, in which the formulas that have a name are that name.
+
+    Args:
+        root: The term or formula.
+        names: Names of formulas.
+        runs: Those of them that are shown also where their own operands have become operands of the
+            same operator: ``p and z > 0`` is one conjunction with the operands of ``p``.
+    """
     # Operands before what uses them: no recursion, and a shared part is written once.
     texts = dict(names)
     for node in root.nodes():
         if node not in texts:
-            texts[node] = _compose(node, texts, names)
+            texts[node] = _compose(node, texts, names, runs)
     return texts[root]
 
 
-def _compose(node: Node, texts: Mapping[Node, str], names: Mapping[Node, str]) -> str:
+def _compose(
+    node: Node, texts: Mapping[Node, str], names: Mapping[Node, str], runs: Collection[Node]
+) -> str:
     op = node.op
     if op is None:
         return node.leaf if isinstance(node.leaf, str) else number_text(cast("float", node.leaf))
-    args = _joined(node, names)
+    args = _joined(node, runs) if runs else node.args
     operands = [texts[a] for a in args]
     rows = [None if a in names else _row(a) for a in args]
     interval = "" if node.interval is None else str(node.interval)
@@ -60,18 +68,19 @@ def _compose(node: Node, texts: Mapping[Node, str], names: Mapping[Node, str]) -
             return f" {op.symbol}{interval} ".join(parts)
 
 
-def _joined(node: Node, names: Mapping[Node, str]) -> Sequence[Node]:
-    """The operands; a formula with a name whose own operands became some of them stands again."""
+def _joined(node: Node, runs: Collection[Node]) -> Sequence[Node]:
+    """The operands, of which those that came from one of the runs are it again."""
     op, args = cast("Operator", node.op), node.args
     if op.grouping not in ("flat", "left-flat"):
         return args
-    runs = [named for named in names if named.op is op and named is not node]
-    if not runs:
-        return args
+    begins: dict[Node, list[Node]] = {}
+    for run in runs:
+        if run.op is op and run is not node:
+            begins.setdefault(run.args[0], []).append(run)
     joined: list[Node] = []
     at = 0
     while at < len(args):
-        fits = [r for r in runs if args[at : at + len(r.args)] == r.args]
+        fits = [r for r in begins.get(args[at], ()) if args[at : at + len(r.args)] == r.args]
         if fits and (op.grouping == "flat" or at == 0):
             joined.append(max(fits, key=lambda r: len(r.args)))
             at += len(joined[-1].args)

@@ -95,8 +95,9 @@ class Specification:
     def __post_init__(self) -> None:
         """Make the mappings read-only."""
         for attribute in _MAPPINGS:
-            closed = MappingProxyType(dict(getattr(self, attribute)))
-            object.__setattr__(self, attribute, closed)
+            given = getattr(self, attribute)
+            if not isinstance(given, MappingProxyType):  # that of another specification
+                object.__setattr__(self, attribute, MappingProxyType(dict(given)))
 
     @classmethod
     def of(cls, formula: Formula) -> Specification:
@@ -257,9 +258,11 @@ class Specification:
             lines.append(" ".join(words))
         lines += [f"@ topic({name}, {path})" for name, path in self.topics.items()]
         for name, formula in self.formulas.items():
-            lines.append(f"{name} = {node_text(formula, self._named_in(name))}")
+            names = self._named_in(name)
+            lines.append(f"{name} = {node_text(formula, names, names)}")
         if [self.formula] != list(self.formulas.values())[-1:] or self.uses.get(""):
-            lines.append(node_text(self.formula, self._named_in("")))
+            names = self._named_in("")
+            lines.append(node_text(self.formula, names, names))
         text = lines[0]
         for before, line in itertools.pairwise(lines):
             # "-" would continue the line before it, and "(" make a call of a variable named "min".
@@ -284,15 +287,25 @@ class Specification:
         return next((n for n in candidates if self.formulas[n] is self.formula), None)
 
     def _named_in(self, name: str) -> dict[Node, str]:
-        """The formulas that a formula uses; of several names for one formula, the first."""
-        return {self.formulas[used]: used for used in reversed(self.uses.get(name, ()))}
+        """The formulas that a formula uses; of several names for one formula, the first.
+
+        A formula that is the value of a term is that term where it is an operand.
+        """
+        named: dict[Node, str] = {}
+        for used in reversed(self.uses.get(name, ())):
+            formula = self.formulas[used]
+            named[formula] = used
+            if formula.op is OPERATORS["value"]:
+                named[formula.args[0]] = used
+        return named
 
     def _requirement(self, name: str, root: str) -> Specification:
         """One of several requirements; its root is a key of `uses`."""
-        needed = {root}
-        for each in ("", *reversed([*self.formulas])):  # a formula uses only those before it
-            if each in needed:
-                needed.update(self.uses.get(each, ()))
+        needed, found = {root}, [root]
+        while found:
+            used = {*self.uses.get(found.pop(), ())} - needed
+            needed |= used
+            found += used
         return replace(
             self,
             formula=self.formulas.get(root, self.formula),
