@@ -29,6 +29,7 @@ _OPTIONS = (
     # or nothing.
     (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
     (r"view='step'", "--view step"),
+    (r"; pass nan='hold' to keep the last value instead$", ""),
     (r"\bperiod= ?", "--period "),
     (r"\balign= ?", "--align "),
     (r"semantics='([\w-]+)'", r"--semantics \1"),

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.commands.arguments import add_environment, read_options, whole
 from rtamt_gym.tables import number, shorten, table
 
@@ -46,6 +46,8 @@ def run(options: argparse.Namespace) -> int:
     """Prints the selectors of an environment, or the ids of all environments; returns 0."""
     from rtamt_gym.simulation.environments import families, make
 
+    if options.env_id is None and options.env_kwarg:
+        raise InputError("expected the ENV_ID of the environment that takes --env-kwarg, got none")
     if options.env_id is None:
         for family, names in families().items():
             print(family, _filled(", ".join(names), "  "), sep="\n")
@@ -108,8 +110,11 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
             shown = offer.common + offer.others
         elif len(shown) > _MOST:
             shown = shown[:_SHOWN]
-            notes[len(rows) + _SHOWN - 1] = _rest(offer.common[_SHOWN:])
-        rows += [(str(s), first.get(str(s), "-"), step(s)) for s in shown]
+        read = ((str(s), first.get(str(s), "-"), step(s)) for s in shown)
+        # Some environments of several agents have a reward that is no number.
+        rows += [row for row in read if row[1:] != ("-", "-")]
+        if len(shown) < len(offer.common):
+            notes[len(rows) - 1] = _rest(offer.common[len(shown) :])
         left_out += len(offer.common) + len(offer.others) - len(shown)
     lines = []
     for at, line in enumerate(table(rows, "<>>")):
@@ -149,5 +154,5 @@ class _Reader:
         signal = Signal(str(selector), selector, None, row)
         try:
             return number(signal.bind(self._env)(*self._step))
-        except InputError:  # the info has no such key
+        except (InputError, InputTypeError):  # the info has no such key, or it is no number
             return "-"

@@ -59,7 +59,10 @@ def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
 def _meant(text: str) -> str:
     if text.endswith(".zip"):
         return f"; write sb3:{text}"
-    return nearest(text, _UNTRAINED) or f"; write {text}:FUNCTION for a function of a module"
+    module = text.rstrip(":")
+    if module == "sb3" or not module.replace(".", "").isidentifier():
+        return ""
+    return nearest(text, _UNTRAINED) or f"; write {module}:FUNCTION for a function of a module"
 
 
 def _function(module: str, name: str) -> Callable[[Any], Any]:

@@ -256,6 +256,10 @@ def test_without_an_id_the_newest_environments_are_listed_by_where_they_come_fro
                 "unexpected keyword argument 'a'"
             ),
         ),
+        (
+            ["--env-kwarg", "a=1"],
+            "expected the ENV_ID of the environment that takes --env-kwarg, got none",
+        ),
         (["CartPole-v1", "x"], "unrecognized arguments: x; see rtamt envs --help"),
         (
             ["CartPole-v1", "--seed", "x"],
@@ -272,3 +276,11 @@ def test_an_infinite_value_is_printed(monkeypatch: pytest.MonkeyPatch, capsys: O
     monkeypatch.setattr(Wide, "_obs", lambda _self: np.array([math.inf]))
     _, rows = printed(capsys, "RtamtWide-v0", "--env-kwarg", "n=1")
     assert rows[0] == ["obs[0]", "inf", "inf"]
+
+
+def test_a_reward_that_is_no_number_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, capsys: Output
+) -> None:
+    monkeypatch.setattr(Wide, "step", lambda self, _action: (self._obs(), (1, 2), False, False, {}))
+    _, rows = printed(capsys, "RtamtWide-v0", "--env-kwarg", "n=2")
+    assert [row[0] for row in rows] == ["obs[0]", "obs[1]", "action", "info['level']"]

@@ -174,3 +174,10 @@ def test_substeps_of_an_environment_without_them_are_refused(capsys: Output) -> 
         "rtamt: error: --substeps needs a MujocoEnv of Gymnasium or an environment of highway-env, "
         "got <Given<RtamtGiven-v0>>; leave it out\n"
     )
+
+
+def test_a_signal_that_is_nan_is_refused_without_advice_that_is_not_there(capsys: Output) -> None:
+    Path("rtamt_pilot.py").write_text("def act(obs):\n    return [float('nan')]\n")
+    arguments = ["run", "Pendulum-v1", "--spec", "always(v < 99)", "--signal", "v=obs[2]"]
+    assert main([*arguments, "--policy", "rtamt_pilot:act"]) == 2
+    assert capsys.readouterr().err == "rtamt: error: variable 'v' is nan at sample 1\n"

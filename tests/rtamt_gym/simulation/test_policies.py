@@ -114,6 +114,20 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
                 "'rtamt_driver'; write rtamt_driver:FUNCTION for a function of a module"
             ),
         ),
+        *(
+            (
+                text,
+                f"--policy: expected random, zero, sb3:FILE.zip or module:function, got {text!r}",
+            )
+            for text in ("", ":", ":act", "sb3:", "sb3", "a b")
+        ),
+        (
+            "rtamt_driver:",
+            (
+                "--policy: expected random, zero, sb3:FILE.zip or module:function, got "
+                "'rtamt_driver:'; write rtamt_driver:FUNCTION for a function of a module"
+            ),
+        ),
         (
             "best.zip",
             (
