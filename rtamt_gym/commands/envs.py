@@ -70,7 +70,7 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
         yield f"{name} does not say how long a step lasts;"
         yield "for bounds in time give --period in seconds, or --period 1 to count steps"
     else:
-        yield f"{name}: a step lasts {number(period)} s, says env.unwrapped.{found[1]}"
+        yield _filled(f"{name}: a step lasts {number(period)} s, says env.unwrapped.{found[1]}")
     within = read_substep_period(env)
     if within is not None and within != period:
         yield f"a step of its simulation, which --substeps samples, lasts {number(within)} s"

@@ -218,7 +218,9 @@ def test_a_long_space_is_cut_and_counted(n: int, capsys: Output) -> None:
     assert [row[0] for row in rows if "obs" in row[0]] == [f"obs[{i}]" for i in range(n)]
 
 
-@pytest.mark.parametrize("arguments", [[], ["CartPole-v1"], ["Humanoid-v5"], ["parking-v0"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["Humanoid-v5"], ["parking-v0"], ["intersection-multi-agent-v2"]]
+)
 def test_it_fits_80_columns(arguments: list[str], capsys: Output) -> None:
     assert main(["envs", *arguments]) == 0
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
