@@ -204,7 +204,8 @@ class StepMonitor(PanelValues):
         """
         check_choice("on_violation", on_violation, get_args(OnStepViolation))
         steps = round(check_number("duration", duration) / self.model.opt.timestep)
-        self.begin()
+        if not self._running:
+            self._begin()
         stops = on_violation == "stop"
         for _ in range(steps):
             if stops and self.panel.violated_by is not None:
@@ -291,13 +292,15 @@ class StepMonitor(PanelValues):
             self._feed = before
 
     def begin(self) -> None:
-        """Feeds sample 0, unless it was fed.
+        """Feeds sample 0, unless it was fed; then the simulation must be at the last sample.
 
         Raises:
-            StateError: After `finish` and after an error.
+            StateError: After `finish` and after an error; if something else stepped or reset it.
             InputError: If a signal is nan or cannot be read.
         """
-        if not self._running:
+        if self._running:
+            self._check_time(self.samples - 1)
+        else:
             self._begin()
 
     def state(self) -> tuple[Any, ...]:

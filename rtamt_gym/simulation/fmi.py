@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.simulation.fmi_interrupts import Interrupts
 from rtamt_gym.simulation.fmi_variables import Variable, Variables, fit, kind_of
 from rtamt_gym.simulation.systems import Signals, System, exact, named_signals, whole_steps
 
@@ -110,6 +111,7 @@ class Fmus(System):
             self._connect(self._variables.input(name), source)
         self._folders: list[Path] = []
         self._instances: list[Instance] = []
+        self._interrupts = Interrupts()
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Finds the variables and counts the communication steps in a period."""
@@ -128,6 +130,7 @@ class Fmus(System):
         self._count = 0
         self._now = 0.0
         self._unpack()
+        self._interrupts.begin()
         from rtamt_gym.simulation.fmi_instance import Instance
 
         for name, described, folder in zip(
@@ -143,6 +146,7 @@ class Fmus(System):
             self._exchange()
         for instance in self._instances:
             instance.exit()
+        self._interrupts.check()
         self._read = self._reader(self._reads)
         return self._read()
 
@@ -156,6 +160,7 @@ class Fmus(System):
                 reached &= instance.step(self._now, step)
                 if instance.ended:
                     self.ended = "terminated"
+            self._interrupts.check()
             if not reached or (self.ended and left):
                 return None
             self._count += 1
@@ -167,6 +172,7 @@ class Fmus(System):
     def close(self) -> None:
         """Frees the FMUs; their unpacked files stay for the next run."""
         with ExitStack() as stack:  # frees the others if one fails
+            stack.callback(self._interrupts.end)
             while self._instances:
                 stack.callback(self._instances.pop(0).close)
         for bound in ("_outputs", "_connections", "_read"):

@@ -185,4 +185,5 @@ class RunRecord(_ComparesArrays):
     def __repr__(self) -> str:
         what = f" of {self.violated_by}" if self.ended == "violation" else ""
         at = sample_text(self.last_sample, self.period)
-        return f"<Run of {self.system}: {self.ended}{what} at {at}, {self.steps + 1} samples>"
+        samples = f"{self.steps + 1} samples" if self.steps else "1 sample"
+        return f"<Run of {self.system}: {self.ended}{what} at {at}, {samples}>"

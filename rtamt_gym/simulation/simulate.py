@@ -364,6 +364,11 @@ def _refuse_seed(seed: int | None, system: object) -> None:
 
 def _refuse_options(given: Mapping[str, object]) -> None:
     """Refuses what a monitor has of its own."""
+    if type(given["specs"]).__name__ == "Snapshot":
+        raise InputTypeError(
+            "expected a snapshot as start=, got it as specs; "
+            "write simulate(monitor, start=snapshot)"
+        )
     for name, value in given.items():
         if value is not None:
             raise InputError(

@@ -310,6 +310,15 @@ def test_what_cannot_begin_is_refused() -> None:
         ),
         (
             monitor,
+            {"specs": now, "duration": 1},
+            InputTypeError,
+            (
+                "expected a snapshot as start=, got it as specs; "
+                "write simulate(monitor, start=snapshot)"
+            ),
+        ),
+        (
+            monitor,
             {"start": monitor.state(), "duration": 1},
             InputTypeError,
             "expected start= as a Snapshot, got ((",
@@ -360,6 +369,12 @@ def test_what_cannot_begin_is_refused() -> None:
             simulate(system, **named)
         assert str(refused.value).startswith(message)
     assert all_of(monitor) == before
+    moved = monitored()
+    moved.run(0.1)
+    mujoco.mj_resetData(moved.model, moved.data)
+    with pytest.raises(StateError, match=r"time 0\.1 s at sample 20, got 0 s: ") as lost:
+        simulate(moved, duration=1)
+    assert not hasattr(lost.value, "run")
     monitor.finish()
     with pytest.raises(StateError, match="expected a running simulation, got step"):
         simulate(monitor, duration=1)

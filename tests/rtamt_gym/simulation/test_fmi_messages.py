@@ -1,5 +1,7 @@
 """What FMUs say when they fail, and FMUs that break the rules of the standard."""
 
+import math
+import sys
 from pathlib import Path
 
 import pytest
@@ -7,6 +9,7 @@ from fmus import library, write_fmu
 
 from rtamt import InputError, StateError
 from rtamt_gym import Fmus, Run, simulate
+from rtamt_gym.simulation.fmi_instance import Instance
 
 LOW = "always(level < 9)"
 
@@ -50,6 +53,40 @@ def test_an_fmu_that_fails_leaves_its_samples(tank: Path) -> None:
     whole = simulate(alone, LOW, duration=0.5, at_truncation="open")
     assert run.courses == whole.courses
     assert run.replay()["spec"].tolist() == whole.replay()["spec"].tolist()
+
+
+def test_an_interrupt_while_an_fmu_speaks_ends_the_run(
+    tank: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard = []
+
+    def listen(_self: Instance, *_message: object) -> None:
+        heard.append(len(heard))
+        if len(heard) == 7:  # of two messages at each step
+            raise KeyboardInterrupt
+
+    before = sys.unraisablehook
+    monkeypatch.setattr(Instance, "_listen", listen)
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        simulate(Fmus(tank), LOW, duration=math.inf)
+    run: Run = stopped.value.run  # type: ignore[attr-defined]  # simulate sets it
+    assert (run.ended, run.steps) == ("error", 3)
+    assert sys.unraisablehook is before
+    assert simulate(Fmus(tank), LOW, duration=1).steps == 10
+
+
+def test_another_error_that_cannot_be_raised_is_told_as_before(
+    tank: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[type[BaseException]] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda said: told.append(said.exc_type))
+
+    def listen(_self: Instance, *_message: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Instance, "_listen", listen)
+    assert simulate(Fmus(tank), LOW, duration=0.2).steps == 2
+    assert told == [ZeroDivisionError] * 4
 
 
 def test_what_breaks_a_rule_is_taken_where_it_is_not_checked(tank: Path, version: int) -> None:
