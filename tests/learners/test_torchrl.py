@@ -45,3 +45,15 @@ def test_its_own_reader_takes_the_floats_as_they_are() -> None:
     least = np.minimum.accumulate([2 - first, *(2 - abs(positions))])[1:]
     assert rollout["robustness"].dtype == torch.float64
     assert rollout["stl_upper"].tolist() == pytest.approx(least)
+
+
+def test_its_own_reader_still_takes_no_bool() -> None:
+    from torchrl.envs import GymWrapper, default_info_dict_reader
+
+    monitored: gym.Env[Any, Any] = StlMonitor(
+        gym.make("CartPole-v1"), "always(abs(x) < 2)", {"x": "obs[0]"}
+    )
+    env = GymWrapper(monitored)
+    env.set_info_dict_reader(default_info_dict_reader(["stl_violated"]))
+    with pytest.raises(AttributeError, match="'bool' object has no attribute 'dtype'"):
+        env.reset()
