@@ -104,11 +104,12 @@ def watched() -> Iterator[Rides]:
 
 
 def programs() -> dict[str, str]:
-    """The programs of the page by their headings; sessions of ``>>>`` are none."""
+    """The programs of the page, one under a heading; sessions of ``>>>`` are none."""
     found: dict[str, str] = {}
     for section in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
         own = [block for block in blocks(section, "python") if ">>>" not in block]
-        found |= {section.partition("\n")[0]: program for program in own}
+        if own:
+            (found[section.partition("\n")[0]],) = own
     return found
 
 
