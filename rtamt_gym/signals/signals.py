@@ -197,7 +197,7 @@ class Signal:
         if self.row is not None:
             return self.row.bind(self, env)
         return lambda obs, action, reward, info: self.number(
-            self.call(Step(obs, action, reward, info, env))
+            self.call(Step(obs, action, reward, info, env)), _OF_STEP
         )
 
     def bind_reset(self, env: Env) -> Read:
@@ -246,8 +246,12 @@ class Signal:
             return ""
         return f"; choose an element, {self}{'[0]' * np.ndim(value)}"  # type: ignore[arg-type]  # see above
 
-    def number(self, value: object) -> float:
+    def number(self, value: object, way_out: str = "") -> float:
         """Turns the value that was read into a float.
+
+        Args:
+            value: The value.
+            way_out: The end of the message about one that is no number.
 
         Raises:
             InputTypeError: If it is no number.
@@ -255,9 +259,12 @@ class Signal:
         if not isinstance(value, _NUMBERS):
             raise InputTypeError(
                 f"signal {self.name!r}: expected a number from {self}, got {value!r}"
-                + self._element(value)
+                + (way_out or self._element(value))
             )
         return float(value)
+
+
+_OF_STEP = "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
 
 
 def parse_signals(

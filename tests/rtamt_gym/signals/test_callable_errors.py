@@ -145,3 +145,16 @@ def test_an_interrupt_is_not_an_error_of_the_signal() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         scalar(interrupted)
+
+
+def test_a_callable_that_takes_the_step_for_the_observation_is_told_what_it_is_given() -> None:
+    def place(obs: Any) -> float:  # noqa: ANN401 - as a newcomer writes it
+        return obs[0]  # type: ignore[no-any-return]  # the whole observation
+
+    env = StlMonitor(gym.make("CartPole-v1"), "always(x < 1)", {"x": place})
+    with pytest.raises(rtamt.InputTypeError) as caught:
+        env.reset(seed=1)
+    assert str(caught.value).startswith("signal 'x': expected a number from ")
+    assert str(caught.value).endswith(
+        "; a callable is given a rtamt_gym.Step, such as lambda step: step.obs[0]"
+    )

@@ -58,7 +58,7 @@ def test_an_fmu_that_fails_leaves_its_samples(tank: Path) -> None:
 def test_an_interrupt_while_an_fmu_speaks_ends_the_run(
     tank: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    heard = []
+    heard: list[int] = []
 
     def listen(_self: Instance, *_message: object) -> None:
         heard.append(len(heard))
