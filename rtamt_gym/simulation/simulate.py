@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 import gymnasium as gym
-from gymnasium.vector import VectorEnv
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
@@ -30,10 +28,11 @@ from rtamt_gym.judges.specs import (
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import carry
+from rtamt_gym.simulation.kinds import as_system
 from rtamt_gym.simulation.record import RunEnd, Stop
 from rtamt_gym.simulation.recorder import Recorder
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.systems import Environment, Policy, SampleSource, System, exact
+from rtamt_gym.simulation.systems import Environment, Policy, System, exact
 
 if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot
@@ -85,6 +84,17 @@ def simulate(
     system ends by itself, and by ``at_truncation``, where a time limit of the system or
     ``duration`` cuts the run short. A run that was stopped decides nothing more, nor does the
     ``duration`` of a `StepMonitor` that goes on afterwards: open verdicts stay UNDECIDED.
+
+    A `StepMonitor` has specifications and options of its own. Its run goes on as `StepMonitor.run`
+    does, to the last bit: robustness, bounds and verdicts are those of the whole episode, and the
+    first recorded sample is the monitor's last one, or sample 0 if it has none. Afterwards the
+    monitor stands at the end of the run. With ``start=snapshot`` the run is a branch: it goes on
+    from the snapshot, and afterwards monitor and simulation are what they were before the call, to
+    the last bit. A policy may make such branches of the monitor that it drives.
+
+    An error of the system, the policy or a signal after sample 0, and Ctrl-C too, comes with its
+    own type, and with the samples so far as its attribute ``run``: a `Run` whose ``ended`` is
+    ``"error"``, with the verdicts that these samples leave.
 
     Args:
         system: The simulation to run, one of those above.
@@ -166,7 +176,7 @@ def simulate(
             f"substeps=True is for environments, whose step makes several, got {system!r}; give a "
             "smaller period= where the system takes one"
         )
-    ran = _as_system(system, policy, seed, start, substeps=substeps)
+    ran = as_system(system, policy, seed, start, substeps=substeps)
     monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
     if monitor is not None:
         _refuse_options(
@@ -280,86 +290,6 @@ def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int 
         values = system.advance()
         steps += 1
     return system.ended or "terminated"
-
-
-def _as_system(
-    system: Any,  # noqa: ANN401
-    policy: Policy | None,
-    seed: int | None,
-    start: Snapshot | None,
-    *,
-    substeps: bool,
-) -> System:
-    """The caller's simulation as a `System`."""
-    of_mujoco = _of_mujoco(system, policy, seed, start)
-    if of_mujoco is not None:
-        return of_mujoco
-    if isinstance(system, gym.Env):
-        return Environment(system, policy, seed, substeps=substeps)
-    if isinstance(system, VectorEnv):
-        raise InputError(
-            f"expected one environment, got {system}; VectorStlMonitor monitors many at once"
-        )
-    if isinstance(system, str | os.PathLike):
-        fmu = os.fspath(system).endswith(".fmu")
-        raise InputTypeError(
-            "expected a system to run, got its name; write "
-            f"{'Fmus' if fmu else 'gym.make'}({os.fspath(system)!r})"
-        )
-    _refuse_seed(seed, system)
-    if policy is not None:
-        raise InputError(
-            f"policy= is for environments and MuJoCo models, got {policy!r} for {system!r}"
-        )
-    if isinstance(system, System):
-        return system
-    if hasattr(system, "keys"):
-        raise InputTypeError(
-            "expected samples one after the other, got columns; rtamt.evaluate takes these, and "
-            "to_dict('records') makes samples of a data frame"
-        )
-    if callable(system) or isinstance(system, Iterable):
-        return SampleSource(system)
-    raise InputTypeError(
-        "expected an environment, a pair (model, data) of MuJoCo, a StepMonitor, Fmus, a function "
-        f"of time or an iterable of samples, got {system!r}"
-    )
-
-
-def _of_mujoco(
-    system: Any,  # noqa: ANN401
-    policy: Policy | None,
-    seed: int | None,
-    start: Snapshot | None,
-) -> System | None:
-    """The caller's simulation, if it is one of MuJoCo, which is imported then only."""
-    if type(system).__name__ == "Snapshot":
-        raise InputTypeError(
-            "expected a system to run, got a Snapshot, which holds no model; "
-            "write simulate(monitor, start=snapshot)"
-        )
-    if isinstance(system, PanelValues):
-        from rtamt_gym.simulation.monitored import Monitored
-
-        _refuse_seed(seed, system)
-        return Monitored(cast("StepMonitor", system), policy, start)
-    if start is not None:
-        raise InputError(f"start= is for a StepMonitor, got start={start!r} for {system!r}")
-    if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
-        from rtamt_gym.simulation.mujoco import Model
-
-        _refuse_seed(seed, system)
-        model, data = system
-        return Model(model, data, policy)
-    return None
-
-
-_MUJOCO = {"MjModel", "MjData"}
-
-
-def _refuse_seed(seed: int | None, system: object) -> None:
-    if seed is not None:
-        raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
 
 
 def _refuse_options(given: Mapping[str, object]) -> None:
