@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import rtamt
 from rtamt import InputError
 from rtamt_gym.judges.interface import Semantics
-from rtamt_gym.recorded.readers import READERS, open_recording
+from rtamt_gym.recorded.readers import extensions, open_recording
 
 if TYPE_CHECKING:
     from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -149,7 +149,7 @@ def add_specs_and_trace(parser: argparse.ArgumentParser) -> None:
         metavar="SPEC",
         help="the path of a .stl file, name=path, or a formula",
     )
-    *others, last = READERS
+    *others, last = extensions()
     parser.add_argument(
         "trace",
         metavar="TRACE",
@@ -280,7 +280,7 @@ def read_samples(
 
     if_events = "give --dense to take rows as events at any time"
     with open_recording(options.trace) as recording:
-        trace = read_trace(recording, variables_of(specs), if_events)
+        trace = read_trace(recording, variables_of(specs), if_events=if_events)
     if options.period is not None:
         return trace, options.period
     period = trace.period()

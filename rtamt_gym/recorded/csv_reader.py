@@ -19,6 +19,7 @@ import numpy as np
 
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted
 
@@ -29,7 +30,7 @@ _BLOCK = 1 << 14
 
 
 @contextmanager
-def open_file(path: str) -> Iterator[CsvRecording]:
+def open_file(path: str, _columns: Columns) -> Iterator[CsvRecording]:
     """Opens a CSV file, with a progress bar while it is read; ``-`` is stdin.
 
     Raises:

@@ -11,13 +11,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rtamt import InputError
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats, Rows, Wanted
 
 __all__ = ["ParquetRecording", "open_file"]
 
 
 @contextmanager
-def open_file(path: str) -> Iterator[ParquetRecording]:
+def open_file(path: str, _columns: Columns) -> Iterator[ParquetRecording]:
     """Opens a Parquet file.
 
     Raises:

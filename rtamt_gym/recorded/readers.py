@@ -4,41 +4,83 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 from rtamt import InputError
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 
-__all__ = ["READERS", "open_recording"]
+__all__ = ["FORMATS", "Format", "extensions", "format_of", "open_recording"]
 
-READERS = {
-    ".csv": "rtamt_gym.recorded.csv_reader",
-    ".parquet": "rtamt_gym.recorded.parquet_reader",
-}
-"""For each extension of a file name the module that reads such files. Its function
-``open_file(path)`` is a context manager that gives a `Recording`."""
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of recorded traces.
+
+    Attributes:
+        name: What it is called.
+        extensions: The ends of the names of such files, in lower case.
+        module: The module that reads them. Its function ``open_file(path, columns)`` is a context
+            manager that gives a `Recording`.
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    module: str
+
+
+FORMATS = [
+    Format("CSV", (".csv", ".csv.gz", ".tsv", ".txt"), "rtamt_gym.recorded.csv_reader"),
+    Format("Parquet", (".parquet",), "rtamt_gym.recorded.parquet_reader"),
+]
+"""A row for each format; the first reads what has no extension, and standard input."""
+
+
+def extensions() -> list[str]:
+    """The ends of the names of files that can be read."""
+    return [extension for row in FORMATS for extension in row.extensions]
+
+
+def format_of(path: str) -> Format:
+    """The format of a file by the end of its name; CSV for standard input, or without an extension.
+
+    Raises:
+        InputError: If the extension is that of no format.
+    """
+    name = Path(path).name.lower()
+    for row in FORMATS:
+        if name.endswith(row.extensions):
+            return row
+    if Path(path).suffix:
+        raise InputError(
+            f"{path}: expected a name that ends in {', '.join(extensions()[:-1])} or "
+            f"{extensions()[-1]}"
+        )
+    return FORMATS[0]
 
 
 @contextmanager
-def open_recording(path: str) -> Iterator[Recording]:
+def open_recording(path: str, columns: Columns | None = None) -> Iterator[Recording]:
     """Opens a file of recorded values with the reader of its extension.
 
-    A name with another extension, or with none, is read as CSV; ``-`` is CSV on stdin.
+    A name without an extension is read as CSV; ``-`` is CSV on stdin.
+
+    Args:
+        path: The file.
+        columns: How its columns are read.
 
     Raises:
         OSError: If there is no such file.
-        InputError: If the file is not in the format of its reader.
+        InputError: If the extension is that of no format, or if the file is not in the format of
+            its reader.
         ModuleNotFoundError: If the reader needs a package that is not installed.
     """
-    extension = Path(path).suffix
-    reader = import_module(READERS.get(extension, READERS[".csv"]))
-    opened: AbstractContextManager[Recording] = reader.open_file(path)
+    reader = import_module(format_of(path).module)
+    opened: AbstractContextManager[Recording] = reader.open_file(path, columns or Columns())
     try:
         with opened as recording:
             yield recording
     except UnicodeDecodeError:
-        message = f"{'stdin' if path == '-' else path}: expected UTF-8 text"
-        if path != "-" and extension not in READERS:
-            message += f", or a name that ends in {' or '.join(READERS)}"
-        raise InputError(message) from None
+        raise InputError(f"{'stdin' if path == '-' else path}: expected UTF-8 text") from None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 
 __all__ = ["TIME", "VALUE", "VARIABLE", "EventTrace", "Trace", "read_events", "read_trace"]
@@ -40,6 +41,7 @@ class Trace:
         times: The column of times, or None.
         where: Gives the file and line of a sample, for messages.
         if_events: Advice for errors that rows which are events, not samples, may cause.
+        notes: What was done to the samples that the file does not say, in sentences to print.
     """
 
     source: str
@@ -48,6 +50,7 @@ class Trace:
     times: Floats | None
     where: Callable[[int], str]
     if_events: str = ""
+    notes: Sequence[str] = ()
 
     @property
     def start(self) -> float:
@@ -123,12 +126,19 @@ class EventTrace:
         return min(gaps, default=1.0)
 
 
-def read_trace(recording: Recording, variables: Sequence[str], if_events: str = "") -> Trace:
+def read_trace(
+    recording: Recording,
+    variables: Sequence[str],
+    columns: Columns | None = None,
+    *,
+    if_events: str = "",
+) -> Trace:
     """Reads samples of the variables, and their times if there is a column of times.
 
     Args:
         recording: The file.
-        variables: The columns that are needed.
+        variables: The variables that are needed.
+        columns: How the columns are read.
         if_events: Advice for errors that rows which are events, not samples, may cause.
 
     Raises:
@@ -140,15 +150,19 @@ def read_trace(recording: Recording, variables: Sequence[str], if_events: str = 
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
     """
-    _check_names(recording, variables, if_events)
-    present = [v for v in dict.fromkeys((*variables, TIME)) if v in recording.names]
+    named = columns or Columns()
+    needed = list(map(named.column, variables))
+    _check_names(recording, needed, if_events)
+    present = [v for v in dict.fromkeys((*needed, TIME)) if v in recording.names]
     rows = _read(recording, Wanted(present, empty=if_events and f"; {if_events}"))
-    columns = {name: rows.numbers[name] for name in variables}
+    values = {name: rows.numbers[named.column(name)] for name in variables}
     times = rows.numbers.get(TIME)
-    return Trace(recording.source, columns, len(rows.lines), times, rows.where, if_events)
+    return Trace(recording.source, values, len(rows.lines), times, rows.where, if_events)
 
 
-def read_events(recording: Recording, variables: Sequence[str]) -> EventTrace:
+def read_events(
+    recording: Recording, variables: Sequence[str], _columns: Columns | None = None
+) -> EventTrace:
     """Reads events of the variables.
 
     A row holds an event of each variable whose cell is not empty. If the columns are ``time``,

@@ -20,7 +20,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "trace.csv").write_text("speed\n29\n31\n")
     (tmp_path / "bad.stl").write_text("always\n(speed > )")
     (tmp_path / "latin.csv").write_bytes(b"speed\n\xe4\n")
-    (tmp_path / "latin.mat").write_bytes(b"speed\n\xe4\n")
+    (tmp_path / "latin.doc").write_bytes(b"speed\n\xe4\n")
     return tmp_path
 
 
@@ -124,8 +124,8 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ),
         ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
         (
-            "monitor spec.stl latin.mat",
-            "latin.mat: expected UTF-8 text, or a name that ends in .csv or .parquet",
+            "monitor spec.stl latin.doc",
+            ("latin.doc: expected a name that ends in .csv, .csv.gz, .tsv, .txt or .parquet"),
         ),
         (
             "monitor bad.stl trace.csv",

@@ -21,6 +21,7 @@ from command_line import SPEC, write_files
 import rtamt
 from rtamt_gym.__main__ import main
 from rtamt_gym.recorded import csv_reader, readers
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.recording import Recording, Wanted
 
@@ -269,21 +270,23 @@ def test_a_reader_in_the_table_reads_the_files_of_its_extension(
     capsys: Output, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextlib.contextmanager
-    def open_file(path: str) -> Iterator[Recording]:
+    def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         with Path(path).open() as file:
             yield CsvRecording([line.replace(";", ",") for line in file], path)
 
     reader = types.ModuleType("semicolons")
     reader.open_file = open_file  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "semicolons", reader)
-    monkeypatch.setitem(readers.READERS, ".ssv", "semicolons")
+    monkeypatch.setattr(
+        readers, "FORMATS", [*readers.FORMATS, readers.Format("SSV", (".ssv",), "semicolons")]
+    )
     (folder / "even.ssv").write_text((folder / "even.csv").read_text().replace(",", ";"))
     assert main(["monitor", "spec.stl", "even.csv"]) == 1
     expected = capsys.readouterr().out.replace("even.csv", "even.ssv")
     assert main(["monitor", "spec.stl", "even.ssv"]) == 1
     assert capsys.readouterr().out == expected
     assert main(["monitor", "--help"]) == 0
-    assert ".csv, .parquet or .ssv file" in " ".join(capsys.readouterr().out.split())
+    assert ".parquet or .ssv file" in " ".join(capsys.readouterr().out.split())
 
 
 # Long files. -------------------------------------------------------------------------------------

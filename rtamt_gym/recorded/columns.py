@@ -1,0 +1,135 @@
+"""Which columns of a recording are read, and how: names, times, separators, empty cells."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from rtamt import InputError
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.checks.numbers import read_floats
+
+__all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns"]
+
+Missing = Literal["raise", "hold", "drop"]
+"""What an empty cell does: it is an error, it has the value before, or its row is left out."""
+
+UNITS: Mapping[str, int] = {
+    "ns": 1,
+    "us": 10**3,
+    "ms": 10**6,
+    "s": 10**9,
+    "min": 60 * 10**9,
+    "h": 3600 * 10**9,
+}
+"""The units of a column of times, in nanoseconds."""
+
+NEAR = 0.05
+"""The part of the period by which a sample may lie off the grid if nobody says otherwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """How the columns of a recording are read; the defaults suit a file that needs no words.
+
+    Attributes:
+        signals: The column of each variable that is called otherwise in the recording.
+        time: The column of times. None: that which is recognised by its name, such as ``time``,
+            ``timestamp`` or ``Time [s]``.
+        time_unit: The unit of the times, a name of `UNITS`. None: that in the name or the type of
+            the column, else seconds.
+        separator: The character between the cells of a text. None: that of its first line.
+        decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark that its first rows
+            use.
+        missing: What an empty cell does.
+        jitter: The part of the period by which a sample may lie off the grid and count as on it;
+            a trace with samples farther off is resampled, where each value holds until the next.
+            None: 0.05, and such a trace is refused.
+
+    Raises:
+        InputError: If an attribute has a value that it cannot have.
+    """
+
+    signals: Mapping[str, str] = field(default_factory=dict)
+    time: str | None = None
+    time_unit: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    missing: Missing = "raise"
+    jitter: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_choice("--time-unit", self.time_unit, UNITS)
+        _check_choice("--decimal", self.decimal, (".", ","))
+        _check_choice("--missing", self.missing, get_args(Missing))
+        if self.separator is not None and (len(self.separator) != 1 or self.separator in '"\r\n'):
+            raise InputError(f"--separator: expected one character or tab, got {self.separator!r}")
+        if self.separator is not None and self.separator == self.decimal:
+            raise InputError(
+                f"expected a --separator other than the --decimal mark, got {self.separator!r} as "
+                "both"
+            )
+        if self.jitter is not None and not 0 <= self.jitter < 0.5:
+            raise InputError(
+                f"--jitter: expected less than half of the period, such as 5% or 0.05, "
+                f"got {self.jitter:g}"
+            )
+
+    def column(self, variable: str) -> str:
+        """The column of a variable."""
+        return self.signals.get(variable, variable)
+
+
+def _check_choice(option: str, value: str | None, choices: Collection[str]) -> None:
+    if value is not None and value not in choices:
+        raise InputError(
+            f"{option}: expected {', '.join(choices)}, got {value!r}{nearest(value, choices)}"
+        )
+
+
+def read_columns(
+    *,
+    signals: Sequence[str] = (),
+    time: str | None = None,
+    time_unit: str | None = None,
+    separator: str | None = None,
+    decimal: str | None = None,
+    missing: Missing = "raise",
+    jitter: str | None = None,
+) -> Columns:
+    r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
+
+    Raises:
+        InputError: If an argument cannot be read, or a variable comes twice.
+
+    Example:
+        >>> columns = read_columns(
+        ...     signals=["speed=Vehicle Speed [km/h]"], separator="tab", jitter="5%"
+        ... )
+        >>> columns.column("speed"), columns.column("x"), columns.separator, columns.jitter
+        ('Vehicle Speed [km/h]', 'x', '\t', 0.05)
+    """
+    named: dict[str, str] = {}
+    for argument in signals:
+        variable, _, column = (part.strip() for part in argument.partition("="))
+        if not (variable and column):
+            raise InputError(
+                "--signal: expected VARIABLE=COLUMN, such as 'speed=Vehicle Speed [km/h]', "
+                f"got {argument!r}"
+            )
+        if variable in named:
+            raise InputError(f"--signal: expected one column for {variable!r}, got two")
+        named[variable] = column
+    mark = "\t" if separator in ("tab", r"\t") else separator
+    return Columns(named, time, time_unit, mark, decimal, missing, _share(jitter))
+
+
+def _share(text: str | None) -> float | None:
+    """Reads ``5%`` or ``0.05``."""
+    if text is None:
+        return None
+    read = read_floats([text.removesuffix("%")])
+    if read is None:
+        raise InputError(f"--jitter: expected a part of the period, such as 5%, got {text!r}")
+    return read[0] / 100 if text.endswith("%") else read[0]
