@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from rtamt.compat.options import Language, Semantics, StlIOType
+from rtamt.compat.undeclared import check_declared
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
 from rtamt.language.parser import parse_as
@@ -259,7 +260,11 @@ class AbstractSpecification:
             raise SpecificationError(
                 f"expected the text of a specification in the attribute spec, got {self.spec!r}"
             )
-        text = self._modular + self.spec
+        parsed = self._parse_declared(self._modular + self.spec)
+        check_declared(parsed, self.vars)
+        return parsed
+
+    def _parse_declared(self, text: str) -> Specification:
         try:
             return self._parse(text)
         except ParseError as error:
@@ -268,8 +273,9 @@ class AbstractSpecification:
             declared += [f"{self._types[name]} {name}" for name in sorted(self._types)]
             try:
                 return self._parse("\n".join([text, *declared]))
-            except ParseError:
-                raise error from None
+            except ParseError as other:
+                in_text = other.line <= text.count("\n") + 1
+                raise (other if in_text else error) from None
 
     def _parse(self, text: str) -> Specification:
         return parse_as(text, self.unit, self._constants, self._paths, chains=True)

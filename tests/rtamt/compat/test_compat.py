@@ -231,10 +231,10 @@ def test_samples_that_come_early_or_late_are_counted(
 
 
 def test_what_is_declared_can_be_read_back() -> None:
-    spec = declared("out = a >= k", ("a", "b", "out"))
+    spec = declared("out = a >= b", ("a", "b", "out"))
     assert spec.free_vars == {"a", "b"}
     assert (spec.out_var, spec.out_var_field) == ("out", "")
-    assert spec.var_object_dict == {"a": 0.0, "b": 0.0, "out": 0.0, "k": 0.0}
+    assert spec.var_object_dict == {"a": 0.0, "b": 0.0, "out": 0.0}
     spec.set_var_topic("a", "plant/a")
     assert spec.var_topic_dict == {"a": "plant/a", "b": "rtamt/b", "out": "rtamt/out"}
     assert spec.var_io_dict == dict.fromkeys(("a", "b", "out"), "output")

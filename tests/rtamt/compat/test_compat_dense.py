@@ -166,7 +166,7 @@ def test_a_chunk_may_begin_with_the_last_event_once_more() -> None:
 
 
 def test_get_value_gives_the_last_robustness_of_named_formulas() -> None:
-    spec = declared("out = p or b > 5", ("a", "b", "out"))
+    spec = declared("out = p or b > 5", ("a", "b", "p", "out"))
     spec.add_sub_spec("p = a > 1")
     spec.parse()
     assert spec.get_value("a") == []

@@ -146,6 +146,8 @@ def test_the_monitors_of_the_2020_paper_run() -> None:
 
 def test_offline_says_what_is_wrong_with_the_data() -> None:
     spec = rtamt.STLSpecification()
+    spec.declare_var("a", "float")
+    spec.declare_var("b", "float")
     spec.spec = "a > b"
     spec.parse()
     for data, got in (
