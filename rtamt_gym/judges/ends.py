@@ -5,6 +5,8 @@ from __future__ import annotations
 import warnings
 from typing import Literal
 
+from rtamt_gym.checks.callers import caller_level
+
 __all__ = ["AtTermination", "AtTruncation", "OpenEndWarning", "warn_of_open_end"]
 
 AtTermination = Literal["complete", "cut", "failure"]
@@ -18,18 +20,13 @@ class OpenEndWarning(UserWarning):
     """An environment ended an episode, and so settled what was open."""
 
 
-def warn_of_open_end(name: str, stacklevel: int) -> None:
-    """Warns that a specification counts as satisfied because the environment ended the episode.
-
-    Args:
-        name: The name of the specification.
-        stacklevel: Whose line the warning shows, as for `warnings.warn` in the caller.
-    """
+def warn_of_open_end(name: str) -> None:
+    """Warns that this specification counts as satisfied because the environment ended it."""
     warnings.warn(
         f"the environment ended an episode while specification {name!r} was open, and counts "
         "it as satisfied: a terminated episode is taken for all there is. Say what its end "
         'means: at_termination="complete" for this, "failure" where an environment ends what '
         'has failed, such as a fall, or "cut" where an episode could have gone on',
         OpenEndWarning,
-        stacklevel=stacklevel + 1,
+        stacklevel=caller_level(),
     )

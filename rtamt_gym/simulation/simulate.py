@@ -270,7 +270,7 @@ def _finish(record: Recorder, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
     record.finish(ends.at_termination or "complete")
     settled = next((name for name in undecided if panel.satisfies(name)), None)
     if ends.environment and ends.at_termination is None and settled is not None:
-        warn_of_open_end(settled, stacklevel=3)
+        warn_of_open_end(settled)
 
 
 def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int | None) -> RunEnd:

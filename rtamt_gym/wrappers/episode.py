@@ -117,7 +117,7 @@ class EpisodeMonitoring(Monitoring):
         )
 
     def _record(self, found: Found, *, terminated: bool, truncated: bool) -> None:
-        made = record(*found, self._panel.samples, terminated, truncated)
+        made = record(*found, self._panel.samples, bool(terminated), bool(truncated))
         self.stl_episodes.append(present(made))
 
     def _abandon(self) -> None:

@@ -46,7 +46,7 @@ class StlMonitor(
     * ``stl_violated`` (bool): no continuation can satisfy all specifications
     * ``stl`` (dict): with ``details=True``, ``{spec: {"robustness", "lower", "upper", "verdict"}}``
     * ``cost`` (float): with ``cost=``, in the info of every step; with several specifications also
-      ``cost_NAME`` of each, of which ``cost`` is the greatest
+      ``cost_NAME`` of each, of which ``cost`` is the greatest (of ``"first"`` the first)
 
     and the last info of an episode also
 

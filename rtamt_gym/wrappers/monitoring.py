@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
 
 from rtamt import InputError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
 from rtamt_gym.judges.interface import Names, Semantics
@@ -125,7 +126,7 @@ class Monitoring(Observing):
     def _tell_complete(self, name: str) -> None:
         """Warns once that the end of an episode has settled what was open."""
         self._unasked = False
-        warn_of_open_end(name, stacklevel=4)
+        warn_of_open_end(name)
 
     def _tell_success(self, env: object) -> None:
         """Warns once that an ``is_success`` of the environment's own is kept."""
@@ -133,7 +134,7 @@ class Monitoring(Observing):
         warnings.warn(
             f"{env} reports an is_success of its own, which is kept; "
             'info["stl_success"] says whether the specifications are satisfied',
-            stacklevel=4,
+            stacklevel=caller_level(),
         )
 
     def values(self) -> MonitorValues[Any]:

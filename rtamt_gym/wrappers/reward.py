@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 
+from rtamt import Explanation
 from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority
 from rtamt_gym.signals.columns import Floats
@@ -223,6 +224,15 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def samples(self) -> int:
         """Samples fed since :meth:`reset`, that of the reset included."""
         return self._monitor.samples
+
+    def explain(self, name: str | None = None) -> Explanation:
+        """Which sub-formulas and samples decided the episode, as :meth:`StlMonitor.explain` says.
+
+        Raises:
+            InputError: If there is no such specification.
+            StateError: Without ``history=True``, or before the first :meth:`reset`.
+        """
+        return self._monitor.explain(name)
 
     def _values(self) -> list[float]:
         """For each specification the robustness that the reward is computed from."""

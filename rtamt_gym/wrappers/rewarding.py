@@ -11,6 +11,7 @@ import gymnasium as gym
 from gymnasium.vector import VectorWrapper
 
 from rtamt import InputError
+from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.signals.signals import SignalLike
@@ -64,7 +65,7 @@ class Rewarding(Observing):
             self._watch = None
             report = watch.report
             if report is not None:
-                warnings.warn(report, UserWarning, stacklevel=3)
+                warnings.warn(report, UserWarning, stacklevel=caller_level())
 
     @property
     def stl_episodes(self) -> deque[dict[str, Any]]:

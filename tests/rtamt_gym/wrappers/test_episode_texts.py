@@ -13,7 +13,7 @@ from replay import Replay, X, run
 from vector_environments import Envs, sync
 
 from rtamt import InputError, SpecificationError
-from rtamt_gym import StlMonitor, VectorStlMonitor
+from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.specs import View
 
@@ -68,6 +68,18 @@ def test_a_success_that_only_the_default_makes_is_said_once() -> None:
         sync([lambda: Replay([3, 3])] * 2, AutoresetMode.SAME_STEP), INVARIANT, X
     )
     assert warned(lambda: lead(envs, 6)) == [ASSUMED]
+
+
+def test_a_warning_points_at_the_line_that_steps_whatever_wrappers_are_between() -> None:
+    shaping: Any = {"mode": "add", "clip": 5}
+    reward = StlReward(Replay([3, 3]), INVARIANT, X, **shaping)
+    around = gym.wrappers.FlattenObservation(reward)
+    assert warned(lambda: run(around)) == [ASSUMED]
+    makes = [lambda: Replay([3, 3])] * 2
+    envs = VectorStlReward(sync(makes, AutoresetMode.SAME_STEP), INVARIANT, X, **shaping)
+    assert warned(lambda: lead(envs, 6)) == [ASSUMED]
+    each = sync([monitored], AutoresetMode.NEXT_STEP)
+    assert warned(lambda: lead(each, 6)) == [ASSUMED]
 
 
 def test_the_specification_that_was_open_is_named() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from environments import CASES, Case, Env, rollout
+from environments import CASES, Case, rollout
 from replay import Replay, X, run
 
 import rtamt
@@ -137,11 +137,12 @@ def test_held_values_are_explained() -> None:
 
 
 def test_a_wrapper_around_finds_the_explanation_and_an_environment_is_made_again_with_it() -> None:
-    env: Env = StlReward(
+    env: Any = StlReward(
         gym.make("CartPole-v1"), "always(abs(x) < 1)", {"x": "obs[0]"}, mode="add", history=True
     )
     env.reset(seed=1)
     explained = env.get_wrapper_attr("explain")()
+    assert env.explain("spec") == explained
     assert explained.causes[0].variable == "x"
     spec = StlMonitor(
         gym.make("CartPole-v1"), "always(abs(x) < 1)", {"x": "obs[0]"}, history=True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import pickle
 from collections.abc import Callable
@@ -214,6 +215,18 @@ def test_every_episode_that_ended_is_recorded() -> None:
     ]
     last["stl_episode"]["dry"].clear()
     assert env.stl_episodes[-1]["specs"]["dry"]["robustness"] == 1.0
+
+
+def test_a_record_is_json_whatever_booleans_the_environment_ends_with() -> None:
+    class Numpy(Replay):
+        def step(self, action: object) -> Any:  # noqa: ANN401
+            obs, reward, terminated, truncated, info = super().step(action)
+            return obs, reward, np.bool_(terminated), np.bool_(truncated), info
+
+    env = StlMonitor(Numpy([3, 3], "truncated"), "always(x > 0)", X)
+    run(env)
+    (written,) = json.loads(json.dumps(list(env.stl_episodes)))
+    assert (written["terminated"], written["truncated"]) == (False, True)
 
 
 def test_the_record_keeps_the_newest_episodes() -> None:
