@@ -77,6 +77,7 @@ class VectorPanel:
         self._decided = 0
         self._violated = np.zeros((len(specs), num), np.bool_)
         self._failed = np.zeros((len(specs), num), np.bool_)  # by the end alone
+        self._fails = False  # whether that has happened yet
         self._columns = columns
         self._meter = cost and VectorCostMeter(
             cost, specs, num, period, view, nan, interface, align
@@ -151,6 +152,7 @@ class VectorPanel:
         self._lower = self._upper = None
         if end == "failure":
             self._failed[:, at] = self._decided_at.take(at, axis=1) < 0
+            self._fails = True
         else:
             for judge in self._judges:
                 judge.finish(lanes, end=end)
@@ -180,7 +182,7 @@ class VectorPanel:
     def _uppers(self) -> list[Floats]:
         """By specification, the upper bounds."""
         found = [judge.upper for judge in self._judges]
-        if not self._failed.any():
+        if not self._fails:
             return found
         return [np.where(row, -0.0, upper) for row, upper in zip(self._failed, found, strict=True)]
 

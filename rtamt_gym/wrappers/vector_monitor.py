@@ -250,10 +250,10 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         if begun is not None:
             self._panel.reset(begun)
         self._panel.feed(self._table)
-        violated = self._panel.violated_at >= 0
+        violated = self._panel.violated_at >= 0 if self._on_violation != "report" else None
         if ended is not None:
             self._finish(np.asarray(terminated), np.asarray(truncated))
-        if self._on_violation != "report":
+        if violated is not None:
             terminated, truncated = self._end(terminated, truncated, violated)
             ended = _some(np.logical_or(terminated, truncated))
         infos = dict(infos)
