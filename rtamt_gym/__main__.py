@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -17,35 +16,15 @@ from importlib import import_module
 from typing import NoReturn
 
 import rtamt
-from rtamt import InputError, RtamtError
-from rtamt_gym.checks.extras import EXTRAS, missing
-from rtamt_gym.commands import COMMANDS
-from rtamt_gym.tables import shorten
+from rtamt import InputError
+from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
+from rtamt_gym.commands.errors import refusal, unexpected
 
 __all__ = ["main"]
-
-_OPTIONS = (
-    # The library's errors give advice in Python; on the command line the same advice is an option,
-    # or nothing.
-    (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
-    (r"view='step'", "--view step"),
-    (r"; pass nan='hold' to keep the last value instead$", ""),
-    (r"\bperiod= ?", "--period "),
-    (r"\balign= ?", "--align "),
-    (r"semantics='([\w-]+)'", r"--semantics \1"),
-    (r"\bsubsteps=True\b", "--substeps"),
-    (r" or name them: (in|out)puts=\('.*',\)$", ""),
-    (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
-    (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),
-)
-
-_WITHOUT_ALIGN = r"((give|take) [^,\n]*), or let align= round it$", r"or \1"
-"""The advice of commands that do not take ``--align``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
-    options = argparse.Namespace()
     try:
         options = _options(sys.argv[1:] if argv is None else argv)
         code: int = options.run(options)
@@ -61,29 +40,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         # error of its own at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
-    except RtamtError as error:
-        message = ": ".join([*getattr(error, "__notes__", []), str(error)])
-        return _refuse(message if "align" in options else re.sub(*_WITHOUT_ALIGN, message))
-    except ModuleNotFoundError as error:
-        package = missing(error)
-        if package is None:
-            return _unexpected(error)
-        return _refuse(
-            f"{package} is not installed; from the checkout: pip install '.[{EXTRAS[package]}]'"
-        )
-    except OSError as error:
-        name = "" if error.filename is None else f" {error.filename}"
-        return _refuse(f"cannot open{name}: {error.strerror or error}")
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
-        return _unexpected(error)
+        message = refusal(error)
+        if message is None:
+            traceback.print_exception(error)
+            message = unexpected(error)
+        return _refuse(message)
     return code
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
     command = next((word for word in argv if not word.startswith("-")), "")
     parser = _parser(command)
+    if command in OF_TRACES:
+        argv = [SEPARATOR if word == "--" else word for word in argv]
     options, rest = parser.parse_known_args(argv)
-    if rest and "trace" in options and not any(text.startswith("-") for text in rest):
+    if rest and command in OF_TRACES and not any(text.startswith("-") for text in rest):
         # argparse ends the list of specifications at the first option after it.
         options.specs += [options.trace, *rest]
         options.trace = options.specs.pop()
@@ -96,15 +68,8 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def _refuse(message: str) -> int:
-    for python, option in _OPTIONS:
-        message = re.sub(python, option, message)
     print(f"rtamt: error: {message}", file=sys.stderr)
     return 2
-
-
-def _unexpected(error: Exception) -> int:
-    traceback.print_exception(error)
-    return _refuse(f"unexpected {type(error).__name__}: {shorten(str(error), 200)}")
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,70 +1,138 @@
-"""`rtamt monitor`: judges a recorded trace."""
+"""`rtamt monitor`: judges recorded traces."""
 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rtamt import Verdict
-from rtamt_gym.commands.arguments import (
-    add_dense,
-    add_output,
-    add_specs_and_trace,
-    check_outputs,
-    read_dense,
-    read_samples,
-    read_specs,
-)
+from rtamt import InputError, Verdict
+from rtamt_gym.commands.arguments import add_output, check_outputs, positive
+from rtamt_gym.commands.traces import Asked, read_arguments
+from rtamt_gym.commands.traces import add_arguments as add_traces
 
 if TYPE_CHECKING:
-    from rtamt_gym.recorded.trace import EventTrace, Trace
+    from rtamt_gym.commands.judging import Judged
+    from rtamt_gym.recorded.outcome import Matrix
 
 __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Judges a file of samples or events under one or more specifications. Columns that no "
-        "specification reads are ignored. Exits 1 on a violation, else 0."
+        "Judges files of samples or events under one or more specifications. Columns that no "
+        "specification reads are ignored. Exits 2 if an argument or a trace was bad, else 1 on a "
+        "violation, else 3 if something is undecided, else 0."
     )
-    parser.epilog = "example: rtamt monitor requirements.stl drive.csv --out robustness.csv"
-    add_specs_and_trace(parser)
-    add_dense(parser)
-    add_output(parser, "--out", "write the robustness of every formula to a .csv file")
-    add_output(parser, "--plot", "draw the signals and the robustness")
+    parser.epilog = "example: rtamt monitor requirements.stl -- runs/*.csv --junit outcomes.xml"
+    add_traces(parser, "monitor")
+    parser.add_argument(
+        "-j",
+        dest="workers",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="the number of processes that judge traces (default: 1)",
+    )
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="write the outcomes to standard output as strict JSON, in place of the report",
+    )
+    add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
+    add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
+    add_output(parser, "--out", "write the robustness of every formula of one trace to a .csv file")
+    add_output(parser, "--plot", "draw the signals and the robustness of one trace")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Prints the verdicts and writes the files asked for; returns 1 on a violation, else 0."""
-    from rtamt_gym.recorded.judge import described, judge, judge_events, report, signals_of
-    from rtamt_gym.recorded.output import save_csv
+    """Judges the traces, prints the report and writes the files asked for; returns the verdict."""
+    from rtamt_gym.commands.judging import (
+        failure_lines,
+        judge_file,
+        judge_files,
+        matrix_of,
+        row_of,
+    )
 
-    specs = read_specs(options.specs)
-    check_outputs(options.out, picture=options.plot)
-    trace: EventTrace | Trace
-    if options.dense:
-        trace = read_dense(options, specs)
-        judgements = {
-            name: judge_events(spec, trace, options.view, options.semantics)
-            for name, spec in specs.items()
-        }
+    asked, paths = read_arguments(options)
+    check_outputs(options.junit, options.markdown, options.out, picture=options.plot)
+    wanted = options.json or options.junit or options.markdown
+    explain = (Verdict.VIOLATED,) if wanted else ()
+    judged = None
+    if len(paths) == 1:
+        judged = judge_file(asked, paths[0], formulas=True)
+        rows = [row_of(asked, judged, explain=explain)]
     else:
-        trace, period = read_samples(options, specs)
-        judgements = {
-            name: judge(spec, trace, period, options.view, options.semantics)
-            for name, spec in specs.items()
-        }
-    first = next(iter(judgements.values()))
-    print(*report(judgements, described(trace, first.period)), sep="\n")
+        for option in ("out", "plot"):
+            if getattr(options, option):
+                raise InputError(f"expected one trace for --{option}, got {len(paths)}")
+        rows = judge_files(asked, paths, workers=options.workers, explain=explain)
+    matrix = matrix_of(asked, rows)
+    if options.json:
+        from rtamt_gym.recorded.outcomes_json import to_json
+
+        print(to_json(matrix, _rules(asked)))
+    else:
+        print(*_report(matrix, judged), sep="\n", end="")
+    said = _write(options, asked, matrix, judged)
+    print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
+    sys.stdout.flush()
+    print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
+    return matrix.exit_code
+
+
+def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
+    """The lines of the report: on one trace in detail, on several as a table."""
+    if judged is None:
+        from rtamt_gym.recorded.matrix import matrix_lines
+
+        return [*matrix_lines(matrix), ""]
+    if not judged.judgements:
+        return []
+    from rtamt_gym.recorded.report import report
+
+    (row,) = matrix.rows
+    return [*report(judged.judgements, row.described), ""]
+
+
+def _rules(asked: Asked) -> dict[str, str]:
+    """How the traces were judged, by name."""
+    names = ("end", "view", "semantics", "align", "period")
+    rules = {name: getattr(asked.rules, name) for name in names}
+    said = {name: str(value) for name, value in rules.items() if value is not None}
+    return said | {"time": "dense" if asked.rules.dense else "sampled"}
+
+
+def _write(
+    options: argparse.Namespace, asked: Asked, matrix: Matrix, judged: Judged | None
+) -> list[str]:
+    """Writes the files that are asked for; returns a line about each."""
+    said = []
+    if options.junit:
+        from rtamt_gym.recorded.junit import to_junit
+
+        options.junit.write_bytes(to_junit(matrix, _rules(asked)))
+        said.append(f"outcomes: {options.junit}\n")
+    if options.markdown:
+        from rtamt_gym.recorded.markdown import to_markdown
+
+        options.markdown.write_text(to_markdown(matrix), encoding="utf-8")
+        said.append(f"outcomes: {options.markdown}\n")
+    if judged is None or judged.trace is None or not judged.judgements:
+        return said
     if options.out:
-        save_csv(judgements, options.out, dense=options.dense)
-        print(f"robustness: {options.out}")
+        from rtamt_gym.recorded.output import save_csv
+
+        save_csv(judged.judgements, options.out, dense=asked.rules.dense)
+        said.append(f"robustness: {options.out}\n")
     if options.plot:
         from rtamt_gym.drawing import save
+        from rtamt_gym.recorded.judge import signals_of
         from rtamt_gym.recorded.plot import draw_trace
 
-        signals = signals_of(trace, first.period)
-        save(draw_trace(signals, judgements, trace.source), options.plot)
-        print(f"picture: {options.plot}")
-    violated = any(j.verdict == Verdict.VIOLATED for j in judgements.values())
-    return 1 if violated else 0
+        signals = signals_of(judged.trace, judged.period)
+        save(draw_trace(signals, judged.judgements, judged.trace.source), options.plot)
+        said.append(f"picture: {options.plot}\n")
+    return said

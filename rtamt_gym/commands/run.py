@@ -18,9 +18,9 @@ from rtamt_gym.commands.arguments import (
     check_outputs,
     positive,
     read_options,
-    read_requirements,
     whole,
 )
+from rtamt_gym.commands.specs import read_requirements
 from rtamt_gym.judges.ends import AtTermination, AtTruncation, OpenEndWarning
 
 if TYPE_CHECKING:

@@ -2,35 +2,52 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Literal
 
 import numpy as np
 
 import rtamt
 from rtamt import SpecificationError, Verdict
 from rtamt_gym.judges.interface import EXACT, Semantics, robustness_text
-from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.tables import number, sample_text, shorten, table, time_text
+from rtamt_gym.tables import number, sample_text, shorten, time_text
 
 __all__ = [
     "RESULT",
     "Judgement",
+    "Rules",
     "Series",
     "described",
     "judge",
     "judge_events",
-    "report",
     "signals_of",
     "viewed",
 ]
 
-_BLOCK = 1 << 14
-"""Samples after which the progress bar moves."""
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How traces are judged.
+
+    Attributes:
+        period: Seconds between samples; None: those of the trace.
+        view: The argument of `viewed`.
+        semantics: How predicates count, as for `rtamt.Monitor`.
+        align: How bounds that are no whole number of periods are rounded, as for `rtamt.Monitor`.
+        end: What lies behind the end of a trace, as for `rtamt.judge`.
+        dense: Whether rows are events in dense time.
+    """
+
+    period: Fraction | None = None
+    view: Literal["episode", "step"] = "episode"
+    semantics: Semantics = "standard"
+    align: Literal["outward", "inward", "nearest"] | None = None
+    end: Literal["complete", "cut", "open"] = "cut"
+    dense: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,29 +89,77 @@ class Judgement:
     """The verdict on a whole trace.
 
     Attributes:
-        verdict: The sign of the robustness; UNDECIDED if it hangs on a predicate that the semantics
-            leaves out.
-        robustness: The robustness of the trace, which ends with its last sample or event.
-        certain: Words that tell from when on the verdict was certain.
-        series: The robustness of the named formulas, the last of which is the result.
-        period: Seconds between samples; None for events, or if bounds count samples.
+        found: The verdict, its bounds, and what was not recorded.
+        series: The robustness of the named formulas, the last of which is the result; empty unless
+            it was asked for.
         semantics: How predicates counted.
+        start: The time of the first sample; 0 for events.
+        period: Seconds between samples; None for events, or if bounds count samples.
+        step: The usual distance of two times in seconds; None if they are sample numbers.
     """
 
-    verdict: Verdict
-    robustness: float
-    certain: str
+    found: rtamt.Judgement
     series: Mapping[str, Series]
-    period: Fraction | None = None
-    semantics: Semantics = "standard"
+    semantics: Semantics
+    start: float
+    period: Fraction | None
+    step: float | None
 
     def __str__(self) -> str:
-        return f"{self.verdict.name}, robustness {self.robustness_text}, {self.certain}"
+        words = f"{self.verdict.name}, robustness {self.robustness_text}"
+        if self.verdict == Verdict.UNDECIDED:
+            return words
+        time = self.certain_from
+        if time is None:
+            return f"{words}, at the end of the trace"
+        return f"{words}, certain from {time_text(time, self.step)} on"
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict under the reading of the end that was asked for."""
+        return self.found.verdict
+
+    @property
+    def certain_from(self) -> float | None:
+        """The time from which on no continuation could change the verdict, or None.
+
+        In seconds, or a sample number if there is no period.
+        """
+        at = self.found.decided_at
+        if at is None or self.period is None:
+            return at
+        return self.start + float(int(at) * self.period)
+
+    @property
+    def not_recorded(self) -> tuple[str, ...]:
+        """What an open verdict needs and the trace does not have, in words."""
+        if self.period is None:
+            return tuple(map(str, self.found.untested))
+        return tuple(
+            str(
+                replace(
+                    part,
+                    at=part.at and part.at + self.start,
+                    begin=part.begin + self.start,
+                    end=None if part.end is None else part.end + self.start,
+                )
+            )
+            for part in self.found.untested
+        )
+
+    @property
+    def way_out(self) -> str:
+        """What would decide an open verdict; empty if the verdict is decided."""
+        if self.verdict != Verdict.UNDECIDED:
+            return ""
+        if self.found.complete == Verdict.UNDECIDED:
+            return "no --end decides it: it hangs on a predicate that counts 0"
+        return f"if the trace is all there is, --end complete says {self.found.complete.name}"
 
     @property
     def robustness_text(self) -> str:
         """The robustness in words; a 0 says whether the specification holds."""
-        return robustness_text(self.robustness, self.semantics, self.verdict)
+        return robustness_text(self.found.robustness, self.semantics, self.found.complete)
 
     def text_of(self, value: float) -> str:
         """The robustness of a formula at some time, in words."""
@@ -102,15 +167,17 @@ class Judgement:
 
 
 def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
-    """Describes a trace in words: the number of its samples or events, its first and last time."""
+    """Describes a trace in words: how many samples or events, its times, what was done to it."""
     if isinstance(trace, EventTrace):
         begin, end = (time_text(time, trace.step) for time in trace.span)
         return f"{trace.source}: {_count(trace.events, 'event')}, {begin} to {end}"
     samples = f"{trace.source}: {_count(trace.samples, 'sample')}"
     if period is None:
-        return f"{samples}, bounds count samples"
-    begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
-    return f"{samples}, one every {number(float(period))} s, {begin} to {end}"
+        words = f"{samples}, bounds count samples"
+    else:
+        begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
+        words = f"{samples}, one every {number(float(period))} s, {begin} to {end}"
+    return "\n".join([words, *trace.notes])
 
 
 def _count(number: int, what: str) -> str:
@@ -119,40 +186,6 @@ def _count(number: int, what: str) -> str:
 
 RESULT = "(result)"
 """Shown instead of a name for a result that has none."""
-
-
-def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
-    """Writes judgements in words and as a table.
-
-    Args:
-        judgements: The judgements by name of the specification, which is shown if there are
-            several.
-        trace: A description of the trace.
-    """
-    several = len(judgements) > 1
-    rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
-    for name, judgement in judgements.items():
-        for formula, series in judgement.series.items():
-            least, below = series.least, series.below
-            rows.append(
-                (
-                    name if several and formula == next(iter(judgement.series)) else "",
-                    formula,
-                    judgement.text_of(float(series.values[0])),
-                    judgement.text_of(float(series.values[least])),
-                    series.at(least),
-                    "-" if below is None else series.at(below),
-                )
-            )
-    room = 80 - sum(2 + max(map(len, column)) for column in list(zip(*rows, strict=True))[2:])
-    width = max(8, (room - 2) // 2 if several else room)
-    cells = [[shorten(text, width) for text in row[:2]] + [*row[2:]] for row in rows]
-    return [
-        *(f"{shorten(n, 20)}: {j}" if several else str(j) for n, j in judgements.items()),
-        trace,
-        "",
-        *table(cells, "<<>>>>"),
-    ]
 
 
 def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
@@ -180,43 +213,42 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
 def judge(
     spec: rtamt.Specification,
     trace: Trace,
-    period: Fraction | str | None,
-    view: str,
-    semantics: Semantics = "standard",
+    period: Fraction | None,
+    rules: Rules,
+    *,
+    formulas: bool = True,
 ) -> Judgement:
-    """Judges samples; the trace ends with the last.
+    """Judges samples.
 
     Args:
         spec: The specification.
         trace: The samples.
-        period: Seconds between samples, text with a unit, or None.
-        view: The argument of `viewed`.
-        semantics: How predicates count, as for `rtamt.Monitor`.
+        period: Seconds between samples; None: bounds count samples.
+        rules: How traces are judged.
+        formulas: Whether the robustness of the named formulas is evaluated too.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
     """
-    monitor = rtamt.EpisodeMonitor(viewed(spec, view), period, semantics=semantics)
-    certain_at = _feed(monitor, trace)
-    robustness = monitor.finish()
-    period = monitor.period
+    whole = viewed(spec, rules.view)
+    n, semantics, align = trace.samples, rules.semantics, rules.align
+    found = rtamt.judge(
+        whole, trace.columns, period, rules.end, n=n, semantics=semantics, align=align
+    )
     times, step = _clock(trace, period)
     series = {
         name: Series(
             times,
             _signed(
-                rtamt.evaluate(part, trace.columns, period, n=trace.samples, semantics=semantics),
+                rtamt.evaluate(part, trace.columns, period, n=n, semantics=semantics, align=align),
                 semantics,
             ),
             step,
             str(part.formula),
         )
-        for name, part in _parts(spec).items()
+        for name, part in (_parts(spec) if formulas else {}).items()
     }
-    certain = "at the end of the trace"
-    if certain_at is not None:
-        certain = f"certain from {time_text(float(times[certain_at]), step)} on"
-    return Judgement(monitor.verdict, robustness, certain, series, period, semantics)
+    return Judgement(found, series, semantics, trace.start, period, step)
 
 
 def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, Series]:
@@ -238,31 +270,28 @@ def _clock(trace: Trace, period: Fraction | None) -> tuple[Floats, float | None]
 
 
 def judge_events(
-    spec: rtamt.Specification, trace: EventTrace, view: str, semantics: Semantics = "standard"
+    spec: rtamt.Specification, trace: EventTrace, rules: Rules, *, formulas: bool = True
 ) -> Judgement:
     """Judges events in dense time; the trace ends with the last.
+
+    Args:
+        spec: The specification.
+        trace: The events.
+        rules: How traces are judged.
+        formulas: Whether the robustness of the named formulas is evaluated too.
 
     Raises:
         SpecificationError: If an operator counts samples, and as `viewed` does.
         InputError: If the variables have no time in common.
     """
-    whole = viewed(spec, view)
-    signals = trace.tables
-
-    def robustness(part: rtamt.Specification) -> Series:
+    semantics, signals = rules.semantics, trace.tables
+    found = rtamt.judge_dense(viewed(spec, rules.view), signals, rules.end, semantics=semantics)
+    series = {}
+    for name, part in (_parts(spec) if formulas else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
-        return Series(events.times, values, trace.step, str(part.formula), held=True)
-
-    series = {name: robustness(part) for name, part in _parts(spec).items()}
-    result = robustness(whole) if whole is not spec else series[_result(spec)]
-    least = float(result.values[0])
-    verdict = Verdict.SATISFIED
-    if not rtamt.holds(least):
-        verdict = Verdict.VIOLATED
-    elif least == 0.0 and semantics not in EXACT:
-        verdict = Verdict.UNDECIDED  # the bounds of dense time are not known here
-    return Judgement(verdict, least, "at the end of the trace", series, semantics=semantics)
+        series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
+    return Judgement(found, series, semantics, 0.0, None, trace.step)
 
 
 def _signed(values: Floats, semantics: Semantics) -> Floats:
@@ -278,20 +307,3 @@ def _parts(spec: rtamt.Specification) -> dict[str, rtamt.Specification]:
 
 def _result(spec: rtamt.Specification) -> str:
     return next((n for n, formula in spec.formulas.items() if formula is spec.formula), RESULT)
-
-
-def _feed(monitor: rtamt.EpisodeMonitor, trace: Trace) -> int | None:
-    """Feeds all samples; returns the first at which the verdict was certain, or None."""
-    columns = [trace.columns[name].tolist() for name in monitor.variables]
-    samples = zip(*columns, strict=True) if columns else iter([()] * trace.samples)
-    certain_at = None
-    with progress("judging", trace.samples, " samples") as advance:
-        at = 0
-        while block := list(itertools.islice(samples, _BLOCK)):
-            for sample in block:
-                monitor.update(*sample)
-                if certain_at is None and monitor.verdict:
-                    certain_at = at
-                at += 1
-            advance(len(block))
-    return certain_at

@@ -6,15 +6,25 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["progress"]
+__all__ = ["progress", "silence"]
 
 DELAY = 1.0
 """Seconds before the bar is shown."""
+
+_outermost = [True]
+"""Whether the next bar stands inside no other, and in a process that shows bars."""
+
+
+def silence() -> None:
+    """Shows no bar in this process from now on."""
+    _outermost[0] = False
 
 
 @contextmanager
 def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
     """Shows a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
+
+    Of bars inside each other the outermost is shown.
 
     Args:
         what: Names the work.
@@ -24,7 +34,7 @@ def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]
     Yields:
         A function to call with the amount done since its last call.
     """
-    if not sys.stderr.isatty():
+    if not (_outermost[0] and sys.stderr.isatty()):
         yield lambda _: None
         return
     try:
@@ -33,4 +43,8 @@ def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]
         yield lambda _: None
         return
     with tqdm(desc=what, total=total, unit=unit, unit_scale=True, delay=DELAY, leave=False) as bar:
-        yield lambda done: bar.update(done) and None
+        _outermost[0] = False
+        try:
+            yield lambda done: bar.update(done) and None
+        finally:
+            _outermost[0] = True

@@ -292,7 +292,7 @@ def test_an_interrupt_exits_130_without_a_word(
     def interrupted(_arguments: list[str]) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(monitor, "read_specs", interrupted)
+    monkeypatch.setattr(monitor, "read_arguments", interrupted)
     assert main(["monitor", "spec.stl", "trace.csv"]) == 130
     assert capsys.readouterr() == ("", "")
 

@@ -90,7 +90,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
                 "STL:1:7: bound 1 s is not a multiple of the period 0.4 s (2.5 steps)\n"
                 "  always[0:1](x > 0)\n"
                 "        ^\n"
-                "  hint: use 0.8 s or 1.2 s, or take samples 0.2 s apart"
+                "  hint: use 0.8 s or 1.2 s, take samples 0.2 s apart, or let --align round it"
             ),
         ),
         (
@@ -120,7 +120,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ("monitor spec.stl no.csv", "cannot open no.csv: No such file or directory"),
         (
             "monitor latin.csv trace.csv",
-            "expected UTF-8 text in latin.csv, got the byte 0xe4",
+            (
+                "expected a specification, got the trace latin.csv; for several traces write "
+                "SPEC... -- latin.csv trace.csv"
+            ),
         ),
         ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
         (

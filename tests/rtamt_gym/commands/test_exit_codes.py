@@ -45,7 +45,7 @@ def leave_with_a_code(*_: object, **__: object) -> None:
 
 
 COMMANDS = {
-    "monitor": (["monitor", "always(x > 2)", "trace.csv"], judge, "_feed"),
+    "monitor": (["monitor", "always(x > 2)", "trace.csv"], judge, "judge"),
     "monitor --dense": (["monitor", "always(x > 2)", "trace.csv", "--dense"], judge, "_parts"),
     "explain": (["explain", "always(x > 2)", "trace.csv"], judge, "viewed"),
     "reader": (["explain", "always(x > 2)", "trace.csv"], csv_reader, "_floats"),
@@ -102,10 +102,10 @@ def test_an_error_of_an_environment_is_code_2_below_its_traceback(capsys: Output
 def test_a_module_that_no_extra_installs_is_code_2(
     monkeypatch: pytest.MonkeyPatch, capsys: Output
 ) -> None:
-    def absent(*_: object) -> None:
+    def absent(*_: object, **__: object) -> None:
         raise ModuleNotFoundError("No module named 'colorama'", name="colorama")
 
-    monkeypatch.setattr(judge, "_feed", absent)
+    monkeypatch.setattr(judge, "judge", absent)
     assert main(COMMANDS["monitor"][0]) == 2
     assert capsys.readouterr().err.endswith(
         "rtamt: error: unexpected ModuleNotFoundError: No module named 'colorama'\n"

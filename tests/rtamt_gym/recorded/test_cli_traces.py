@@ -170,7 +170,7 @@ def test_out_writes_the_robustness_of_every_formula_at_every_sample(
     assert main(["monitor", "always(calm > 3)", "r.csv"]) == 0
     capsys.readouterr()
     (folder / "bare.csv").write_text("req\n1\n2\n")
-    assert main(["monitor", "eventually[2:3](req > 0)", "bare.csv", "--out", "r.csv"]) == 1
+    assert main(["monitor", "eventually[2:3](req > 0)", "bare.csv", "--out", "r.csv"]) == 3
     assert rows(folder / "r.csv") == [["sample", "robustness"], ["0", "-inf"], ["1", "-inf"]]
 
 
@@ -191,7 +191,7 @@ def test_plot_draws_signals_and_robustness(
 def test_dense_takes_rows_as_events_wide_or_one_by_one(trace: str, capsys: Output) -> None:
     assert main(["monitor", "--dense", "spec.stl", "calm.stl", trace, "--out", "r.csv"]) == 1
     assert capsys.readouterr().out == (
-        "out: VIOLATED, robustness -2, at the end of the trace\n"
+        "out: VIOLATED, robustness -2, certain from 0.85 s on\n"
         "calm: SATISFIED, robustness 4, at the end of the trace\n"
         f"{trace}: 6 events, 0 s to 1.5 s\n"
         "\n"
@@ -220,7 +220,7 @@ def test_dense_judges_every_instant_in_the_view_of_steps(capsys: Output) -> None
     arguments = ["monitor", "--dense", "req < 5", "wide.csv", "--view"]
     assert main([*arguments, "step"]) == 1
     assert capsys.readouterr().out.startswith(
-        "VIOLATED, robustness 0, violated, at the end of the trace\n"
+        "VIOLATED, robustness 0, violated, certain from 0.35 s on\n"
     )
     assert main([*arguments, "episode"]) == 2
 

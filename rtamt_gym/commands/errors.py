@@ -1,0 +1,52 @@
+"""Errors in the words of the command line."""
+
+from __future__ import annotations
+
+import re
+
+from rtamt import RtamtError
+from rtamt_gym.checks.extras import EXTRAS, missing
+from rtamt_gym.tables import shorten
+
+__all__ = ["refusal", "unexpected"]
+
+_OPTIONS = (
+    # The library's errors give advice in Python; on the command line the same advice is an option,
+    # or nothing.
+    (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
+    (r"view='step'", "--view step"),
+    (r"; pass nan='hold' to keep the last value instead$", ""),
+    (r"\bperiod= ?", "--period "),
+    (r"\balign= ?", "--align "),
+    (r"semantics='([\w-]+)'", r"--semantics \1"),
+    (r"\bsubsteps=True\b", "--substeps"),
+    (r" or name them: (in|out)puts=\('.*',\)$", ""),
+    (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
+    (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),
+)
+
+
+def refusal(error: Exception) -> str | None:
+    """The message for an error that a user can cause; None for one that nobody expected."""
+    match error:
+        case RtamtError():
+            message = ": ".join([*getattr(error, "__notes__", []), str(error)])
+        case ModuleNotFoundError():
+            package = missing(error)
+            if package is None:
+                return None
+            extra = EXTRAS[package]
+            message = f"{package} is not installed; from the checkout: pip install '.[{extra}]'"
+        case OSError():
+            name = "" if error.filename is None else f" {error.filename}"
+            message = f"cannot open{name}: {error.strerror or error}"
+        case _:
+            return None
+    for python, option in _OPTIONS:
+        message = re.sub(python, option, message)
+    return message
+
+
+def unexpected(error: Exception) -> str:
+    """The message for an error that nobody expected."""
+    return f"unexpected {type(error).__name__}: {shorten(str(error), 200)}"

@@ -1,0 +1,188 @@
+"""Judges recorded traces one after the other or in processes; no trace keeps others from it."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import partial
+from multiprocessing import get_context
+
+import rtamt
+from rtamt import Verdict
+from rtamt_gym.commands.errors import refusal, unexpected
+from rtamt_gym.commands.traces import Asked, read_trace_of
+from rtamt_gym.recorded import judge
+from rtamt_gym.recorded.judge import Judgement, Rules
+from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome, Row
+from rtamt_gym.recorded.progress import progress, silence
+from rtamt_gym.recorded.trace import EventTrace, Trace
+
+__all__ = ["Judged", "failure_lines", "judge_file", "judge_files", "matrix_of", "row_of"]
+
+
+@dataclass(slots=True)
+class Judged:
+    """A trace, and what its requirements came to.
+
+    Attributes:
+        path: The name of the trace.
+        trace: Its samples or events; None if it could not be read.
+        period: Seconds between samples, if they are known.
+        judgements: The judgement of each requirement that could be judged.
+        failures: Why the others could not.
+    """
+
+    path: str
+    trace: Trace | EventTrace | None = None
+    period: Fraction | None = None
+    judgements: dict[str, Judgement] = field(default_factory=dict)
+    failures: dict[str, Failure] = field(default_factory=dict)
+
+
+def judge_file(asked: Asked, path: str, *, formulas: bool) -> Judged:
+    """Judges a trace; what cannot be read or judged is a failure of the requirements.
+
+    Args:
+        asked: The requirements and the rules.
+        path: The name of the trace.
+        formulas: Whether the robustness of the named formulas is evaluated too.
+    """
+    judged = Judged(path)
+    try:
+        judged.trace, judged.period = read_trace_of(asked, path)
+    except Exception as error:  # noqa: BLE001 - the others are to be judged
+        judged.failures = dict.fromkeys(asked.specs, _failure(error))
+        return judged
+    with progress("judging", len(asked.specs), " requirements") as advance:
+        for name, spec in asked.specs.items():
+            try:
+                judged.judgements[name] = _judge(spec, judged, asked.rules, formulas=formulas)
+            except Exception as error:  # noqa: BLE001 - the others are to be judged
+                judged.failures[name] = _failure(error)
+            advance(1)
+    return judged
+
+
+def judge_files(
+    asked: Asked, paths: Sequence[str], *, workers: int, explain: Sequence[Verdict]
+) -> list[Row]:
+    """Judges traces, in the order of their names whatever the number of workers.
+
+    Args:
+        asked: The requirements and the rules.
+        paths: The names of the traces.
+        workers: The number of processes.
+        explain: The verdicts that are explained.
+    """
+    task = partial(_row_of_file, asked, explain)
+    rows = []
+    with progress("judging", len(paths), " traces") as advance:
+        if workers == 1 or len(paths) == 1:
+            for path in paths:
+                rows.append(task(path))
+                advance(1)
+            return rows
+        # A fork would take locks along that other threads hold.
+        context = get_context("spawn")
+        with ProcessPoolExecutor(min(workers, len(paths)), context, silence) as pool:
+            for row in pool.map(task, paths):
+                rows.append(row)
+                advance(1)
+    return rows
+
+
+def _row_of_file(asked: Asked, explain: Sequence[Verdict], path: str) -> Row:
+    return row_of(asked, judge_file(asked, path, formulas=False), explain=explain)
+
+
+def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
+    """What a trace came to, as plain values; some verdicts with their explanation."""
+    cells: dict[str, Outcome | Failure] = {}
+    for name, spec in asked.specs.items():
+        if name in judged.failures:
+            cells[name] = judged.failures[name]
+            continue
+        try:
+            cells[name] = _outcome(spec, judged, name, asked.rules, explain)
+        except Exception as error:  # noqa: BLE001 - the others are to be judged
+            cells[name] = _failure(error)
+    described = ""
+    if judged.trace is not None:
+        described = judge.described(judged.trace, judged.period)
+    return Row(judged.path, described, cells)
+
+
+def matrix_of(asked: Asked, rows: Sequence[Row]) -> Matrix:
+    """The rows, with the formulas of the requirements."""
+    return Matrix({name: str(spec.formula) for name, spec in asked.specs.items()}, rows)
+
+
+def failure_lines(matrix: Matrix) -> list[str]:
+    """What could not be judged, for standard error: each message once."""
+    lines = []
+    for message, (failure, traces) in matrix.failures().items():
+        where = "" if len(matrix.rows) == 1 or traces[0] in message else f"{traces[0]}: "
+        more = f" (and {len(traces) - 1} more)" if len(traces) > 1 else ""
+        lines.append(f"{failure.traceback}rtamt: error: {where}{message}{more}\n")
+    return lines
+
+
+def _explanation(spec: rtamt.Specification, judged: Judged, rules: Rules) -> str:
+    whole, trace = judge.viewed(spec, rules.view), judged.trace
+    if isinstance(trace, EventTrace):
+        return str(rtamt.explain_dense(whole, trace.tables, semantics=rules.semantics))
+    if trace is None:
+        msg = "a trace that was not read has no judgement to explain"
+        raise AssertionError(msg)
+    explanation = rtamt.explain(
+        whole,
+        trace.columns,
+        judged.period,
+        n=trace.samples,
+        start=trace.start,
+        semantics=rules.semantics,
+        align=rules.align,
+    )
+    return str(explanation)
+
+
+def _judge(spec: rtamt.Specification, judged: Judged, rules: Rules, *, formulas: bool) -> Judgement:
+    if isinstance(judged.trace, Trace):
+        return judge.judge(spec, judged.trace, judged.period, rules, formulas=formulas)
+    if judged.trace is None:
+        msg = "a trace that was not read cannot be judged"
+        raise AssertionError(msg)
+    return judge.judge_events(spec, judged.trace, rules, formulas=formulas)
+
+
+def _outcome(
+    spec: rtamt.Specification,
+    judged: Judged,
+    name: str,
+    rules: Rules,
+    explain: Sequence[Verdict],
+) -> Outcome:
+    judgement = judged.judgements[name]
+    explanation = ""
+    if judgement.verdict in explain:
+        explanation = _explanation(spec, judged, rules)
+    return Outcome(
+        judgement.verdict,
+        judgement.found.robustness,
+        (judgement.found.lower, judgement.found.upper),
+        str(judgement),
+        judgement.certain_from,
+        judgement.not_recorded,
+        judgement.way_out,
+        explanation,
+    )
+
+
+def _failure(error: Exception) -> Failure:
+    message = refusal(error)
+    if message is None:
+        return Failure(unexpected(error), "".join(traceback.format_exception(error)))
+    return Failure(message)

@@ -1,0 +1,98 @@
+"""Specifications as arguments: formulas, files, and their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.checks.names import nearest
+
+__all__ = ["read_requirements", "variables_of"]
+
+
+def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
+    """Reads a formula or the path of a file; a path has no blank, bracket or comparison."""
+    if re.search(r"[\s(<>=!]", argument) and not _is_file(argument):
+        return rtamt.parse(argument, constants=_in(argument, constants))
+    if not constants:
+        return rtamt.load(argument)
+    text = Path(argument).read_text(encoding="utf-8", errors="replace")
+    return rtamt.load(argument, constants=_in(text, constants))
+
+
+def _in(text: str, constants: Mapping[str, str]) -> dict[str, str]:
+    """The constants that a text names."""
+    return {n: value for n, value in constants.items() if re.search(rf"\b{n}\b", text)}
+
+
+def _is_file(argument: str) -> bool:
+    try:
+        return Path(argument).is_file()
+    except OSError:  # a formula may be longer than a file's name can be
+        return False
+
+
+def read_requirements(
+    arguments: Sequence[str], constants: Mapping[str, str] | None = None
+) -> dict[str, rtamt.Specification]:
+    """Reads specifications of which every requirement is judged, each under a different name.
+
+    One with a single requirement has the name that is given in ``name=path``, else that in the
+    text, else that of the file, else ``spec``, ``spec2`` and so on. Of several requirements each
+    has its own name in the text, behind that given in ``name=path``: ``safe.near``.
+
+    Args:
+        arguments: Formulas and paths of files, ``name=path`` too.
+        constants: Values of constants; each text gets those that it names.
+
+    Raises:
+        InputError: If two requirements have the same name, or no text has one of the constants.
+    """
+    specs: dict[str, rtamt.Specification] = {}
+    unused = {**(constants or {})}
+    for argument in arguments:
+        given, spec = _read_argument(argument, constants or {})
+        for name in spec.given:
+            unused.pop(name, None)
+        if len(spec.requirements) == 1:
+            _add(specs, given or spec.title or _name(argument, specs), spec)
+            continue
+        for name, requirement in spec.requirements.items():
+            _add(specs, f"{given}.{name}" if given else name, requirement)
+    for name in unused:
+        known = [each for spec in specs.values() for each in (*spec.constants, *spec.variables)]
+        raise InputError(
+            f"--constant: no specification has the constant {name!r}{nearest(name, known)}"
+        )
+    return specs
+
+
+def _read_argument(
+    argument: str, constants: Mapping[str, str]
+) -> tuple[str | None, rtamt.Specification]:
+    """Reads the name that an argument gives, or None, and the specification."""
+    named = re.fullmatch(r"(\w+)=([^\s(<>=!]+\.stl)", argument)
+    if named:
+        return named[1], _read_spec(named[2], constants)
+    return None, _read_spec(argument, constants)
+
+
+def _name(argument: str, specs: Mapping[str, rtamt.Specification]) -> str:
+    """Names a specification that has no name: after its file, or by its number."""
+    if argument.endswith(".stl"):
+        return Path(argument).stem
+    return f"spec{len(specs) + 1 if specs else ''}"
+
+
+def _add(specs: dict[str, rtamt.Specification], name: str, spec: rtamt.Specification) -> None:
+    if name in specs:
+        raise InputError(f"expected one specification {name!r}, got two; name one of them")
+    specs[name] = spec
+
+
+def variables_of(specs: Mapping[str, rtamt.Specification]) -> list[str]:
+    """The variables of all specifications, each once."""
+    return list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))

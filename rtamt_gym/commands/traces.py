@@ -1,0 +1,290 @@
+"""Arguments of the commands that judge recorded traces, and how the traces are read."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from glob import glob
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.commands import SEPARATOR
+from rtamt_gym.commands.arguments import add_align, add_reading
+from rtamt_gym.commands.specs import read_requirements, variables_of
+from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
+from rtamt_gym.recorded.readers import extensions, open_recording
+
+if TYPE_CHECKING:
+    from rtamt_gym.recorded.judge import Rules
+    from rtamt_gym.recorded.trace import EventTrace, Trace
+
+__all__ = ["Asked", "add_arguments", "read_arguments", "read_trace_of"]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a command is to judge.
+
+    Attributes:
+        specs: The requirements by name.
+        rules: How traces are judged.
+        columns: How their columns are read.
+    """
+
+    specs: Mapping[str, rtamt.Specification]
+    rules: Rules
+    columns: Columns
+
+
+def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
+    """Adds the specifications, the traces, and the options that say how they are read."""
+    parser.usage = (
+        f"rtamt {command} [options] SPEC... TRACE\n"
+        f"       rtamt {command} [options] SPEC... -- TRACE..."
+    )
+    parser.add_argument(
+        "specs",
+        nargs="+",
+        metavar="SPEC",
+        help="the path of a .stl file, name=path, or a formula; every requirement is judged, which "
+        "is a formula that no other formula of its text uses",
+    )
+    *others, last = extensions()
+    parser.add_argument(
+        "trace",
+        metavar="TRACE",
+        help=f"the path of a {', '.join(others)} or {last} file, or - for CSV on stdin; behind -- "
+        "several, folders and patterns too",
+    )
+    parser.add_argument(
+        "--only",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="judge this requirement alone; may be repeated",
+    )
+    parser.add_argument(
+        "--constant",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the value of a constant, in place of that in the text; may be repeated",
+    )
+    parser.add_argument(
+        "--end",
+        choices=("cut", "complete", "open"),
+        default="cut",
+        help="what lies behind the end of a trace: cut, what bounded windows need of it is "
+        "unknown, and operators without an end speak of the recorded time; complete, nothing; "
+        "open, a continuation (default: cut)",
+    )
+    add_reading(
+        parser, "the distance of two times; without a column of times, bounds count samples"
+    )
+    add_align(parser)
+    parser.add_argument(
+        "--dense",
+        action="store_true",
+        help="rows are events at any time, and a value holds until the next event; an empty cell "
+        "is no event; with the columns time, variable and value a row is one event",
+    )
+    _add_columns(parser.add_argument_group("columns"))
+
+
+def _add_columns(group: argparse._ArgumentGroup) -> None:
+    """Adds the arguments of `read_columns`."""
+    group.add_argument(
+        "--signal",
+        action="append",
+        default=[],
+        metavar="VARIABLE=COLUMN",
+        help="the column of a variable that is called otherwise: 'speed=Vehicle Speed [km/h]'; may "
+        "be repeated",
+    )
+    group.add_argument(
+        "--time",
+        metavar="COLUMN",
+        help="the column of times (default: one called time, timestamp, t, stamp, Time [s] ...)",
+    )
+    group.add_argument(
+        "--time-unit",
+        metavar="UNIT",
+        help=f"the unit of the times: {', '.join(UNITS)} (default: that in the name or the type of "
+        "the column, else s)",
+    )
+    group.add_argument(
+        "--separator",
+        metavar="CHARACTER",
+        help="what stands between the cells of a text, such as ';' or tab (default: that of its "
+        "first line)",
+    )
+    group.add_argument(
+        "--decimal",
+        metavar="MARK",
+        help="the decimal mark of a text, . or , (default: that of its first rows)",
+    )
+    group.add_argument(
+        "--missing",
+        choices=get_args(Missing),
+        default="raise",
+        help="what an empty cell does: it is an error, it has the value before, or its row is left "
+        "out (default: raise)",
+    )
+    group.add_argument(
+        "--jitter",
+        metavar="PART",
+        help="samples within this part of the period, such as 5%%, count as on the grid; a trace "
+        "with others is resampled, and a value holds until the next (default: such a trace is "
+        "refused)",
+    )
+
+
+def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
+    """Reads the requirements and the rules, and finds the traces.
+
+    Raises:
+        InputError: If an argument is wrong: a trace stands in the place of a specification or the
+            other way round, a name or a constant is unknown, or there are no traces.
+        SpecificationError: If a specification is wrong.
+    """
+    from rtamt_gym.recorded.judge import Rules, viewed
+
+    specs, traces = _divided([*options.specs, options.trace])
+    found = _found(traces)
+    requirements = read_requirements(specs, _constants(options.constant))
+    requirements = _only(requirements, options.only)
+    for spec in requirements.values():
+        viewed(spec, options.view)
+    period = options.period
+    if period is not None:
+        if options.dense:
+            raise InputError("expected --period or --dense, which reads events at any time")
+        period = rtamt.Monitor("(true)", period).period
+    rules = Rules(
+        period, options.view, options.semantics, options.align, options.end, options.dense
+    )
+    columns = read_columns(
+        signals=options.signal,
+        time=options.time,
+        time_unit=options.time_unit,
+        separator=options.separator,
+        decimal=options.decimal,
+        missing=options.missing,
+        jitter=options.jitter,
+    )
+    return Asked(requirements, rules, columns), found
+
+
+def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
+    """Reads a trace, and its period: that of the rules, else that of its samples, or None.
+
+    Raises:
+        InputError: If the trace cannot be read, or is too short to have a period.
+        OSError: If there is no such file.
+    """
+    from rtamt_gym.recorded.trace import read_events, read_trace
+
+    variables = variables_of(asked.specs)
+    with open_recording(path, asked.columns) as recording:
+        if asked.rules.dense:
+            return read_events(recording, variables, asked.columns), None
+        if_events = "give --dense to take rows as events at any time"
+        trace = read_trace(recording, variables, asked.columns, if_events=if_events)
+    if asked.rules.period is not None:
+        return trace, asked.rules.period
+    period = trace.period()
+    timed = any(spec.timed for spec in asked.specs.values())
+    if period is None and trace.times is not None and timed:
+        raise InputError(
+            f"{trace.source}: expected at least two samples to read the period from, got one; "
+            "give --period in seconds"
+        )
+    return trace, period
+
+
+_SURE = tuple(extension for extension in extensions() if extension != ".txt")
+"""The ends of the names of files that are traces for sure; a specification may be a ``.txt``."""
+
+
+def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The specifications and the traces; the last word is the trace unless ``--`` says more."""
+    if SEPARATOR in words:
+        at = words.index(SEPARATOR)
+        specs, traces = list(words[:at]), list(words[at + 1 :])
+        if SEPARATOR in traces or not (specs and traces):
+            raise InputError(
+                "expected SPEC... -- TRACE..., specifications before -- and traces behind"
+            )
+    else:
+        specs, traces = list(words[:-1]), list(words[-1:])
+    as_trace = [word for word in specs if word.lower().endswith(_SURE)]
+    if as_trace:
+        behind = [*as_trace, *(trace for trace in traces if trace not in as_trace)]
+        way_out = f"; for several traces write SPEC... -- {' '.join(behind[:2])}"
+        way_out += " ..." if len(behind) > 2 else ""
+        raise InputError(f"expected a specification, got the trace {as_trace[0]}{way_out}")
+    for word in traces:
+        if word.endswith(".stl"):
+            raise InputError(
+                f"expected a trace, got the specification {word}; specifications stand first"
+            )
+    return specs, traces
+
+
+def _found(words: Sequence[str]) -> list[str]:
+    """The traces: files as they are, those in folders, and those that patterns name; each once.
+
+    Raises:
+        InputError: If a folder has no trace, a pattern names no file, or stdin is not alone.
+    """
+    found: list[str] = []
+    for word in words:
+        path = Path(word)
+        paths = [word]
+        if re.search(r"[*?\[]", word) and not path.exists():
+            paths = sorted(glob(word, recursive=True))  # noqa: PTH207 - keeps "./" as it was written
+            if not paths:
+                raise InputError(f"no file has a name like {word}")
+        for each in paths:
+            found += _in_folder(Path(each)) if Path(each).is_dir() else [each]
+    if "-" in found and len(found) > 1:
+        raise InputError("expected - as the only trace, which is read from standard input")
+    return list(dict.fromkeys(found))
+
+
+def _in_folder(folder: Path) -> list[str]:
+    known = tuple(extensions())
+    found = sorted(str(path) for path in folder.iterdir() if path.name.lower().endswith(known))
+    if not found:
+        raise InputError(f"{folder}: expected files that end in {', '.join(known)}, found none")
+    return found
+
+
+def _only(
+    specs: Mapping[str, rtamt.Specification], names: Sequence[str]
+) -> dict[str, rtamt.Specification]:
+    for name in names:
+        if name not in specs:
+            hint = nearest(name, specs) or f"; they are {listing(specs)}"
+            raise InputError(f"--only: no requirement is called {name!r}{hint}")
+    return {name: spec for name, spec in specs.items() if not names or name in names}
+
+
+def _constants(arguments: Sequence[str]) -> dict[str, str]:
+    constants: dict[str, str] = {}
+    for argument in arguments:
+        name, _, value = (part.strip() for part in argument.partition("="))
+        if not (name.isidentifier() and value):
+            raise InputError(
+                f"--constant: expected NAME=VALUE, such as limit=0.3, got {argument!r}"
+            )
+        if name in constants:
+            raise InputError(f"--constant: expected one {name!r}, got two")
+        constants[name] = value
+    return constants

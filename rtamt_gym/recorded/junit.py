@@ -1,0 +1,76 @@
+"""Outcomes as JUnit XML, which CI systems show: a suite for each trace, a case for each formula."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from xml.etree import ElementTree as ET
+
+from rtamt import Verdict
+from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome, Row, word
+
+__all__ = ["to_junit"]
+
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What no XML file may hold."""
+
+
+def to_junit(matrix: Matrix, rules: Mapping[str, str]) -> bytes:
+    """The outcomes as a file of JUnit XML.
+
+    A violation is a failure, what is undecided is skipped, and what could not be judged is an
+    error. There are no times: the same traces give the same file.
+
+    Args:
+        matrix: The outcomes.
+        rules: How the traces were judged, by name; properties of every suite.
+    """
+    root = ET.Element("testsuites", {"name": "rtamt", **_counts(matrix.counts())})
+    for row in matrix.rows:
+        root.append(_suite(row, matrix.formulas, rules))
+    ET.indent(root)
+    text = ET.tostring(root, encoding="unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+
+def _suite(row: Row, formulas: Mapping[str, str], rules: Mapping[str, str]) -> ET.Element:
+    words = [word(cell) for cell in row.cells.values()]
+    counts = _counts({each: words.count(each) for each in words})
+    suite = ET.Element("testsuite", {"name": _xml(row.trace), **counts})
+    properties = ET.SubElement(suite, "properties")
+    for name, value in rules.items():
+        ET.SubElement(properties, "property", name=name, value=value)
+    for name, cell in row.cells.items():
+        case = ET.SubElement(suite, "testcase", classname=_xml(row.trace), name=_xml(name))
+        _say(case, cell, formulas[name])
+    if row.described:
+        ET.SubElement(suite, "system-out").text = _xml(row.described)
+    return suite
+
+
+def _say(case: ET.Element, cell: Outcome | Failure, formula: str) -> None:
+    """Adds what is to say of a requirement that is not satisfied."""
+    if isinstance(cell, Failure):
+        said = ET.SubElement(case, "error", message=_xml(cell.message), type="error")
+        said.text = _xml(cell.traceback or cell.message)
+    elif cell.verdict == Verdict.VIOLATED:
+        said = ET.SubElement(case, "failure", message=_xml(cell.text), type="violation")
+        said.text = _xml(f"{formula}\n\n{cell.explanation}")
+    elif cell.verdict == Verdict.UNDECIDED:
+        reasons = [*cell.not_recorded, cell.way_out]
+        said = ET.SubElement(case, "skipped", message=_xml("; ".join(reasons)))
+        said.text = _xml("\n".join([formula, "", cell.text, *reasons]))
+
+
+def _counts(words: Mapping[str, int]) -> dict[str, str]:
+    counts = {
+        "tests": sum(words.values()),
+        "failures": words.get("VIOLATED", 0),
+        "errors": words.get("ERROR", 0),
+        "skipped": words.get("UNDECIDED", 0),
+    }
+    return {name: str(count) for name, count in counts.items()}
+
+
+def _xml(text: str) -> str:
+    return _NO_XML.sub("\N{REPLACEMENT CHARACTER}", text)

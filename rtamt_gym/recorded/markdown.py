@@ -1,0 +1,64 @@
+"""Outcomes as Markdown, for the summary of a CI job."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rtamt_gym.recorded.matrix import LEGEND, cell_text, summary
+from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome
+
+__all__ = ["to_markdown"]
+
+_MOST = 50
+"""The number of cells that are explained: the pages of CI systems are limited in size."""
+
+
+def to_markdown(matrix: Matrix) -> str:
+    """The table of outcomes, and below it why a requirement is violated, undecided or in error.
+
+    The first 50 are explained.
+    """
+    names = [_escaped(name) for name in matrix.formulas]
+    lines = [f"# {matrix.word}", ""]
+    lines += [f"{_escaped(text)}  " for text in summary(matrix)]
+    lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
+    lines.append(f"|---|---|{'---:|' * len(names)}")
+    for row in matrix.rows:
+        cells = [cell_text(cell).strip() for cell in row.cells.values()]
+        lines.append(f"| {_escaped(row.trace)} | {row.word} | {' | '.join(cells)} |")
+    lines += ["", f"{LEGEND}."]
+    explained = list(_explained(matrix))
+    for head, text in explained[:_MOST]:
+        fence = "`" * 3
+        while fence in text:
+            fence += "`"
+        lines += ["", f"<details><summary>{_html(head)}</summary>", "", fence, text, fence]
+        lines += ["", "</details>"]
+    if len(explained) > _MOST:
+        lines += ["", f"{len(explained) - _MOST} more are not explained here."]
+    return "\n".join(lines) + "\n"
+
+
+def _explained(matrix: Matrix) -> Iterator[tuple[str, str]]:
+    for row in matrix.rows:
+        for name, cell in row.cells.items():
+            head = f"{row.trace}: {name}"
+            if isinstance(cell, Failure):
+                yield f"{head}: error", cell.message
+            elif cell.explanation or cell.way_out:
+                yield f"{head}: {cell.text}", _why(cell, matrix.formulas[name])
+
+
+def _why(cell: Outcome, formula: str) -> str:
+    if cell.explanation:
+        return f"{formula}\n\n{cell.explanation}"
+    return "\n".join([formula, "", *cell.not_recorded, cell.way_out])
+
+
+def _escaped(text: str) -> str:
+    r"""Keeps what Markdown would read as its own: ``a_b|c`` becomes ``a\_b\|c``."""
+    return "".join(f"\\{c}" if c in "\\`*_{}[]<>#|~" else c for c in text)
+
+
+def _html(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

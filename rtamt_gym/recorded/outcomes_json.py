@@ -1,0 +1,66 @@
+"""Outcomes as strict JSON, in which numbers that are not finite are text."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import rtamt
+from rtamt_gym.recorded.outcome import ERROR, Failure, Matrix, Outcome
+
+__all__ = ["to_json"]
+
+
+def to_json(matrix: Matrix, rules: Mapping[str, str]) -> str:
+    """The outcomes of every trace and requirement.
+
+    Args:
+        matrix: The outcomes.
+        rules: How the traces were judged, by name.
+    """
+    requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
+    outcomes = {
+        "rtamt": rtamt.__version__,
+        **rules,
+        "verdict": matrix.word,
+        "exit_code": matrix.exit_code,
+        "counts": {word.lower(): count for word, count in matrix.counts().items()},
+        "worst_requirement": requirement and requirement[0],
+        "worst_trace": trace and trace[0],
+        "requirements": dict(matrix.formulas),
+        "traces": [
+            {
+                "trace": row.trace,
+                "verdict": row.word,
+                "described": row.described or None,
+                "requirements": {name: _cell(cell) for name, cell in row.cells.items()},
+            }
+            for row in matrix.rows
+        ],
+    }
+    return json.dumps(outcomes, indent=2, allow_nan=False)
+
+
+def _cell(cell: Outcome | Failure) -> dict[str, Any]:
+    if isinstance(cell, Failure):
+        return {"verdict": ERROR, "error": cell.message}
+    lower, upper = cell.bounds
+    found: dict[str, Any] = {
+        "verdict": cell.verdict.name,
+        "robustness": _number(cell.robustness),
+        "lower": _number(lower),
+        "upper": _number(upper),
+        "certain_from": cell.certain_from,
+    }
+    if cell.way_out:
+        found |= {"not_recorded": list(cell.not_recorded), "way_out": cell.way_out}
+    if cell.explanation:
+        found["explanation"] = cell.explanation
+    return found
+
+
+def _number(value: float) -> float | str:
+    """The value, -0.0 included, or ``"inf"`` or ``"-inf"``."""
+    return value if math.isfinite(value) else str(value)

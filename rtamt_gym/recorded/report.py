@@ -1,0 +1,71 @@
+"""The report on one recorded trace, for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Mapping
+
+from rtamt_gym.recorded.judge import Judgement
+from rtamt_gym.tables import shorten, table
+
+__all__ = ["report", "undecided_lines"]
+
+
+def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
+    """Writes judgements in words and as a table.
+
+    Args:
+        judgements: The judgements by name of the specification, which is shown if there are
+            several.
+        trace: A description of the trace.
+    """
+    several = len(judgements) > 1
+    rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
+    for name, judgement in judgements.items():
+        for formula, series in judgement.series.items():
+            least, below = series.least, series.below
+            rows.append(
+                (
+                    name if several and formula == next(iter(judgement.series)) else "",
+                    formula,
+                    judgement.text_of(float(series.values[0])),
+                    judgement.text_of(float(series.values[least])),
+                    series.at(least),
+                    "-" if below is None else series.at(below),
+                )
+            )
+    room = 80 - sum(2 + max(map(len, column)) for column in list(zip(*rows, strict=True))[2:])
+    width = max(8, (room - 2) // 2 if several else room)
+    cells = [[shorten(text, width) for text in row[:2]] + [*row[2:]] for row in rows]
+    verdicts = []
+    for name, judgement in judgements.items():
+        verdicts.append(f"{shorten(name, 20)}: {judgement}" if several else str(judgement))
+        verdicts += undecided_lines(judgement.not_recorded, judgement.way_out)
+    return [
+        *verdicts,
+        trace,
+        "",
+        *table(cells, "<<>>>>"),
+    ]
+
+
+def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
+    """Says why a verdict is open, indented; no line if it is decided.
+
+    Args:
+        not_recorded: What the verdict needs and the trace does not have.
+        way_out: What would decide it; empty if it is decided.
+    """
+    return [
+        line
+        for text in (*not_recorded, way_out)
+        for line in textwrap.wrap(
+            text,
+            width=80,
+            initial_indent="    ",
+            subsequent_indent="      ",
+            break_on_hyphens=False,
+            max_lines=3,
+            placeholder=" ...",
+        )
+    ]
