@@ -339,8 +339,14 @@ class OnlineSpecification(AbstractSpecification, Generic[_M]):
         return monitor
 
     def _now(self, formula: str) -> float:
-        now = self._robustness if formula == self._result else self._running().values[formula]
+        spec = self._specification()
+        is_result = spec.formulas.get(formula, spec.formula) == spec.formula
+        now = self._robustness if is_result else self._value(formula)
         return now + 0.0  # programs print it, and know no -0.0
+
+    def _value(self, formula: str) -> float:
+        """The last value of a named formula that is not the result."""
+        raise NotImplementedError
 
     def _forget(self) -> None:
         super()._forget()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from rtamt.compat.advice import own_advice
@@ -83,14 +83,26 @@ def _last_of_each_tick(needed: EventLists, clock: Clock) -> EventLists:
     }
 
 
-def _without_signs(breakpoints: Sequence[tuple[float, float]], before: float = math.nan) -> Pairs:
+def _held_to_the_end(signals: EventLists, clock: Clock) -> EventLists:
+    """The events, and for variables that end before others their last value at the end of these."""
+    try:
+        ends = {name: clock.nearest(events[-1][0]) for name, events in signals.items()}
+    except (TypeError, ValueError, OverflowError):  # times that the monitors refuse
+        return signals
+    last = max(ends.values(), default=0)
+    time = next((signals[name][-1][0] for name in ends if ends[name] == last), 0.0)
+    return {
+        name: events if ends[name] == last else [*events, (time, events[-1][1])]
+        for name, events in signals.items()
+    }
+
+
+def _without_signs(breakpoints: Iterable[tuple[float, float]]) -> Pairs:
     """The breakpoints with 0.0 for -0.0, which programs do not know: no step between these two."""
-    pairs = []
+    pairs: Pairs = []
     for time, value in breakpoints:
-        crosses = math.copysign(1.0, value) != math.copysign(1.0, before)
-        if not (value == before == 0.0 and crosses):
+        if not (pairs and value == pairs[-1][1] == 0.0):
             pairs.append([time, value + 0.0])
-        before = value
     return pairs
 
 
@@ -104,21 +116,37 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         >>> spec.parse()
         >>> spec.update(["x", [[0.0, 0.0], [2.0, 5.0]]])
         [[0.0, -3.0], [2.0, 2.0]]
-        >>> spec.update(["x", [[4.0, 1.0]]]), spec.update(["x", [[9.0, 1.0]]])
-        ([], [[5.0, -2.0]])
+        >>> spec.update(["x", [[2.5, 1.0]]]), spec.update(["x", [[9.0, 1.0]]])
+        ([[2.5, 2.0]], [[3.5, -2.0], [9.0, -2.0]])
     """
 
-    _twin: DenseMonitor
-    _clock: Clock
+    _ahead: DenseMonitor
+    """Knows all events. The monitor lacks the last one of every variable, because a later event of
+    the same time would replace it."""
     _last: dict[str, tuple[float, Any]]
-    """Last event of every variable or message."""
+    """The last event of every variable or message."""
+    _begins: dict[str, int]
+    """The tick of the first one."""
+    _given: float
+    """The value that the monitor gave last; nan before there is one."""
     _told: tuple[float, float] | None
-    """The last breakpoint that was given before the monitor gave it."""
+    """The time up to which the robustness was told, and the value there."""
+    _clock: Clock
+    _late: int
+    """The horizon in ticks."""
 
+    @own_advice()
     def update(self, *signals: Signal) -> Pairs:
-        """Take in events and give the breakpoints of the robustness that are decided by them.
+        """Take in events and give the robustness up to the time at which it is settled.
 
-        A call that raises an error leaves the specification as it was.
+        That time is the least of the variables' last times. The pairs are the times at which the
+        robustness changes, and that time itself with the value there. A call that settles nothing
+        more gives no pairs. A value is stamped with the time at which it is known: its own time
+        plus the horizon. As long as none is known, the one pair of a call has the robustness of the
+        trace at its begin if it ends now.
+
+        Of events of a variable at one time the last counts, in whichever calls they come. A call
+        that raises an error leaves the specification as it was.
 
         Args:
             signals: Pairs of a name and its events. Unknown names are ignored.
@@ -127,74 +155,126 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
             StateError: Before `parse`.
             SpecificationError: At the first events: on a future without an end, or an operator on
                 neighbouring samples.
-            InputError: On times that do not increase, a nan, or a term that is not a number.
+            InputError: On times that decrease, a nan, or a term that is not a number.
             InputTypeError: On values that are not real numbers.
         """
-        breakpoints = self._take(signals)
-        ahead = self._ahead()
-        if ahead is not None and ahead != self._told:
-            breakpoints.append(ahead)
-            self._told = ahead
-        return self._late(breakpoints)
+        monitor, clock = self._running(), self._clock
+        named, needed = self._read_signals(signals)
+        needed, steps = self._look_ahead(needed)
+        last, begins = self._last.copy(), self._begins.copy()
+        for name, events in needed.items():
+            last[name] = events[-1]
+            begins.setdefault(name, clock.nearest(events[0][0]))
+        steps, settled = self._settled(steps, last, begins)
+        confirmed = {name: self._before(name, events)[:-1] for name, events in needed.items()}
+        told = self._news(steps, settled)
+        for _, value in monitor.update(confirmed):
+            self._given = value
+        self._last, self._begins = last, begins
+        self.var_object_dict |= named
+        return self._stamped(told)
 
+    @own_advice()
     def final_update(self, *signals: Signal) -> Pairs:
         """Take in the last events and give the rest of the robustness.
 
-        It raises the errors of `update`.
+        Every variable holds its last value to the last event of all. The errors are those of
+        `update`, and StateError if a variable has no events.
         """
-        breakpoints = self._take(signals)
-        return self._late(breakpoints + self._untold(self._running().finish()))
-
-    @own_advice()
-    def _take(self, signals: Iterable[Signal]) -> list[tuple[float, float]]:
         monitor = self._running()
         named, needed = self._read_signals(signals)
-        needed = _last_of_each_tick(needed, self._clock)
-        for name, events in needed.items():
-            if events and events[0] == self._last.get(name):  # a chunk may begin with it once more
-                del events[0]
-        breakpoints = monitor.update(needed)
-        self._last |= {name: events[-1] for name, events in needed.items() if events}
+        needed, steps = self._look_ahead(needed)
+        known = {name: [event] for name, event in self._last.items()} | needed
+        held = _held_to_the_end(known, self._clock)
+        steps += self._ahead.update({name: held[name][len(known[name]) :] for name in held})
+        steps += self._ahead.finish()
+        monitor.__setstate__(self._ahead.__reduce__()[2])
         self.var_object_dict |= named
-        return self._untold(breakpoints)
+        return self._stamped(self._news(steps, None))
 
-    def _untold(self, breakpoints: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        return breakpoints[1:] if breakpoints and breakpoints[0] == self._told else breakpoints
+    def _look_ahead(self, needed: EventLists) -> tuple[EventLists, list[tuple[float, float]]]:
+        """The new events of variables that have some, and what they decide beside the last ones."""
+        events = {n: e for n, e in _last_of_each_tick(needed, self._clock).items() if e}
+        self._ahead.__setstate__(self._running().__reduce__()[2])
+        last = {n: [e] for n, e in self._last.items()}
+        last |= {n: self._before(n, e)[: -len(e)] for n, e in events.items()}
+        steps = self._ahead.update(last)
+        return events, steps + self._ahead.update(events)
 
-    def _ahead(self) -> tuple[float, float] | None:
-        """The breakpoint at the time before which all is settled, if there is one.
+    def _settled(
+        self,
+        steps: list[tuple[float, float]],
+        last: Mapping[str, tuple[float, Any]],
+        begins: Mapping[str, int],
+    ) -> tuple[list[tuple[float, float]], tuple[float, float] | None]:
+        """All steps that are decided, and the last time that is, with its value; None: no time."""
+        if len(last) < len(self._sources()):
+            return steps, None
+        clock, ahead = self._clock, self._ahead
+        ticks = {name: clock.nearest(time) for name, (time, _) in last.items()}
+        end, begin = min(ticks.values()), max(begins.values())
+        time = clock.time(end - self._late)
+        if end - self._late >= begin:
+            # The monitor gives the value at a time when it has lasted for a tick.
+            after = (end + 1) * clock.tick
+            held = {name: [(after, last[name][1])] for name in ticks if ticks[name] == end}
+            try:
+                steps = steps + ahead.update(held)
+            except InputError:  # another variable has an event at that tick
+                return steps, None
+            return steps, (time, steps[-1][1] if steps else self._given)
+        if end < begin:
+            return steps, None
+        state = ahead.__reduce__()[2]
+        so_far = ahead.finish()[0][1]
+        ahead.__setstate__(state)
+        return steps, (time, so_far)
 
-        The last steps decide it if they last for a while: a twin of the monitor is given events
-        that say so.
-        """
-        monitor = self._running()
-        if len(self._last) < len(self._sources()):
-            return None
-        ticks = {name: self._clock.nearest(time) for name, (time, _) in self._last.items()}
-        end = min(ticks.values())
-        after = (end + 1) * self._clock.tick
-        held = {name: [(after, v)] for name, (_, v) in self._last.items() if ticks[name] == end}
-        self._twin.__setstate__(monitor.__reduce__()[2])
-        try:
-            breakpoints = self._twin.update(held)
-        except InputError:  # another variable has events in that while
-            return None
-        return breakpoints[0] if breakpoints and breakpoints[0][0] == monitor.settled else None
+    def _before(self, name: str, events: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
+        """Events of a variable after its last one, unless the first of them replaces that."""
+        last = self._last.get(name)
+        if last is None or self._clock.on_one_tick(last[0], events[0][0]):
+            return events
+        return [last, *events]
 
-    def _late(self, breakpoints: Sequence[tuple[float, float]]) -> Pairs:
-        program = self._running().program
-        late = program.program.latencies[program.program.result] or 0
-        pairs = _without_signs(breakpoints, self._robustness)
-        if breakpoints:
-            self._robustness = breakpoints[-1][1]
+    def _news(
+        self, steps: Sequence[tuple[float, float]], settled: tuple[float, float] | None
+    ) -> list[tuple[float, float]]:
+        """The steps that were not told, and the settled time unless it was."""
+        time, value = self._told or (-math.inf, math.nan)
+        now = self._given
+        news = []
+        for step in steps:
+            if step[0] <= time:
+                now = step[1]
+        if not math.isnan(now) and now != value:  # events of that time were replaced
+            news.append((time, now))
+        for step in steps:
+            if step[0] > time and step[1] != (news[-1][1] if news else now):
+                news.append(step)
+        if settled is not None and settled[0] > (news[-1][0] if news else time):
+            news.append(settled)
+        if news:
+            self._told = news[-1]
+        return news
+
+    def _stamped(self, steps: Sequence[tuple[float, float]]) -> Pairs:
+        if steps:
+            self._robustness = steps[-1][1]
         clock = self._clock
-        return [[clock.time(clock.nearest(time) + late), value] for time, value in pairs]
+        return [[clock.time(clock.nearest(t) + self._late), value + 0.0] for t, value in steps]
+
+    def _value(self, formula: str) -> float:
+        return self._ahead.values[formula]
 
     def _start(self) -> DenseMonitor:
         spec, options = self._specification(), self._options()
-        monitor, self._twin = DenseMonitor(spec, **options), DenseMonitor(spec, **options)
+        monitor, self._ahead = DenseMonitor(spec, **options), DenseMonitor(spec, **options)
+        program = monitor.program.program
         self._clock = Clock(monitor.program)
-        self._last, self._told, self._robustness = {}, None, math.nan
+        self._late = program.latencies[program.result] or 0
+        self._last, self._begins, self._told = {}, {}, None
+        self._given = self._robustness = math.nan
         return self._run(monitor)
 
 
@@ -227,12 +307,17 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
         spec = self._specification()
         named, needed = self._read_signals(signals)
         clock = Clock(compile_dense(spec))
-        pairs = self._robustness_of(spec, _last_of_each_tick(needed, clock))
+        trace = _last_of_each_tick(needed, clock)
+        if all(trace.values()):
+            trace = _held_to_the_end(trace, clock)
+        pairs = self._robustness_of(spec, trace)
         self.var_object_dict |= named
-        self._evaluated(needed)
+        self._evaluated(trace)
         return pairs
 
     def _robustness_of(self, spec: Specification, trace: EventLists) -> Pairs:
+        if len(trace) == len(self._sources()) and not all(trace.values()):
+            return []
         return _without_signs(evaluate_dense(spec, trace, **self._options()))
 
 

@@ -199,6 +199,9 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
                 field.holder(self.var_object_dict[self.out_var])
         return self._run(monitor)
 
+    def _value(self, formula: str) -> float:
+        return self._running().values[formula]
+
     def _by_name(self, values: Mapping[str, Any]) -> tuple[dict[str, Any]]:
         return ({name: values[name] for name in self._names},)
 

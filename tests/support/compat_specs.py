@@ -1,10 +1,12 @@
-"""Specifications of `StlDiscreteTimeSpecification`, declared and parsed."""
+"""Specifications of the released classes, declared and parsed."""
 
+from dense_signals import Signals
 from strategies import VARIABLES
 
-from rtamt import Language, Semantics, StlDiscreteTimeSpecification
+from rtamt import Language, Semantics, StlDenseTimeSpecification, StlDiscreteTimeSpecification
 
 LANGUAGES = {"python": Language.PYTHON, "native": Language.CPP}
+Pairs = list[list[float]]
 
 
 def declared(
@@ -20,3 +22,31 @@ def declared(
     spec.spec = str(text)
     spec.parse()
     return spec
+
+
+def declared_dense(
+    text: object, names: tuple[str, ...] = VARIABLES, language: Language = Language.PYTHON
+) -> StlDenseTimeSpecification:
+    """The same over dense time."""
+    spec = StlDenseTimeSpecification(language=language)
+    for name in names:
+        spec.declare_var(name, "float")
+    spec.spec = str(text)
+    spec.parse()
+    return spec
+
+
+def call(signals: Signals) -> list[list[object]]:
+    """Signals as the arguments of a call."""
+    return [[name, [list(event) for event in events]] for name, events in signals.items()]
+
+
+def update(spec: StlDenseTimeSpecification, chunk: Signals) -> Pairs:
+    """What update gives."""
+    return spec.update(*call(chunk))
+
+
+def held(signals: Signals) -> Signals:
+    """Signals whose variables all keep their last value to the last event of any."""
+    end = max(events[-1][0] for events in signals.values())
+    return {n: [*e, *([(end, e[-1][1])] if e[-1][0] < end else [])] for n, e in signals.items()}

@@ -1,51 +1,21 @@
 """The released classes for dense time: laws on generated signals, and the shapes of their calls."""
 
 import copy
-import itertools
 import math
 import pickle
 from typing import Any
 
 import pytest
-from dense_signals import Breakpoints, Signals, chunked, chunks, relevant, signals
+from compat_specs import LANGUAGES, call, held, update
+from compat_specs import declared_dense as declared
+from dense_signals import Signals, chunked, chunks, relevant, signals
 from hypothesis import given, settings
-from strategies import VARIABLES, formulas
+from strategies import formulas
 
 import rtamt
-from rtamt import (
-    DenseMonitor,
-    Formula,
-    Language,
-    StlDenseTimeSpecification,
-    evaluate_dense,
-)
-
-LANGUAGES = {"python": Language.PYTHON, "native": Language.CPP}
-Pairs = list[list[float]]
+from rtamt import Formula, StlDenseTimeSpecification, evaluate_dense
 
 bounded = formulas(dense=True).filter(lambda f: f.variables)
-
-
-def declared(
-    text: object, names: tuple[str, ...] = VARIABLES, language: Language = Language.PYTHON
-) -> StlDenseTimeSpecification:
-    """A parsed specification of variables of type float."""
-    spec = StlDenseTimeSpecification(language=language)
-    for name in names:
-        spec.declare_var(name, "float")
-    spec.spec = str(text)
-    spec.parse()
-    return spec
-
-
-def call(signals: Signals) -> list[list[object]]:
-    """Signals as the arguments of a call."""
-    return [[name, [list(event) for event in events]] for name, events in signals.items()]
-
-
-def update(spec: StlDenseTimeSpecification, chunk: Signals) -> Pairs:
-    """What update gives."""
-    return spec.update(*call(chunk))
 
 
 # Laws. -------------------------------------------------------------------------------------------
@@ -53,66 +23,13 @@ def update(spec: StlDenseTimeSpecification, chunk: Signals) -> Pairs:
 
 @settings(max_examples=50)
 @given(formula=formulas(endless=True, dense=True).filter(lambda f: f.variables), whole=signals())
-def test_evaluate_gives_the_breakpoints_as_lists(
+def test_evaluate_holds_every_signal_to_the_end_of_the_longest_and_gives_lists(
     formula: Formula, whole: Signals, backend: str
 ) -> None:
     spec = declared(formula, language=LANGUAGES[backend])
-    expected = [list(step) for step in evaluate_dense(formula, whole, backend="python")]
+    same_end = held(relevant(whole, formula.variables))
+    expected = [list(step) for step in evaluate_dense(formula, same_end, backend="python")]
     assert spec.evaluate(*call(whole)) == expected
-
-
-def decided(formula: Formula, signals: Signals) -> Breakpoints:
-    """All that the events so far decide, at the time at which they do.
-
-    From the last time at which all is known, every variable keeps its value: what may still come
-    can change only the robustness after that time less the horizon.
-    """
-    if any(not signals.get(name) for name in formula.variables):
-        return []
-    known = relevant(signals, formula.variables)
-    end = min(events[-1][0] for events in known.values())
-    if max(events[0][0] for events in known.values()) > end:
-        return []
-    horizon = DenseMonitor(formula).horizon
-    held = {}
-    for name, events in known.items():
-        before = [event for event in events if event[0] <= end]
-        held[name] = [*before, (end + horizon + 100.0, before[-1][1])]
-    steps = evaluate_dense(formula, held)
-    return [(time + horizon, value) for time, value in steps if time <= end - horizon]
-
-
-@settings(max_examples=50)
-@given(formula=bounded, whole=signals(), shares=chunks())
-def test_update_gives_what_the_events_decide_at_once_and_each_breakpoint_once(
-    formula: Formula, whole: Signals, shares: list[list[float]], backend: str
-) -> None:
-    spec = declared(formula, language=LANGUAGES[backend])
-    told: Pairs = []
-    so_far: Signals = {}
-    for chunk in chunked(whole, shares):
-        told += update(spec, chunk)
-        for name, events in chunk.items():
-            so_far.setdefault(name, []).extend(events)
-        assert told == [list(step) for step in decided(formula, so_far)]
-
-
-@settings(max_examples=50)
-@given(formula=bounded, whole=signals(), shares=chunks())
-def test_final_update_gives_the_rest(
-    formula: Formula, whole: Signals, shares: list[list[float]]
-) -> None:
-    *calls, last = chunked(whole, shares)
-    spec, monitor = declared(formula), DenseMonitor(formula)
-    told = [step for chunk in calls for step in update(spec, chunk)]
-    told += spec.final_update(*call(last))
-    whole = relevant(whole, formula.variables)
-    expected = [(t + monitor.horizon, v) for t, v in monitor.update(whole) + monitor.finish()]
-    # What was decided at the last moment is told twice only where the end of the trace changes it.
-    repeated = [step for step, later in itertools.pairwise(told) if step[0] == later[0]]
-    assert [step for step in told if step not in repeated] == [list(step) for step in expected]
-    with pytest.raises(rtamt.StateError, match="the trace is finished"):
-        update(spec, {formula.variables[0]: [(1e6, 0.0)]})
 
 
 @settings(max_examples=50)
@@ -133,21 +50,6 @@ def test_copies_go_on_by_themselves_and_reset_starts_afresh(
 # Calls. ------------------------------------------------------------------------------------------
 
 
-def test_an_event_is_answered_at_its_own_time() -> None:
-    spec = declared("once[0:2](a >= 3)")
-    answers = [update(spec, {"a": [(t, v)]}) for t, v in [(0.0, 1.0), (1.5, 5.0), (3.0, 2.0)]]
-    assert answers == [[[0.0, -2.0]], [[1.5, 2.0]], []]
-    assert update(spec, {"a": [(7.0, 2.5)]}) == [[5.0, -1.0], [7.0, -0.5]]
-
-
-def test_a_future_formula_is_stamped_with_the_time_at_which_it_is_known() -> None:
-    spec = declared("eventually[0:2](a >= 3)")
-    spec.pastify()
-    assert update(spec, {"a": [(0.0, 1.0), (1.0, 5.0)]}) == []
-    assert update(spec, {"a": [(4.0, 0.0)]}) == [[2.0, 2.0]]
-    assert spec.evaluate(["a", [(0.0, 1.0), (1.0, 5.0), (4.0, 0.0)]]) == [[0.0, 2.0], [4.0, -3.0]]
-
-
 def test_signals_may_be_tuples_unknown_or_in_several_parts() -> None:
     spec = declared("a > b", ("a", "b"))
     parts = ("a", [(0, 3.0)]), ["a", ((1, 4.0),)], ("b", [[0, 1.0], [1, 1.0]]), ("c", [(9, 9.0)])
@@ -157,21 +59,13 @@ def test_signals_may_be_tuples_unknown_or_in_several_parts() -> None:
     assert spec.get_value("c") == [(9, 9.0)]
 
 
-def test_a_chunk_may_begin_with_the_last_event_once_more() -> None:
-    spec = declared("a > 0", ("a",))
-    assert update(spec, {"a": [(0.0, 1.0), (4.0, 5.0)]}) == [[0.0, 1.0], [4.0, 5.0]]
-    assert update(spec, {"a": [(4.0, 5.0), (6.0, 7.0)]}) == [[6.0, 7.0]]
-    with pytest.raises(rtamt.InputError, match=r"expected a time after 6\.0 at event 0 of 'a'"):
-        update(spec, {"a": [(6.0, 8.0)]})
-
-
 def test_get_value_gives_the_last_robustness_of_named_formulas() -> None:
     spec = declared("out = p or b > 5", ("a", "b", "p", "out"))
     spec.add_sub_spec("p = a > 1")
     spec.parse()
     assert spec.get_value("a") == []
     update(spec, {"a": [(0.0, 3.0), (2.0, 4.0)], "b": [(0.0, 1.0), (2.0, 9.0)]})
-    assert (spec.get_value("out"), spec.get_value("p")) == (4.0, 2.0)
+    assert (spec.get_value("out"), spec.get_value("p")) == (4.0, 3.0)
 
 
 class Float:
@@ -215,8 +109,8 @@ def test_after_an_error_all_is_as_before() -> None:
     for each in (spec, twin):
         update(each, {"a": [(0.0, 3.0)], "b": [(0.0, 1.0)]})
     for bad in (
-        {"a": [(0.0, 4.0)]},
-        {"a": [(1.0, math.nan)]},
+        {"a": [(-1.0, 4.0)]},
+        {"a": [(1.0, 2.0), (2.0, math.nan)]},
         {"a": [(2.0, 1.0), (1.0, 1.0)]},
     ):
         with pytest.raises(rtamt.RTAMTException):
@@ -224,6 +118,24 @@ def test_after_an_error_all_is_as_before() -> None:
     rest: Signals = {"a": [(1.0, 0.0)], "b": [(1.0, 5.0)]}
     assert spec.var_object_dict == twin.var_object_dict
     assert update(spec, rest) == update(twin, rest)
+
+
+def test_a_variable_with_one_event_has_its_value_for_the_whole_trace() -> None:
+    events = ["a", [[0, 1], [10, -3]]], ["c", [[0, 0]]]
+    assert declared("always(a > c)", ("a", "c")).evaluate(*events) == [[0.0, -3.0]]
+    assert declared("a > c", ("a", "c")).evaluate(*events) == [[0.0, 1.0], [10.0, -3.0]]
+    late = ["a", [[0, 1], [2, -3]]], ["c", [[4, 0], [5, 1]]]
+    assert declared("a > c", ("a", "c")).evaluate(*late) == [[4.0, -3.0], [5.0, -4.0]]
+
+
+@pytest.mark.parametrize("formula", ["a > 1", "a > c", "always(a > c)"])
+def test_a_variable_without_events_gives_no_robustness(formula: str) -> None:
+    spec = declared(formula, ("a", "c"))
+    for events in ((["a", []], ["c", []]), (["a", []], ["c", [[0, 1], [2, 3]]])):
+        assert spec.evaluate(*events) == []
+        assert spec.get_value("out") == []
+    with pytest.raises(rtamt.InputError, match="got none of 'a'; the variables are a"):
+        spec.evaluate(["c", []])
 
 
 @pytest.mark.parametrize("signal", [{"a": [(0, 1)]}, ["a", [0, 1]], ["a"], 7])
