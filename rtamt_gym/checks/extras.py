@@ -12,7 +12,9 @@ EXTRAS: Final[Mapping[str, str]] = {
     "mujoco": "gym",
     "highway_env": "highway",
     "matplotlib": "plot",
-    "pyarrow": "parquet",
+    "pyarrow": "files",
+    "scipy": "files",
+    "asammdf": "mdf",
     "pandas": "pandas",
     "fmpy": "fmi",
 }

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
-from rtamt_gym.recorded.trace import TIME, VALUE, VARIABLE
+from rtamt_gym.recorded.names import VALUE, VARIABLE
+from rtamt_gym.recorded.times import TIME
 
 __all__ = ["save_csv"]
 

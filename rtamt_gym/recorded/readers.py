@@ -33,7 +33,12 @@ class Format:
 
 FORMATS = [
     Format("CSV", (".csv", ".csv.gz", ".tsv", ".txt"), "rtamt_gym.recorded.csv_reader"),
-    Format("Parquet", (".parquet",), "rtamt_gym.recorded.parquet_reader"),
+    Format("Parquet", (".parquet",), "rtamt_gym.recorded.arrow_reader"),
+    Format("Feather", (".feather", ".arrow"), "rtamt_gym.recorded.arrow_reader"),
+    Format("JSON lines", (".ndjson", ".jsonl"), "rtamt_gym.recorded.arrow_reader"),
+    Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader"),
+    Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader"),
+    Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader"),
 ]
 """A row for each format; the first reads what has no extension, and standard input."""
 

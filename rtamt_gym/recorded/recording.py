@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,17 @@ class Wanted:
         numbers: Names of the columns of numbers.
         texts: Names of the columns of text.
         gaps: Columns of numbers in which cells may be empty.
+        nan: Whether ``nan`` counts as an empty cell there.
         empty: Advice for the error about an empty cell in any other column of numbers.
+        time: Name of the column of times, or None; it may be among the numbers too.
     """
 
     numbers: Sequence[str]
     texts: Sequence[str] = ()
     gaps: Collection[str] = ()
+    nan: bool = False
     empty: str = ""
+    time: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,20 +42,21 @@ class Rows:
     Attributes:
         numbers: Values of each column of numbers; nan where a cell is empty.
         texts: Values of each column of text.
-        lines: Position of each row in the file, from 1.
-        unit: What ``lines`` counts: ``"line"`` or ``"row"``.
+        count: The number of rows.
+        where: File and line of a row, for messages.
         source: Name of the file, for messages.
+        times: The column of times as doubles, integers, ``datetime64[ns]`` or ``timedelta64[ns]``;
+            None if there is none.
+        notes: What was read otherwise than it is written, in sentences to print.
     """
 
     numbers: Mapping[str, Floats]
     texts: Mapping[str, Sequence[str]]
-    lines: Sequence[int]
-    unit: str
+    count: int
+    where: Callable[[int], str]
     source: str
-
-    def where(self, row: int) -> str:
-        """File and line of a row, for messages."""
-        return f"{self.source}, {self.unit} {self.lines[row]}"
+    times: NDArray[Any] | None = None
+    notes: Sequence[str] = ()
 
 
 class Recording(Protocol):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,19 +11,13 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.columns import NEAR, Columns, Missing
+from rtamt_gym.recorded.grid import Grid, resampled
+from rtamt_gym.recorded.names import VALUE, VARIABLE, check_names, needed_columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.times import TIME, Times, find_times
 
-__all__ = ["TIME", "VALUE", "VARIABLE", "EventTrace", "Trace", "read_events", "read_trace"]
-
-TIME = "time"
-"""The column with the time of a sample or an event, in seconds."""
-
-VARIABLE, VALUE = "variable", "value"
-"""The columns that a recording has, beside the time, where each row is one event."""
-
-_JITTER = 0.01
-"""The fraction of the period by which the distance of two samples may differ from it."""
+__all__ = ["EventTrace", "Trace", "read_events", "read_trace"]
 
 _LEAST, _MOST = 1e-300, 1e300
 """The periods, in seconds, that rtamt takes."""
@@ -38,8 +31,9 @@ class Trace:
         source: Name of the file, for messages.
         columns: The values of each variable.
         samples: The number of samples.
-        times: The column of times, or None.
+        times: The times, or None.
         where: Gives the file and line of a sample, for messages.
+        jitter: The part of the period by which a sample may lie off the grid, None for the usual.
         if_events: Advice for errors that rows which are events, not samples, may cause.
         notes: What was done to the samples that the file does not say, in sentences to print.
     """
@@ -47,47 +41,47 @@ class Trace:
     source: str
     columns: Mapping[str, Floats]
     samples: int
-    times: Floats | None
+    times: Times | None
     where: Callable[[int], str]
+    jitter: float | None = None
     if_events: str = ""
     notes: Sequence[str] = ()
 
     @property
     def start(self) -> float:
-        """Time of the first sample; 0 without a column of times."""
-        return 0.0 if self.times is None else float(self.times[0])
+        """Time of the first sample; 0 without a column of times, or with one of dates."""
+        return 0.0 if self.times is None else self.times.start
 
     def period(self) -> Fraction | None:
         """Seconds between samples; None without a column of times, or with one sample only.
 
         Raises:
-            InputError: If the times do not increase at even distances that a period can have.
+            InputError: If the times do not increase at even distances that a period can have, or
+                can hardly be seconds and nobody has said that they are.
         """
         if self.times is None or self.samples < 2:
             return None
-        with np.errstate(over="ignore"):  # steps past all floats are refused here
-            steps = np.diff(self.times)
-        usual = float(np.median(steps))
-        if usual > 0 and not _LEAST <= usual <= _MOST:
+        times, grid = self.times, Grid(self.times, self.jitter)
+        aside = f"--period to leave the column '{times.column}' aside"
+        if grid.usual > 0 and not _LEAST <= grid.usual <= _MOST:
             raise InputError(
                 f"{self.where(1)}: expected samples from {_LEAST:g} to {_MOST:g} s apart, got "
-                f"{usual:.6g} s; give --period to leave the column '{TIME}' aside"
+                f"{grid.usual:.6g} s; give {aside}"
             )
-        if usual <= 0 or (odd := np.abs(steps - usual) > _JITTER * usual).any():
-            at = int((steps <= 0).argmax() if usual <= 0 else odd.argmax())
-            before, after = self.times[at], self.times[at + 1]
-            rest = "" if usual <= 0 else f", elsewhere {usual:.6g} s"
-            way_out = f"resample the trace, or give --period to leave the column '{TIME}' aside"
-            if self.if_events and (steps > 0).all():
-                way_out = f"{self.if_events}, {way_out}"
-            raise InputError(
-                f"{self.where(at + 1)}: expected samples at even distances, "
-                f"got time {after:.6g} after {before:.6g}{rest}; {way_out}"
-            )
-        mean = float(self.times[-1] - self.times[0]) / (self.samples - 1)
-        # The period is known no better than the rounded times (0.1 + 0.2 = 0.30000000000000004).
-        blur = max(1e-9 * mean, 2 * math.ulp(float(np.abs(self.times).max())) / (self.samples - 1))
-        return _simple(mean, blur)
+        times.check_unit(self.source)
+        if grid.even:
+            return grid.period
+        at = grid.odd
+        rest = "" if grid.usual <= 0 else f", elsewhere {grid.usual:.6g} s"
+        ways = [aside]
+        if grid.rises:
+            ways.insert(0, f"--jitter {100 * NEAR:g}% to resample by holding values")
+            ways[:0] = filter(None, [self.if_events.removeprefix("give ")])
+        raise InputError(
+            f"{self.where(at + 1)}: expected samples at even distances, "
+            f"got time {times.text(at + 1)} after {times.text(at)}{rest}; "
+            f"give {_either(ways)}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +91,12 @@ class EventTrace:
     Attributes:
         source: Name of the file, for messages.
         signals: Times and values of the events of each variable.
+        notes: What was read otherwise than it is written, in sentences to print.
     """
 
     source: str
     signals: Mapping[str, tuple[Floats, Floats]]
+    notes: Sequence[str] = ()
 
     @property
     def tables(self) -> dict[str, Floats]:
@@ -150,18 +146,97 @@ def read_trace(
         >>> trace.columns["x"].tolist(), trace.period()
         ([5.0, 4.0], Fraction(1, 2))
     """
-    named = columns or Columns()
-    needed = list(map(named.column, variables))
-    _check_names(recording, needed, if_events)
-    present = [v for v in dict.fromkeys((*needed, TIME)) if v in recording.names]
-    rows = _read(recording, Wanted(present, empty=if_events and f"; {if_events}"))
-    values = {name: rows.numbers[named.column(name)] for name in variables}
-    times = rows.numbers.get(TIME)
-    return Trace(recording.source, values, len(rows.lines), times, rows.where, if_events)
+    columns = columns or Columns()
+    time = find_times(recording, columns)
+    needed = needed_columns(recording, variables, columns, if_events)
+    empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing drop", if_events)))
+    gaps = () if columns.missing == "raise" else needed
+    rows = _read(recording, Wanted(needed, gaps=gaps, nan=bool(gaps), empty=empty, time=time))
+    values = {name: rows.numbers[columns.column(name)] for name in variables}
+    times = None if time is None else Times.of(rows, time, columns)
+    trace = Trace(
+        recording.source,
+        values,
+        rows.count,
+        times,
+        rows.where,
+        columns.jitter,
+        if_events,
+        rows.notes,
+    )
+    return _on_grid(_filled(trace, columns.missing))
+
+
+def _filled(trace: Trace, missing: Missing) -> Trace:
+    """The trace without empty cells, which are nan: they hold the value before, or go."""
+    empty = {name: np.isnan(values) for name, values in trace.columns.items()}
+    counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
+    if not counts:
+        return trace
+    if missing == "hold":
+        held = dict(trace.columns)
+        for name in counts:
+            if empty[name][0]:
+                raise InputError(
+                    f"{trace.where(0)}, column '{name}': expected a number to hold, got an empty "
+                    "cell; give --missing drop"
+                )
+            last = np.maximum.accumulate(np.where(empty[name], 0, np.arange(trace.samples)))
+            held[name] = trace.columns[name][last]
+        each = ", ".join(f"{name}: {count}" for name, count in counts.items())
+        note = f"empty cells hold the value before ({each})"
+        return replace(trace, columns=held, notes=[*trace.notes, note])
+    (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
+    if not len(rows):
+        raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
+    left_out = trace.samples - len(rows)
+    note = f"{left_out} row{'s' * (left_out > 1)} with an empty cell left out"
+    return replace(_taken(trace, rows), notes=[*trace.notes, note])
+
+
+def _on_grid(trace: Trace) -> Trace:
+    """The trace, resampled if that is asked for and its samples lie off the grid."""
+    if trace.jitter is None or trace.times is None or trace.samples < 2:
+        return trace
+    grid = Grid(trace.times, trace.jitter)
+    if grid.even or not grid.rises or not _LEAST <= grid.usual <= _MOST:
+        return trace  # period() refuses what is not even
+    trace.times.check_unit(trace.source)
+    new = resampled(trace.times, grid)
+    if new is None:
+        raise InputError(
+            f"{trace.where(int(grid.steps.argmax()) + 1)}: expected a gap that can be resampled "
+            f"every {grid.usual:.6g} s, got {float(grid.steps.max()):.6g} s; cut the trace there"
+        )
+    period = float(new.period)
+    note = (
+        f"resampled every {period:.6g} s by holding values: {new.off} of {trace.samples} rows lay "
+        f"more than {100 * trace.jitter:g}% of that off the grid; the longest gap, "
+        f"{new.gap:.6g} s, follows {trace.where(new.at)}"
+    )
+    since = np.arange(float(len(new.rows))) * new.period.numerator / new.period.denominator
+    taken = _taken(trace, new.rows)
+    times = replace(trace.times, since=since)
+    return replace(taken, times=times, notes=[*trace.notes, note])
+
+
+def _taken(trace: Trace, rows: NDArray[np.intp]) -> Trace:
+    """Some rows of a trace as samples."""
+    times = trace.times
+    if times is not None:
+        since = times.since[rows]
+        times = replace(times, since=since - since[0], start=times.start + float(since[0]))
+    return replace(
+        trace,
+        columns={name: values[rows] for name, values in trace.columns.items()},
+        samples=len(rows),
+        times=times,
+        where=lambda sample: trace.where(int(rows[sample])),
+    )
 
 
 def read_events(
-    recording: Recording, variables: Sequence[str], _columns: Columns | None = None
+    recording: Recording, variables: Sequence[str], columns: Columns | None = None
 ) -> EventTrace:
     """Reads events of the variables.
 
@@ -182,55 +257,65 @@ def read_events(
         {'x': [5.0, 4.0], 'y': [1.0]}
         {'x': [5.0, 4.0], 'y': [1.0]}
     """
+    columns = columns or Columns()
+    if columns.jitter is not None:
+        raise InputError("expected --jitter or --dense, which reads events at any time")
+    time = find_times(recording, columns) or TIME
     if {VARIABLE, VALUE} <= {*recording.names} and not {*variables} <= {*recording.names}:
-        return _read_long(recording, variables)
-    _check_names(recording, (*variables, TIME))
-    rows = _read(recording, Wanted(list(dict.fromkeys((TIME, *variables))), gaps=variables))
-    _check_order(rows, np.arange(len(rows.lines)))
+        return _read_long(recording, variables, columns, time)
+    check_names(recording, (time,))
+    needed = needed_columns(recording, variables, columns)
+    rows = _read(recording, Wanted(needed, gaps=needed, time=time))
+    times = _event_times(rows, time, columns)
+    _check_order(rows, times, np.arange(len(times)))
     signals = {}
     for name in variables:
-        (given,) = np.nonzero(~np.isnan(rows.numbers[name]))
+        values = rows.numbers[columns.column(name)]
+        (given,) = np.nonzero(~np.isnan(values))
         if not len(given):
             raise InputError(f"{recording.source}: expected events of '{name}', got none")
-        signals[name] = rows.numbers[TIME][given], rows.numbers[name][given]
-    return EventTrace(recording.source, signals)
+        signals[name] = times[given], values[given]
+    return EventTrace(recording.source, signals, rows.notes)
 
 
-def _read_long(recording: Recording, variables: Sequence[str]) -> EventTrace:
+def _read_long(
+    recording: Recording, variables: Sequence[str], columns: Columns, time: str
+) -> EventTrace:
     """Reads events from rows of which each is one event."""
-    _check_names(recording, (TIME, VARIABLE, VALUE))
-    rows = _read(recording, Wanted((TIME, VALUE), (VARIABLE,)))
+    check_names(recording, (time, VARIABLE, VALUE))
+    rows = _read(recording, Wanted((VALUE,), (VARIABLE,), time=time))
+    times = _event_times(rows, time, columns)
     named = np.array(rows.texts[VARIABLE])
     known = list(dict.fromkeys(rows.texts[VARIABLE]))
     signals = {}
     for name in variables:
-        if name not in known:
+        called = columns.column(name)
+        if called not in known:
             raise InputError(
-                f"{recording.source}: no events of '{name}', which the specification reads; "
-                f"the variables are {', '.join(known)}{nearest(name, known)}"
+                f"{recording.source}: no events of '{called}', which the specification reads; "
+                f"the variables are {', '.join(known)}{nearest(called, known)}"
             )
-        (given,) = np.nonzero(named == name)
-        _check_order(rows, given, f" of '{name}'")
-        signals[name] = rows.numbers[TIME][given], rows.numbers[VALUE][given]
-    return EventTrace(recording.source, signals)
+        (given,) = np.nonzero(named == called)
+        _check_order(rows, times, given, f" of '{called}'")
+        signals[name] = times[given], rows.numbers[VALUE][given]
+    return EventTrace(recording.source, signals, rows.notes)
+
+
+def _event_times(rows: Rows, time: str, columns: Columns) -> Floats:
+    times = Times.of(rows, time, columns)
+    times.check_unit(rows.source)
+    return times.seconds
 
 
 def _read(recording: Recording, wanted: Wanted) -> Rows:
     rows = recording.read(wanted)
-    if not rows.lines:
+    if not rows.count:
         raise InputError(f"{rows.source}: expected at least one sample below the line of names")
-    infinite = ~np.isfinite(rows.numbers.get(TIME, np.zeros(1)))
-    if infinite.any():
-        at = int(infinite.argmax())
-        raise InputError(
-            f"{rows.where(at)}, column '{TIME}': expected a finite number, "
-            f"got {rows.numbers[TIME][at]}"
-        )
     return rows
 
 
-def _check_order(rows: Rows, given: NDArray[np.intp], what: str = "") -> None:
-    times = rows.numbers[TIME][given]
+def _check_order(rows: Rows, times: Floats, given: NDArray[np.intp], what: str = "") -> None:
+    times = times[given]
     late = times[1:] <= times[:-1]
     if late.any():
         at = int(late.argmax())
@@ -240,42 +325,7 @@ def _check_order(rows: Rows, given: NDArray[np.intp], what: str = "") -> None:
         )
 
 
-def _check_names(recording: Recording, needed: Sequence[str], if_events: str = "") -> None:
-    source, names = recording.source, recording.names
-    if all(map(_is_number, names)):
-        raise InputError(
-            f"{source}, line 1: expected the names of the columns, got {', '.join(names)}; "
-            f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *needed)))}"
-        )
-    for name in needed:
-        if name not in names:
-            hint = nearest(name, names)
-            if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
-                hint = "; columns are separated by commas"
-            if if_events and {VARIABLE, VALUE} <= set(names):
-                hint = f"; {if_events}"
-            reader = "--dense" if name in (TIME, VALUE, VARIABLE) else "the specification"
-            raise InputError(
-                f"{source}: no column '{name}', which {reader} reads; "
-                f"the columns are {', '.join(names)}{hint}"
-            )
-        if names.count(name) > 1:
-            raise InputError(f"{source}, line 1: expected one column '{name}', got two")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _simple(value: float, blur: float) -> Fraction:
-    """A fraction with a small denominator within ``blur`` of a value."""
-    near = Fraction(value)
-    for power in range(1, 12):
-        simple = near.limit_denominator(10**power)
-        if abs(simple - near) <= blur:
-            return simple
-    return near
+def _either(ways: Sequence[str]) -> str:
+    """The ways out in words."""
+    *others, last = ways
+    return f"{', '.join(others)}{',' * (len(others) > 1)} or {last}" if others else last

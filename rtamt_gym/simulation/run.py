@@ -207,7 +207,7 @@ class Run(RunRecord):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a Parquet file: a row for each sample, with ``time`` and the signals first.
 
-        Every reader of Parquet can read it, ``rtamt monitor`` too. Needs the extra ``parquet``.
+        Every reader of Parquet can read it, ``rtamt monitor`` too. Needs the extra ``files``.
         """
         from rtamt_gym.simulation.storage import save
 

@@ -44,10 +44,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             ),
         ),
         (
-            "time;x\n0;1\n",
+            "time x\n0 1\n",
             (
                 "stdin: no column 'x', which the specification reads; "
-                "the columns are time;x; columns are separated by commas"
+                "the columns are time x; say with --separator what stands between columns"
             ),
         ),
         (
@@ -60,21 +60,28 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("x,x\n1,2\n", "stdin, line 1: expected one column 'x', got two"),
         ("x,y\n1,2\n3\n", "stdin, line 3: expected 2 values (x, y), got 1"),
         ("x,y\n1,2\n\na,4\n", "stdin, line 4, column 'x': expected a number, got 'a'"),
-        ("x\nnan\n", "stdin, line 2, column 'x': expected a number, got 'nan'"),
+        (
+            "x\nnan\n",
+            (
+                "stdin, line 2, column 'x': expected a number, got 'nan'; "
+                "give --missing hold or --missing drop; "
+                "give --dense to take rows as events at any time"
+            ),
+        ),
         ("x,time\n1,inf\n", "stdin, line 2, column 'time': expected a finite number, got inf"),
         (
             "time,x\n0,1\n0.5,1\n1,1\n1.7,1\n2.2,1\n",
             (
                 "stdin, line 5: expected samples at even distances, got time 1.7 after 1, "
-                "elsewhere 0.5 s; give --dense to take rows as events at any time, resample the "
-                "trace, or give --period to leave the column 'time' aside"
+                "elsewhere 0.5 s; give --dense to take rows as events at any time, --jitter 5% to "
+                "resample by holding values, or --period to leave the column 'time' aside"
             ),
         ),
         (
             "time,x\n1,1\n1,1\n",
             (
                 "stdin, line 3: expected samples at even distances, got time 1 after 1; "
-                "resample the trace, or give --period to leave the column 'time' aside"
+                "give --period to leave the column 'time' aside"
             ),
         ),
         (
@@ -128,7 +135,10 @@ def test_a_bad_trace_is_refused_in_one_message_that_says_where(
         ("monitor spec.stl latin.csv", "latin.csv: expected UTF-8 text"),
         (
             "monitor spec.stl latin.doc",
-            ("latin.doc: expected a name that ends in .csv, .csv.gz, .tsv, .txt or .parquet"),
+            (
+                "latin.doc: expected a name that ends in .csv, .csv.gz, .tsv, .txt, .parquet, "
+                ".feather, .arrow, .ndjson, .jsonl, .npz, .mat, .mf4 or .mdf"
+            ),
         ),
         (
             "monitor bad.stl trace.csv",

@@ -42,12 +42,18 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         ("time,x\n0,\n1, \n", "stdin: expected events of 'x', got none"),
         (
-            "t,x\n0,1\n",
-            "stdin: no column 'time', which --dense reads; the columns are t, x",
+            "tx,x\n0,1\n",
+            (
+                "stdin: no column 'time', which --dense reads; the columns are tx, x; "
+                "give --time COLUMN"
+            ),
         ),
         (
             "variable,value\nx,1\n",
-            "stdin: no column 'time', which --dense reads; the columns are variable, value",
+            (
+                "stdin: no column 'time', which --dense reads; the columns are variable, value; "
+                "give --time COLUMN"
+            ),
         ),
         ("time,x\n0,1\ninf,2\n", "stdin, line 3, column 'time': expected a finite number, got inf"),
         ("time,x\n,1\n", "stdin, line 2, column 'time': expected a number, got ''"),
@@ -91,6 +97,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "monitor calm.stl odd.parquet",
             (
                 "odd.parquet, row 2, column 'req': expected a number, got none; "
+                "give --missing hold or --missing drop; "
                 "give --dense to take rows as events at any time"
             ),
         ),
@@ -98,6 +105,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "monitor calm.stl wide.csv",
             (
                 "wide.csv, line 4, column 'req': expected a number, got ''; "
+                "give --missing hold or --missing drop; "
                 "give --dense to take rows as events at any time"
             ),
         ),
@@ -105,6 +113,7 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "explain calm.stl wide.csv",
             (
                 "wide.csv, line 4, column 'req': expected a number, got ''; "
+                "give --missing hold or --missing drop; "
                 "give --dense to take rows as events at any time"
             ),
         ),
@@ -131,8 +140,8 @@ def test_bad_events_are_refused_in_one_message_that_says_where(
             "explain calm.stl uneven.csv",
             (
                 "uneven.csv, line 4: expected samples at even distances, got time 2.5 after 1, "
-                "elsewhere 1 s; give --dense to take rows as events at any time, resample the "
-                "trace, or give --period to leave the column 'time' aside"
+                "elsewhere 1 s; give --dense to take rows as events at any time, --jitter 5% to "
+                "resample by holding values, or --period to leave the column 'time' aside"
             ),
         ),
     ],
@@ -173,5 +182,5 @@ def test_without_pyarrow_a_parquet_file_says_what_to_install() -> None:
     assert (ran.returncode, ran.stdout, ran.stderr) == (
         2,
         "",
-        "rtamt: error: pyarrow is not installed; from the checkout: pip install '.[parquet]'\n",
+        "rtamt: error: pyarrow is not installed; from the checkout: pip install '.[files]'\n",
     )

@@ -1,0 +1,138 @@
+"""Reads recorded traces by pyarrow: Parquet, Feather, and JSON with an object in each line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.feather
+import pyarrow.json
+import pyarrow.parquet as pq
+
+from rtamt import InputError
+from rtamt_gym.recorded.arrays import check_gaps, times_of
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.times import RawTimes
+
+__all__ = ["ArrowRecording", "open_file"]
+
+
+@contextmanager
+def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+    """Opens a file of the format that its extension says.
+
+    Raises:
+        InputError: If it is not in this format.
+        OSError: If there is no such file.
+    """
+    Path(path).stat()  # pyarrow's error for a missing file has no strerror
+    match Path(path).suffix.lower():
+        case ".parquet":
+            try:
+                file = pq.ParquetFile(path)
+            except pa.ArrowInvalid:
+                raise InputError(f"{path}: expected a Parquet file") from None
+            with file:
+                schema = file.schema
+                names = [schema.column(i).path for i in range(len(schema))]
+                yield ArrowRecording(names, lambda wanted: file.read(columns=wanted), path)
+        case ".feather" | ".arrow":
+            try:
+                table = pa.feather.read_table(path, memory_map=False)
+            except pa.ArrowInvalid:
+                raise InputError(f"{path}: expected a Feather file") from None
+            yield of_table(table, path)
+        case _:
+            try:
+                table = pa.json.read_json(path)
+            except pa.ArrowInvalid as error:
+                raise InputError(
+                    f"{path}: expected one JSON object in each line, got an error: {error}"
+                ) from None
+            yield of_table(table, path)
+
+
+def of_table(table: pa.Table, source: str) -> ArrowRecording:
+    """The columns of a table in memory."""
+    flat = _flat(table)
+    return ArrowRecording(flat.column_names, flat.select, source)
+
+
+def _flat(table: pa.Table) -> pa.Table:
+    while any(pa.types.is_struct(field.type) for field in table.schema):
+        table = table.flatten()
+    return table
+
+
+class ArrowRecording:
+    """The columns of a table; a field of a structure is a column with a dotted name.
+
+    Args:
+        names: The names of the columns.
+        load: Gives the table of some of them.
+        source: Name of the file, for messages.
+    """
+
+    def __init__(
+        self, names: Sequence[str], load: Callable[[list[str]], pa.Table], source: str
+    ) -> None:
+        self.source = source
+        self.names = names
+        self._load = load
+
+    def read(self, wanted: Wanted) -> Rows:
+        """Reads the wanted columns; nan counts as an empty cell."""
+        time = wanted.time
+        names = dict.fromkeys([*wanted.numbers, *wanted.texts, *([] if time is None else [time])])
+        table = _flat(self._load(list(names) or list(self.names[:1])))
+
+        def where(row: int) -> str:
+            return f"{self.source}, row {row + 1}"
+
+        numbers = {name: self._numbers(table[name], name) for name in wanted.numbers}
+        for name, values in numbers.items():
+            absent = table[name].is_null().to_numpy() if table[name].null_count else ()
+            check_gaps(values, wanted, name, where, absent)
+        texts = {name: self._texts(table[name], name, where) for name in wanted.texts}
+        times = None
+        if time is not None:
+            column = table[time]
+            if column.null_count:
+                row = column.is_valid().to_pylist().index(False)
+                raise InputError(f"{where(row)}, column '{time}': expected a number, got none")
+            times = self._times(column, time)
+        return Rows(numbers, texts, table.num_rows, where, self.source, times)
+
+    def _numbers(self, column: pa.ChunkedArray, name: str) -> Floats:
+        kind = column.type
+        numbers = (
+            pa.types.is_integer,
+            pa.types.is_floating,
+            pa.types.is_boolean,
+            pa.types.is_decimal,
+            pa.types.is_null,
+        )
+        if not any(is_kind(kind) for is_kind in numbers):
+            raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
+        values: Floats = column.cast(pa.float64(), safe=False).to_numpy()
+        return values
+
+    def _times(self, column: pa.ChunkedArray, name: str) -> RawTimes:
+        kind, where = column.type, f"{self.source}, column '{name}'"
+        if pa.types.is_date(kind):
+            column = column.cast(pa.timestamp("ms"))
+        elif pa.types.is_decimal(kind):
+            column = column.cast(pa.float64())
+        return times_of(column.to_numpy(), where)
+
+    def _texts(
+        self, column: pa.ChunkedArray, name: str, where: Callable[[int], str]
+    ) -> Sequence[str]:
+        texts: list[str] = column.to_pylist()
+        for row, text in enumerate(texts):
+            if not isinstance(text, str):
+                raise InputError(f"{where(row)}, column '{name}': expected a name, got {text!r}")
+        return texts

@@ -1,0 +1,120 @@
+"""Samples at even distances: how far they lie off, their period, and resampling by holding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt_gym.recorded.columns import NEAR
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.times import Times, simple
+
+__all__ = ["Grid", "Resampled", "resampled"]
+
+_DRIFT = 0.01
+"""The part by which every step may differ from the usual one, however far a slow clock drifts."""
+
+_FINEST = 100
+"""The most samples for each row that resampling makes."""
+
+
+class Grid:
+    """Even distances beside the times of two samples or more.
+
+    Args:
+        times: The times.
+        jitter: The part of the period by which a sample may lie off the grid.
+    """
+
+    def __init__(self, times: Times, jitter: float | None) -> None:
+        self.jitter = NEAR if jitter is None else jitter
+        since = times.since
+        with np.errstate(over="ignore"):  # steps past all floats are refused by who asks
+            self.steps = np.diff(since)
+        self.usual = float(np.median(self.steps))
+        """The median of the distances."""
+        self.mean = float(since[-1]) / (len(since) - 1)
+        self._precision = 2 * times.precision
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = since - np.arange(len(since)) * self.mean
+            off = off - (off.max() + off.min()) / 2
+        self.off: Floats = np.abs(off)
+        """How far each sample lies off the grid, in seconds."""
+
+    @property
+    def rises(self) -> bool:
+        """Whether every time is after the one before."""
+        return bool((self.steps > 0).all())
+
+    @property
+    def even(self) -> bool:
+        """Whether the samples count as on the grid."""
+        if not self.rises:
+            return False
+        drifts = np.abs(self.steps - self.usual) <= _DRIFT * self.usual + self._precision
+        near = self.off <= self.jitter * self.mean + self._precision
+        return bool(near.all() or drifts.all())
+
+    @property
+    def odd(self) -> int:
+        """The place of the first step that two samples near to the grid do not explain.
+
+        If there is none, that of the step which is farthest from the usual.
+        """
+        if self.usual <= 0:
+            return int((self.steps <= 0).argmax())
+        away = np.abs(self.steps - self.usual)
+        away[self.steps <= 0] = np.inf
+        odd = away > 2 * self.jitter * self.usual
+        return int(odd.argmax() if odd.any() else away.argmax())
+
+    @property
+    def period(self) -> Fraction:
+        """The mean distance, as simple as the rounding of the times and their jitter allow."""
+        blur = (self._precision + 2 * float(self.off.max())) / len(self.steps)
+        return simple(self.mean, max(1e-9 * self.mean, blur))
+
+
+@dataclass(frozen=True, slots=True)
+class Resampled:
+    """Samples on a grid, each with the values of the last row at or before it.
+
+    Attributes:
+        rows: The row of each sample.
+        period: Seconds between the samples.
+        off: The number of rows that lay off the grid.
+        gap: The longest distance of two rows, in seconds.
+        at: The row before that distance.
+    """
+
+    rows: NDArray[np.intp]
+    period: Fraction
+    off: int
+    gap: float
+    at: int
+
+
+def resampled(times: Times, grid: Grid) -> Resampled | None:
+    """Takes samples every usual distance, from the first row to the last, where values hold.
+
+    A row that lies behind a sample by no more than the jitter counts as on it. None: there would
+    be more than a hundred samples for every row.
+
+    Args:
+        times: Times that rise.
+        grid: The grid beside them, which is not even.
+    """
+    period = simple(grid.usual, 0.01 * grid.usual)
+    near = grid.jitter * grid.usual
+    count = int((float(times.since[-1]) + near) / period) + 1
+    if count > _FINEST * len(times.since):
+        return None
+    samples = np.arange(count) * period.numerator / period.denominator
+    rows = np.searchsorted(times.since, samples + near, side="right") - 1
+    places = times.since / float(period)
+    off = int((np.abs(places - np.rint(places)) > grid.jitter + 1e-9).sum())
+    at = int(grid.steps.argmax())
+    return Resampled(rows, period, off, float(grid.steps[at]), at)

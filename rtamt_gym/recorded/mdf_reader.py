@@ -1,0 +1,78 @@
+"""Reads recorded traces from measurements in MDF by asammdf, a channel for each column."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from asammdf import MDF
+from asammdf.blocks.utils import MdfException
+
+from rtamt import InputError
+from rtamt_gym.recorded.arrays import ArrayRecording
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.recording import Recording, Rows, Wanted
+from rtamt_gym.recorded.times import TIME
+
+__all__ = ["MdfRecording", "open_file"]
+
+
+@contextmanager
+def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
+    """Opens a measurement.
+
+    Raises:
+        InputError: If it is none.
+        OSError: If there is no such file.
+    """
+    Path(path).stat()
+    try:
+        file = MDF(path)
+    except MdfException:
+        raise InputError(f"{path}: expected an MDF file") from None
+    with file:
+        yield MdfRecording(file, path)
+
+
+class MdfRecording:
+    """The channels of a measurement, and the column ``time`` of the times at which one has a value.
+
+    A channel that has no value at a time where another one has is an empty cell there.
+
+    Args:
+        file: The open file.
+        source: Its name, for messages.
+    """
+
+    def __init__(self, file: MDF, source: str) -> None:
+        self.source = source
+        self._file = file
+        groups: list[Any] = file.groups
+        self._places: list[tuple[str, int, int]] = [
+            (channel.name, group, index)
+            for group, each in enumerate(groups)
+            for index, channel in enumerate(each.channels)
+            if index != file.masters_db.get(group)
+        ]
+        self.names: Sequence[str] = [TIME, *(name for name, _, _ in self._places)]
+
+    def read(self, wanted: Wanted) -> Rows:
+        """Reads the wanted channels."""
+        names = dict.fromkeys([*wanted.numbers, *wanted.texts])
+        signals: dict[str, Any] = {}
+        for name, group, index in self._places:
+            if name in names or (not names and not signals):
+                signals[name] = self._file.get(name, group=group, index=index)
+        times = np.unique(np.concatenate([s.timestamps for s in signals.values()] or [np.zeros(0)]))
+        arrays = {TIME: times}
+        for name, signal in signals.items():
+            samples = np.asarray(signal.samples)
+            if samples.dtype.kind in "biuf":
+                values = np.full(len(times), np.nan)
+                values[np.searchsorted(times, signal.timestamps)] = samples
+                samples = values
+            arrays[name] = samples
+        return ArrayRecording(self.source, arrays).read(wanted)

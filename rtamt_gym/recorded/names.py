@@ -1,0 +1,100 @@
+"""The names of columns: which are needed, and what to do about one that is missing."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Sequence
+
+from rtamt import InputError
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.recording import Recording
+from rtamt_gym.recorded.times import TIME
+
+__all__ = ["VALUE", "VARIABLE", "check_names", "needed_columns"]
+
+VARIABLE, VALUE = "variable", "value"
+"""The columns that a recording has, beside the time, where each row is one event."""
+
+
+def needed_columns(
+    recording: Recording, variables: Sequence[str], columns: Columns, if_events: str = ""
+) -> list[str]:
+    """The columns of variables, each once.
+
+    Args:
+        recording: The file.
+        variables: The variables of the specifications.
+        columns: How they are called in the file.
+        if_events: Advice for a file whose rows are events, not samples.
+
+    Raises:
+        InputError: If a column is missing or there twice, or if a column is named for what is no
+            variable.
+    """
+    for variable in columns.signals:
+        if variable not in variables:
+            raise InputError(
+                f"--signal: expected a variable of a specification, got {variable!r}; "
+                f"the variables are {', '.join(variables)}{nearest(variable, variables)}"
+            )
+    _check_header(recording, list(map(columns.column, variables)))
+    for variable in variables:
+        column = columns.column(variable)
+        if column in recording.names:
+            continue
+        hint = nearest(column, recording.names)
+        alike = [name for name in recording.names if column.lower() in name.lower()]
+        if column == variable and not hint and len(alike) == 1:
+            hint = f"; give --signal {shlex.quote(f'{variable}={alike[0]}')}"
+        elif column == variable and not hint:
+            hint = f"; give --signal {variable}=COLUMN"
+        if len(recording.names) == 1 and re.search(r"[^\w.]", recording.names[0]):
+            hint = "; say with --separator what stands between columns"
+        if if_events and {VARIABLE, VALUE} <= set(recording.names):
+            hint = f"; {if_events}"
+        raise _missing(recording, column, "the specification", hint)
+    needed = list(dict.fromkeys(map(columns.column, variables)))
+    check_names(recording, needed)
+    return needed
+
+
+def check_names(recording: Recording, needed: Sequence[str]) -> None:
+    """Checks that the columns have names, and that those needed are there once.
+
+    Raises:
+        InputError: If they are not.
+    """
+    _check_header(recording, needed)
+    names = recording.names
+    for name in needed:
+        if name not in names:
+            hint = "; give --time COLUMN" if name == TIME else nearest(name, names)
+            raise _missing(recording, name, "--dense", hint)
+        if names.count(name) > 1:
+            raise InputError(f"{recording.source}, line 1: expected one column '{name}', got two")
+
+
+def _check_header(recording: Recording, needed: Sequence[str]) -> None:
+    source, names = recording.source, recording.names
+    if all(map(_is_number, names)):
+        raise InputError(
+            f"{source}, line 1: expected the names of the columns, got {', '.join(names)}; "
+            f"write a line of names first, such as {','.join(dict.fromkeys((TIME, *needed)))}"
+        )
+
+
+def _missing(recording: Recording, name: str, reader: str, hint: str) -> InputError:
+    return InputError(
+        f"{recording.source}: no column '{name}', which {reader} reads; "
+        f"the columns are {', '.join(recording.names)}{hint}"
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

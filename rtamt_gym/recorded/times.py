@@ -1,0 +1,235 @@
+"""The column of times of a recording: how it is recognised, and its times in seconds."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.recorded.columns import UNITS, Columns
+from rtamt_gym.recorded.recording import Floats, Recording, Rows
+
+__all__ = ["TIME", "RawTimes", "Times", "find_times", "read_dates", "simple", "unit_in"]
+
+TIME = "time"
+"""The column with the time of a sample or an event that is taken where several have times."""
+
+RawTimes = NDArray[Any]
+"""Times as a file holds them: doubles, integers, or dates of ``datetime64[ns]``."""
+
+_WORDS = {
+    "ns": "ns nsec nsecs nanos nanosecond nanoseconds",
+    "us": "us µs μs usec usecs micros microsecond microseconds",
+    "ms": "ms msec msecs millis millisecond milliseconds",
+    "s": "s sec secs second seconds",
+    "min": "min mins minute minutes",
+    "h": "h hr hrs hour hours",
+}
+_UNIT_OF = {word: unit for unit, words in _WORDS.items() for word in words.split()}
+"""How the units are written in names of columns, in lower case."""
+
+_NAME = re.compile(
+    r"(?:time|timestamp|time[ _]stamp|stamp|datetime|t)s?"
+    r"(?:\s*[\[(]\s*(?P<inside>[^\])]*?)\s*[\])]|[\s_/.-]+(?P<behind>[^\W\d_]+))?",
+    re.IGNORECASE,
+)
+
+_ABSURD_STEP, _ABSURD_TIME = 1e3, 1e11
+"""Seconds between samples, and since 1970 or a start, from which on a number of unknown unit is no
+number of seconds: samples of 1 kHz in ns are 10^6 apart, a date in ms is above 10^12."""
+
+
+def unit_in(name: str) -> str | None:
+    """The unit in the name of a column of times; empty if it has none, None if it has no times.
+
+    Example:
+        >>> [unit_in(name) for name in ("Time [s]", "timestamp_ns", "t", "stamp", "time (us)")]
+        ['s', 'ns', '', '', 'us']
+        >>> [unit_in(name) for name in ("time_zone", "T", "timer", "Time [ticks]")]
+        [None, None, None, 'ticks']
+    """
+    found = _NAME.fullmatch(name)
+    if found is None or name in ("T", "Ts", "ts", "TS"):  # rather a temperature, or a setting time
+        return None
+    inside, behind = found["inside"], found["behind"]
+    if inside is not None:
+        return _UNIT_OF.get(inside.lower(), inside)
+    return _UNIT_OF.get(behind.lower()) if behind else ""
+
+
+def find_times(recording: Recording, columns: Columns) -> str | None:
+    """The column of times: that which is named, else the one whose name tells it, else None.
+
+    A column ``time`` goes before others. A name behind a dot or a slash, as in ``header.stamp``,
+    counts where no other does.
+
+    Raises:
+        InputError: If the named column is missing, or if several names tell of times.
+    """
+    names = dict.fromkeys(recording.names)
+    if columns.time is not None:
+        if columns.time not in names:
+            raise InputError(
+                f"{recording.source}: no column '{columns.time}', which --time names; the columns "
+                f"are {', '.join(names)}{nearest(columns.time, names)}"
+            )
+        return columns.time
+    if TIME in names:
+        return TIME
+    found = [name for name in names if unit_in(name) is not None]
+    if not found:
+        parts = {name: re.split(r"[./]", name)[-1] for name in names}
+        found = [n for n, last in parts.items() if last != "t" and unit_in(last) is not None]
+    if len(found) > 1:
+        raise InputError(
+            f"{recording.source}: expected one column of times, got {listing(found)}; "
+            f"say which with --time {found[0]!r}"
+        )
+    return found[0] if found else None
+
+
+def read_dates(texts: Sequence[str]) -> RawTimes | None:
+    """Dates of ISO 8601 as ``datetime64[ns]``, in UTC if they have offsets; None if one is no date.
+
+    Example:
+        >>> read_dates(["2024-05-01T12:00:00.5Z", "2024-05-01 14:00:01+02:00"]).tolist()
+        [1714564800500000000, 1714564801000000000]
+        >>> read_dates(["2024-05-01T12:00:00Z", "2024-05-01T12:00:01"]), read_dates(["12"])
+        (None, None)
+    """
+    parts = [_DATE.fullmatch(text.strip()) for text in texts]
+    matches = [part for part in parts if part is not None]
+    if len(matches) < len(parts) or len({part["zone"] is None for part in matches}) > 1:
+        return None
+    try:
+        dates = np.array([part["date"] for part in matches], "M8[ns]")
+    except ValueError:  # such as a month 13
+        return None
+    offsets = {zone: _offset(zone) for zone in {part["zone"] for part in matches}}
+    shift = np.array([offsets[part["zone"]] for part in matches], "m8[m]")
+    utc: RawTimes = dates - shift
+    return utc
+
+
+_DATE = re.compile(
+    r"(?P<date>\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    re.ASCII,
+)
+
+
+def _offset(zone: str | None) -> int:
+    """Minutes that a zone is ahead of UTC."""
+    if zone in (None, "Z"):
+        return 0
+    sign, digits = -1 if zone[0] == "-" else 1, zone[1:].replace(":", "")
+    return sign * (60 * int(digits[:2]) + int(digits[2:]))
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """Times in seconds.
+
+    Attributes:
+        column: The name of the column.
+        since: Seconds since the first time, exact for integers and dates before they are rounded.
+        start: The first time in seconds; 0 for dates, whose origin is no time of a trace.
+        precision: How far a time may be off because it was rounded to a double.
+        certain: Whether somebody has said that the unit is the unit.
+    """
+
+    column: str
+    since: Floats
+    start: float
+    precision: float
+    certain: bool
+
+    @staticmethod
+    def of(rows: Rows, column: str, columns: Columns) -> Times:
+        """The times of the rows of a recording.
+
+        Raises:
+            InputError: If a time is not finite, or if the name of the column has an unknown unit.
+        """
+        raw = rows.times
+        assert raw is not None, "the column was read"  # noqa: S101 - for mypy
+        if raw.dtype.kind == "f":
+            raw = raw.astype(np.float64)
+        wrong = np.isnat(raw) if raw.dtype.kind in "mM" else ~np.isfinite(raw)
+        if wrong.any():
+            at = int(wrong.argmax())
+            raise InputError(
+                f"{rows.where(at)}, column '{column}': expected a finite number, got {raw[at]}"
+            )
+        if raw.dtype.kind in "mM":
+            whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
+            start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
+            return Times(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True)
+        said = columns.time_unit or unit_in(column) or ""
+        if said and said not in UNITS:
+            raise InputError(
+                f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "
+                f"say the unit with --time-unit ({', '.join(UNITS)})"
+            )
+        unit = UNITS[said or "s"]
+        since = _scaled(raw - raw[0], unit)
+        most = float(np.abs(raw).max())
+        ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
+        start = float(_scaled(raw[:1], unit)[0])
+        precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
+        return Times(column, since, start, precision, bool(said))
+
+    @property
+    def seconds(self) -> Floats:
+        """The times in seconds."""
+        return self.start + self.since
+
+    def check_unit(self, where: str) -> None:
+        """Checks that the times can be seconds, if nobody has said so.
+
+        Raises:
+            InputError: If they are too far apart, or too great.
+        """
+        if self.certain or len(self.since) < 2:
+            return
+        usual = float(np.median(np.diff(self.since)))
+        most = max(abs(self.start), abs(self.start + float(self.since[-1])))
+        if usual < _ABSURD_STEP and most < _ABSURD_TIME:
+            return
+        got = f"{usual:.6g} s apart"
+        if usual < _ABSURD_STEP:
+            got = f"{most:.6g} s, a time after the year 5000"
+        raise InputError(
+            f"{where}: expected times in seconds in the column '{self.column}', got {got}; "
+            "say the unit with --time-unit, such as ns, ms or s"
+        )
+
+    def text(self, at: int) -> str:
+        """The time of a row in seconds, since the first row if the time is long."""
+        if abs(self.start) < 1e6:
+            return f"{self.start + self.since[at]:.15g}"
+        return f"{self.since[at]:.15g} s since the first"
+
+
+def _scaled(raw: RawTimes, unit: int) -> Floats:
+    """Numbers of a unit in seconds, rounded once."""
+    second = UNITS["s"]
+    floats: Floats = raw.astype(np.float64)
+    return floats * (unit // second) if unit >= second else floats / (second // unit)
+
+
+def simple(value: float, blur: float) -> Fraction:
+    """A fraction with a small denominator within ``blur`` of a value."""
+    near = Fraction(value)
+    for power in range(1, 12):
+        simple_ = near.limit_denominator(10**power)
+        if abs(simple_ - near) <= blur:
+            return simple_
+    return near
