@@ -23,7 +23,7 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
 from rtamt_gym.wrappers.episode import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import MonitorOptions, OnViolation
+from rtamt_gym.wrappers.monitoring import MonitorOptions, OnViolation, single_env
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 
@@ -228,7 +228,7 @@ class StlMonitor(
             **options,
         }
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
-        gym.Wrapper.__init__(self, env)
+        gym.Wrapper.__init__(self, single_env(env))
         find_period = read_substep_period if substeps else read_period
         loaded = self._set_up(env, specs, signals, options, find_period)
         self.stl_episodes = deque(maxlen=buffer_length)

@@ -8,9 +8,9 @@ from fractions import Fraction
 from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
 
 import gymnasium as gym
-from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
-from rtamt import InputError, Specification, StateError
+from rtamt import InputError, InputTypeError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judges.costs import Cost
@@ -33,7 +33,15 @@ from rtamt_gym.signals.signals import SignalLike, Source, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.observing import Observing
 
-__all__ = ["MonitorOptions", "Monitoring", "OnViolation", "check_can_end", "refuse_monitored"]
+__all__ = [
+    "MonitorOptions",
+    "Monitoring",
+    "OnViolation",
+    "check_can_end",
+    "refuse_monitored",
+    "single_env",
+    "vector_env",
+]
 
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
@@ -174,6 +182,28 @@ def _refuse_monitored(env: Any) -> None:  # noqa: ANN401 - an environment, or ma
         else:
             return
     refuse_monitored(type(within).__name__, where)
+
+
+def single_env(env: Any) -> gym.Env[Any, Any]:  # noqa: ANN401 - whatever is given
+    """The environment, if a scalar wrapper can be around it."""
+    if isinstance(env, gym.Env):
+        return env
+    way_out = "make it with gym.make"
+    if isinstance(env, VectorEnv):
+        way_out = "VectorStlMonitor and VectorStlReward are for many environments at once"
+    elif hasattr(env, "possible_agents"):
+        way_out = "ParallelStlMonitor is for several agents"
+    raise InputTypeError(f"expected an environment of Gymnasium, got {env!r}; {way_out}")
+
+
+def vector_env(env: Any) -> VectorEnv[Any, Any, Any]:  # noqa: ANN401 - whatever is given
+    """The environment, if a vector wrapper can be around it."""
+    if isinstance(env, VectorEnv):
+        return env
+    way_out = "make it with gym.make_vec"
+    if isinstance(env, gym.Env):
+        way_out = "StlMonitor and StlReward are for one environment"
+    raise InputTypeError(f"expected a vector environment of Gymnasium, got {env!r}; {way_out}")
 
 
 def check_can_end(on_violation: OnViolation, autoreset: AutoresetMode, env: object) -> None:

@@ -28,13 +28,7 @@ from rtamt_gym.judges.specs import (
     recordable,
 )
 from rtamt_gym.judges.values import MonitorValues
-from rtamt_gym.judges.vector_infos import (
-    final_infos,
-    final_observations,
-    key_mask,
-    put,
-    put_last,
-)
+from rtamt_gym.judges.vector_infos import final_infos, final_observations, key_mask, put, put_last
 from rtamt_gym.judges.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
@@ -44,6 +38,7 @@ from rtamt_gym.wrappers.monitoring import (
     OnViolation,
     check_can_end,
     refuse_monitored,
+    vector_env,
 )
 from rtamt_gym.wrappers.observing import Observe
 
@@ -165,7 +160,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         )
         given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
-        VectorWrapper.__init__(self, env)
+        VectorWrapper.__init__(self, vector_env(env))
         loaded = self._set_up(env, specs, signals, options, read_period)
         self._autoreset = autoreset_mode(env)
         check_can_end(on_violation, self._autoreset, env)
