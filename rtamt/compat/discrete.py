@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from rtamt.compat.advice import own_advice
+from rtamt.compat.advice import of_a_sample, own_advice
 from rtamt.compat.declarations import (
     AbstractSpecification,
     OfflineSpecification,
@@ -119,8 +119,8 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         [-3.0, 2.0, 2.0, -1.0]
     """
 
-    _episode: EpisodeMonitor | None
-    """Runs until there is a sample at t - latency."""
+    _begins: dict[str, EpisodeMonitor]
+    """The result, and the named formulas that are late: they run until all have a value."""
     _time: float | None
     """The time of the last sample."""
     _least: float
@@ -164,11 +164,12 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
                 f"expected a number as the time of the sample, got {timestamp!r}"
             ) from None
         violated = last is not None and not self._least <= passed <= self._most
-        robustness = monitor.update(*sample)
-        if self._episode is not None:
-            robustness = self._episode.update(*sample)
-            if monitor.samples == monitor.latency:
-                self._episode = None
+        try:
+            robustness = monitor.update(*sample)
+        except InputError as error:
+            raise of_a_sample(error) from None
+        if self._begins:
+            robustness = self._begin(monitor, sample, robustness)
         robustness += 0.0  # programs print it, and know no -0.0
         self.var_object_dict = values
         self._time = timestamp
@@ -184,7 +185,9 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
     def _start(self) -> Monitor:
         spec, period, options = self._specification(), self._period(), self._options()
         monitor = Monitor(spec, period, **options)
-        self._episode = EpisodeMonitor(spec, period, **options) if monitor.latency else None
+        late = {name: self._named(name) for name, n in monitor.latencies.items() if n}
+        late |= {self._result: spec} if monitor.latency else {}
+        self._begins = {n: EpisodeMonitor(each, period, **options) for n, each in late.items()}
         self._time = None
         self._least, self._most = self._durations()
         self.sampling_violation_counter = 0
@@ -199,8 +202,21 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
                 field.holder(self.var_object_dict[self.out_var])
         return self._run(monitor)
 
+    def _begin(self, monitor: Monitor, sample: Iterable[Any], robustness: float) -> float:
+        """The robustness of the samples so far, as long as there is none at t - latency."""
+        for episode in self._begins.values():
+            episode.update(*sample)
+        if monitor.samples <= monitor.latency:
+            robustness = self._begins[self._result].robustness
+        if monitor.samples > max([monitor.latency, *monitor.latencies.values()]):
+            self._begins = {}
+        return robustness
+
     def _value(self, formula: str) -> float:
-        return self._running().values[formula]
+        monitor = self._running()
+        if formula in self._begins and monitor.samples <= monitor.latencies[formula]:
+            return self._begins[formula].robustness
+        return monitor.values[formula]
 
     def _by_name(self, values: Mapping[str, Any]) -> tuple[dict[str, Any]]:
         return ({name: values[name] for name in self._names},)

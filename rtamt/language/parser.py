@@ -104,7 +104,8 @@ def parse_as(
         constants: As `parse` takes them; those that the text does not have are ignored.
         modules: The modules that the text may import from; None: types are names only.
         chains: Whether ``p implies q implies r`` is ``(p implies q) implies r``, and ``until``,
-            ``since`` and ``unless`` alike; in the language itself that is an error.
+            ``since`` and ``unless`` alike, and whether a named result may be a number; in the
+            language itself these are errors.
 
     Raises:
         ParseError: As `parse` does.

@@ -96,7 +96,8 @@ class _Reader:
                 raise self._fail(token, "only the last formula may stand without a name", hint)
             self._define(statement)
         formula = self._define(last)
-        if formula.op is _VALUE and not formula.variables and formula in self.formulas.values():
+        is_named = formula in self.formulas.values()
+        if formula.op is _VALUE and not formula.variables and is_named and not self.builder.chains:
             token = last.name or last.formula.start
             reason = f"the result '{token.text}' is the number {formula}, whatever the samples"
             hint = f"equality is written '==': {token.text} == {formula}"

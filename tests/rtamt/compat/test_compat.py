@@ -117,13 +117,47 @@ def test_get_value_gives_the_last_robustness_of_named_formulas(
     for i in range(length(trace)):
         monitor.update({name: trace[name][i] for name in monitor.variables})
     assert spec.get_value("out") == last
-    for name in "pq":
-        now, expected = spec.get_value(name), monitor.values[name]
-        assert now == expected or (now != now and expected != expected)  # noqa: PLR0124 - nan
     n = length(trace)
+    for name, formula in (("p", p), ("q", q)):
+        so_far = robustness(formula, trace, n)[0]
+        expected = so_far if math.isnan(monitor.values[name]) else monitor.values[name]
+        assert spec.get_value(name) == expected
     spec.evaluate({"time": range(n), **trace})
     assert [spec.get_value(name) for name in "pq"] == [robustness(f, trace, n) for f in (p, q)]
     assert spec.get_value("a") == trace["a"]
+
+
+@settings(max_examples=50)
+@given(p=formulas(2), q=formulas(2), trace=traces(most=16))
+def test_before_its_latency_a_named_formula_has_the_robustness_of_the_samples_so_far(
+    p: Formula, q: Formula, trace: Trace, backend: str
+) -> None:
+    spec = declared("c > 0", language=LANGUAGES[backend])
+    spec.add_sub_spec(f"p = {p}")
+    spec.spec = f"out = p or {q}"
+    spec.parse()
+    late, n = Monitor(p).latency, length(trace)
+    whole = robustness(p, trace, n)
+    for i in range(n):
+        so_far = {name: trace[name][: i + 1] for name in trace}
+        now = spec.update(i, [(name, trace[name][i]) for name in trace])
+        assert spec.get_value("out") == now
+        expected = robustness(p, so_far, i + 1)[0] if i < late else whole[i - late]
+        assert spec.get_value("p") == expected
+
+
+def test_a_result_may_be_a_number() -> None:
+    for text in ("5", "out = 5", "out = c", "out = 3 + 2"):
+        spec = StlDiscreteTimeSpecification()
+        spec.declare_var("a", "float")
+        spec.declare_const("c", "float", "5")
+        spec.spec = text
+        spec.parse()
+        assert [spec.update(i, [("a", 1.0)]) for i in range(3)] == [5.0, 5.0, 5.0]
+        assert spec.evaluate({"time": [0, 1], "a": [1.0, 2.0]}) == [[0, 5.0], [1, 5.0]]
+        assert spec.get_value("out") == [5.0, 5.0]
+    with pytest.raises(rtamt.ParseError, match="the result 'out' is the number 5"):
+        rtamt.parse("out = 5")
 
 
 @pytest.mark.parametrize("semantics", list(Semantics))

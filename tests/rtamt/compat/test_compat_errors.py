@@ -56,7 +56,7 @@ def test_evaluate_says_what_is_wrong_with_the_data() -> None:
             "time": [0],
             "a": [1.0],
         },
-        "expected columns of one length, got a: 1, b: 1 and n=2": {
+        "expected columns of one length, got a: 1, b: 1 and time: 2": {
             "time": [0, 1],
             "a": [1.0],
             "b": [1.0],
@@ -125,6 +125,51 @@ def test_the_way_out_of_a_bound_that_does_not_fit_is_one_of_these_classes() -> N
         with pytest.raises(rtamt.ParseError) as caught:
             call()
         assert str(caught.value) == text
+
+
+def test_a_nan_is_refused_with_what_each_call_can_do_about_it() -> None:
+    spec = declared("a > b", ("a", "b"))
+    spec.update(0, [("a", 3.0), ("b", 1.0)])
+    trace = {"a": [1.0, 1.0], "b": [0.0, float("nan")]}
+    calls: list[tuple[Callable[[], object], str]] = [
+        (
+            lambda: spec.update(1, [("a", float("nan")), ("b", 2.0)]),
+            "variable 'a' is nan at sample 1; "
+            "leave it out of the sample, and it keeps its last value",
+        ),
+        (
+            lambda: spec.evaluate({"time": [0, 1], **trace}),
+            "variable 'b' is nan at sample 1; "
+            "rtamt.evaluate with nan='hold' keeps the last value instead",
+        ),
+    ]
+    for call, message in calls:
+        with pytest.raises(rtamt.InputError) as caught:
+            call()
+        assert str(caught.value) == message
+    assert spec.update(1, [("b", 2.0)]) == 1.0
+    assert list(rtamt.evaluate("a > b", trace, nan="hold")) == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("formula", "hint"),
+    [
+        (
+            "a > 1 implies eventually(a > 2)",
+            "write an end, as in eventually[0:10], or call evaluate() with all of it",
+        ),
+        ("prev(a > 1)", "look a time d away with once[0:d], or use StlDiscreteTimeSpecification"),
+        ("out = 5", "use StlDiscreteTimeSpecification, or a formula of a variable"),
+    ],
+)
+def test_hints_name_the_released_classes(formula: str, hint: str) -> None:
+    spec = StlDenseTimeSpecification()
+    spec.declare_var("a", "float")
+    spec.spec = formula
+    spec.parse()
+    with pytest.raises(rtamt.STLParseException) as caught:
+        spec.update(["a", [[0, 1]]])
+    assert str(caught.value).endswith(f"\n  hint: {hint}")
 
 
 def test_the_dense_classes_name_the_monitor_that_has_another_resolution() -> None:
