@@ -134,13 +134,17 @@ def test_a_nan_is_refused_with_what_each_call_can_do_about_it() -> None:
     calls: list[tuple[Callable[[], object], str]] = [
         (
             lambda: spec.update(1, [("a", float("nan")), ("b", 2.0)]),
-            "variable 'a' is nan at sample 1; "
-            "leave it out of the sample, and it keeps its last value",
+            (
+                "variable 'a' is nan at sample 1; "
+                "leave it out of the sample, and it keeps its last value"
+            ),
         ),
         (
             lambda: spec.evaluate({"time": [0, 1], **trace}),
-            "variable 'b' is nan at sample 1; "
-            "rtamt.evaluate with nan='hold' keeps the last value instead",
+            (
+                "variable 'b' is nan at sample 1; "
+                "rtamt.evaluate with nan='hold' keeps the last value instead"
+            ),
         ),
     ]
     for call, message in calls:
