@@ -119,8 +119,9 @@ def _listed(env: gym.Env[Any, Any], seed: int, *, everything: bool) -> list[str]
     lines = []
     for at, line in enumerate(table(rows, "<>>")):
         lines += [line, notes[at]] if at in notes else [line]
-    if any(value == "-" for _, value, _ in rows):
-        lines += ["", "-: no value at reset; a signal gives one: --signal 'u=action[0],0'"]
+    lacking = next((name for name, value, _ in rows if value == "-"), None)
+    if lacking is not None:
+        lines += ["", f'-: no value at reset; a signal gives one: --signal "u={lacking},0"']
     if left_out:
         lines += ["", f"{left_out} more with --all"]
     return lines

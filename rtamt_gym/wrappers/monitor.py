@@ -167,7 +167,7 @@ class StlMonitor(
                 all there is (an invariant that held is satisfied, a goal not reached is violated);
                 ``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated,
                 whatever its robustness is. ``None`` is ``"complete"``, and warns once where that
-                settles what was open
+                satisfies what was open
             at_truncation: How a time limit is read: ``"cut"``, invariants over the recorded time
                 are satisfied, and windows that were not seen to their end stay open;
                 ``"complete"``; or ``"open"``, the episode could have gone on
