@@ -21,7 +21,6 @@ Found = tuple[dict[str, Any], str | None, int]
 class EpisodeMonitoring(Monitoring):
     """The base of `StlMonitor` and `ParallelStlMonitor`."""
 
-    env: Any
     stl_episodes: deque[dict[str, Any]]
     _panel: Panel
     _running = False
@@ -97,9 +96,7 @@ class EpisodeMonitoring(Monitoring):
             return panel.finish(self._at_truncation)
         undecided = panel.undecided if self._unasked else ()
         bounds = panel.finish(self._at_termination)
-        held = next((name for name in undecided if panel.satisfies(name)), None)
-        if held is not None:
-            self._tell_complete(held)
+        self._assumed = next((name for name in undecided if panel.satisfies(name)), None)
         return bounds
 
     def _last_keys(self, found: Found, *, reported: bool) -> dict[str, Any]:

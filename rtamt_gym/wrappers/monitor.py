@@ -316,6 +316,7 @@ class StlMonitor(
             self._conclude(info, terminated, truncated)
             if not ended:
                 self._books.close(terminated, truncated, info)
+            self._tell()
         if self._state is not None:
             obs = self._observed(obs, self.values())
         return obs, reward, terminated, truncated, info
@@ -341,8 +342,7 @@ class StlMonitor(
         found, reported = self._found(), "is_success" in info
         info.update(self._last_keys(found, reported=reported))
         self._record(found, terminated=terminated, truncated=truncated)
-        if reported and not self._told_success:
-            self._tell_success(self.env.unwrapped)
+        self._seen_success |= reported
 
 
 _float = np.float64

@@ -82,6 +82,7 @@ class Monitoring(Observing):
     _UNPICKLED: ClassVar[frozenset[str]]
     """Attributes that pickle cannot carry; `_bind_signals` makes them anew."""
 
+    env: Any
     _panel: Panel | VectorPanel
 
     def _set_up(
@@ -105,7 +106,8 @@ class Monitoring(Observing):
         self._at_termination: AtTermination = options["at_termination"] or "complete"
         self._at_truncation = options["at_truncation"]
         self._unasked = options["at_termination"] is None  # and nobody was told yet
-        self._told_success = False
+        self._assumed: str | None = None  # what an end satisfied unasked, until that is told
+        self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
         loaded = load_specs(specs)
@@ -131,19 +133,22 @@ class Monitoring(Observing):
                 f"construction, got {self._read_period(env)} s; wrap it again, or give period="
             )
 
-    def _tell_complete(self, name: str) -> None:
-        """Warns once that the end of an episode has settled what was open."""
-        self._unasked = False
-        warn_of_open_end(name)
+    def _tell(self) -> None:
+        """Warns, once each, of an end that satisfied what was open and of an own ``is_success``.
 
-    def _tell_success(self, env: object) -> None:
-        """Warns once that an ``is_success`` of the environment's own is kept."""
-        self._told_success = True
-        warnings.warn(
-            f"{env} reports an is_success of its own, which is kept; "
-            'info["stl_success"] says whether the specifications are satisfied',
-            stacklevel=caller_level(),
-        )
+        The last act of a step, for a warning may be an error: the episode is recorded by then.
+        """
+        assumed, self._assumed = self._assumed, None
+        if assumed is not None:
+            self._unasked = False
+            warn_of_open_end(assumed)
+        if self._seen_success and not self._told_success:
+            self._told_success = True
+            warnings.warn(
+                f"{self.env.unwrapped} reports an is_success of its own, which is kept; "
+                'info["stl_success"] says whether the specifications are satisfied',
+                stacklevel=caller_level(),
+            )
 
     def values(self) -> MonitorValues[Any]:
         """Reads robustness and bounds of each specification now: of many environments, arrays."""

@@ -288,6 +288,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         if terminated or truncated:
             self._running, self._over = False, True
             self._conclude(here, infos, terminated=terminated, truncated=truncated)
+            self._tell()
         return obs, rewards, terminations, truncations, infos
 
     def state(self) -> Any:  # noqa: ANN401 - an array, for most environments
@@ -326,14 +327,12 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         self, agents: Iterable[Hashable], infos: Infos, *, terminated: bool, truncated: bool
     ) -> None:
         """Adds the keys that only last infos have, and records the episode."""
-        found, own = self._found(), False
+        found = self._found()
         for agent in agents:
             reported = "is_success" in infos[agent]
             infos[agent].update(self._last_keys(found, reported=reported))
-            own = own or reported
+            self._seen_success |= reported
         self._record(found, terminated=terminated, truncated=truncated)
-        if own and not self._told_success:
-            self._tell_success(self.env.unwrapped)
 
 
 def _agents(env: Any) -> dict[str, Hashable]:  # noqa: ANN401 - of PettingZoo's form, it is hoped

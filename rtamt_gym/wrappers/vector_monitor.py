@@ -202,7 +202,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             options = dict(options)
         lanes = np.ones(self.num_envs, np.bool_) if mask is None else mask
         self._abandon(lanes)
-        obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
+        obs, infos = self.env.reset(seed=seed, options=options)
         if mask is None:
             self._check_period(self.env)
             if "stl_violated" in infos:  # of environments that cannot be looked into
@@ -272,6 +272,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             self._observed_last(infos, self.terminal, resets)
             obs = self._observed(obs, self.values())
         self._running = True
+        if ended is not None:
+            self._tell()
         return obs, rewards, terminated, truncated, infos
 
     @property
@@ -353,9 +355,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         panel.finish(terminated, self._at_termination)
         panel.finish(truncated & ~terminated, self._at_truncation)
         if undecided is not None:
-            held = (undecided & panel.satisfied(at)).any(axis=1)
-            if held.any():
-                self._tell_complete(names[int(held.argmax())])
+            held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
+            self._assumed = names[held[0]] if len(held) else None
 
     def _conclude(
         self,
@@ -373,8 +374,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         put_last(infos, last, at, ended, reported)
         flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
         self._episodes.append(at, record(*found, panel.samples[at], *flags))
-        if not self._told_success and reported[at].any():
-            self._tell_success(self.env.unwrapped)
+        self._seen_success |= bool(reported[at].any())
 
     def _abandon(self, lanes: Lanes) -> None:
         """Records what goes on in these environments as truncated: it was ended from outside."""

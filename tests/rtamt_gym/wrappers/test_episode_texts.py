@@ -82,6 +82,31 @@ def test_a_warning_points_at_the_line_that_steps_whatever_wrappers_are_between()
     assert warned(lambda: lead(each, 6)) == [ASSUMED]
 
 
+@pytest.mark.parametrize(
+    ("make", "at_termination", "text"),
+    [
+        (lambda: Replay([3, 3]), None, "was open, and counts it as satisfied"),
+        (own_success, "cut", "reports an is_success of its own"),
+    ],
+)
+def test_a_warning_that_is_an_error_leaves_the_episode_recorded(
+    make: Any,  # noqa: ANN401
+    at_termination: str | None,
+    text: str,
+) -> None:
+    options: Any = {"at_termination": at_termination}
+    env = StlMonitor(make(), INVARIANT, X, **options)
+    envs = VectorStlMonitor(sync([make] * 2, AutoresetMode.NEXT_STEP), INVARIANT, X, **options)
+    for act in (lambda: run(env), lambda: lead(envs, 1)):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            with pytest.raises(UserWarning, match=text):
+                act()
+            act()
+    assert [record["samples"] for record in env.stl_episodes] == [2, 2]
+    assert [record["samples"] for record in envs.stl_episodes] == [2] * 4
+
+
 def test_the_specification_that_was_open_is_named() -> None:
     specs = {"peak": "eventually(x > 2)", "calm": INVARIANT, "goal": "eventually(x > 5)"}
     env = StlMonitor(Replay([3, 3]), specs, X)
