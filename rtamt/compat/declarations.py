@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from rtamt.compat.options import Language, Semantics, StlIOType
+from rtamt.compat.tree import ParsedFormulas
 from rtamt.compat.undeclared import check_declared
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
@@ -228,6 +229,13 @@ class AbstractSpecification:
             self.vars.add(name)
         self._parsed = parsed
         self._forget()
+
+    @property
+    def ast(self) -> ParsedFormulas:
+        """The formulas of the text, with their horizons and variables, to be read."""
+        if self._parsed is None:
+            return ParsedFormulas()
+        return ParsedFormulas.of(self._specification(), self._source, self.var_io_dict)
 
     def pastify(self) -> None:
         """Change nothing: formulas about the future are monitored as they are, with a latency."""
