@@ -19,6 +19,7 @@ from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import read_requirements, variables_of
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
 from rtamt_gym.recorded.readers import extensions, open_recording
+from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
     from rtamt_gym.recorded.judge import Rules
@@ -219,21 +220,24 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
         specs, traces = list(words[:at]), list(words[at + 1 :])
         if SEPARATOR in traces or not (specs and traces):
             raise InputError(
-                "expected SPEC... -- TRACE..., specifications before -- and traces behind"
+                "expected SPEC... -- TRACE..., specifications before -- and traces behind it"
             )
     else:
         specs, traces = list(words[:-1]), list(words[-1:])
-    as_trace = [word for word in specs if word.lower().endswith(_SURE)]
-    if as_trace:
-        behind = [*as_trace, *(trace for trace in traces if trace not in as_trace)]
-        way_out = f"; for several traces write SPEC... -- {' '.join(behind[:2])}"
-        way_out += " ..." if len(behind) > 2 else ""
-        raise InputError(f"expected a specification, got the trace {as_trace[0]}{way_out}")
     for word in traces:
         if word.endswith(".stl"):
             raise InputError(
                 f"expected a trace, got the specification {word}; specifications stand first"
             )
+    as_traces = [word for word in specs if word.lower().endswith(_SURE)]
+    if as_traces:
+        shown = " ".join(word for word in specs if word not in as_traces) or "SPEC..."
+        several = [*dict.fromkeys((*as_traces, *traces))]
+        more = " ..." if len(several) > 2 else ""
+        raise InputError(
+            f"expected a specification, got the trace {as_traces[0]}; for several traces write "
+            f"{shorten(shown, 60)} -- {' '.join(several[:2])}{more}"
+        )
     return specs, traces
 
 

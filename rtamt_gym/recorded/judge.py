@@ -139,7 +139,7 @@ class Judgement:
             str(
                 replace(
                     part,
-                    at=part.at and part.at + self.start,
+                    at=part.at + self.start,
                     begin=part.begin + self.start,
                     end=None if part.end is None else part.end + self.start,
                 )
@@ -203,9 +203,16 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
     if view == "step":
         return spec.always()
     if not spec.looks_ahead:
+        what, way_out = "the specification", ""
+        if spec.requirement is not None:
+            what = f"requirement {spec.requirement!r}"
+            way_out = (
+                "no other formula uses it, so that it is a requirement by itself: use it in "
+                "another, "
+            )
         raise SpecificationError(
-            "the specification speaks of the first sample only; "
-            f"write always({shorten(str(spec.formula), 60)}) or --view step"
+            f"{what} speaks of the first sample only; "
+            f"{way_out}write always({shorten(str(spec.formula), 60)}) or --view step"
         )
     return spec
 

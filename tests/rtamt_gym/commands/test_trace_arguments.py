@@ -1,0 +1,195 @@
+"""The arguments of `rtamt monitor` and `rtamt explain`: what they mean, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+TEXT = "const float limit = 30\nnear = always(gap > 2)\nslow = always(speed < limit)\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with requirements, traces, and a folder without traces."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "req.stl").write_text(TEXT)
+    for name in ("a.csv", "b.csv", "c.csv"):
+        (tmp_path / name).write_text("time,gap,speed\n0,5,20\n0.1,5,25\n0.25,5,20\n")
+    (tmp_path / "even.csv").write_text("time,gap,speed\n0,5,20\n0.1,5,25\n0.2,5,20\n")
+    (tmp_path / "none").mkdir()
+    (tmp_path / "none" / "notes.md").write_text("")
+    return tmp_path
+
+
+@pytest.mark.parametrize("command", ["monitor", "explain"])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            "req.stl a.csv b.csv",
+            (
+                "expected a specification, got the trace a.csv; for several traces write "
+                "req.stl -- a.csv b.csv"
+            ),
+        ),
+        (
+            "req.stl a.csv b.csv c.csv",
+            (
+                "expected a specification, got the trace a.csv; for several traces write "
+                "req.stl -- a.csv b.csv ..."
+            ),
+        ),
+        (
+            "a.csv b.csv",
+            (
+                "expected a specification, got the trace a.csv; for several traces write "
+                "SPEC... -- a.csv b.csv"
+            ),
+        ),
+        (
+            "a.csv -- b.csv",
+            (
+                "expected a specification, got the trace a.csv; for several traces write "
+                "SPEC... -- a.csv b.csv"
+            ),
+        ),
+        (
+            "a.csv req.stl",
+            "expected a trace, got the specification req.stl; specifications stand first",
+        ),
+        (
+            "req.stl -- a.csv req.stl",
+            "expected a trace, got the specification req.stl; specifications stand first",
+        ),
+        (
+            "req.stl --",
+            "expected SPEC... -- TRACE..., specifications before -- and traces behind it",
+        ),
+        (
+            "-- a.csv",
+            "expected SPEC... -- TRACE..., specifications before -- and traces behind it",
+        ),
+        (
+            "req.stl -- a.csv -- b.csv",
+            "expected SPEC... -- TRACE..., specifications before -- and traces behind it",
+        ),
+        ("req.stl -- no*.csv", "no file has a name like no*.csv"),
+        ("req.stl -- a.csv -", "expected - as the only trace, which is read from standard input"),
+        (
+            "req.stl -- a.csv --only nea",
+            "--only: no requirement is called 'nea'; did you mean 'near'?",
+        ),
+        (
+            "req.stl -- a.csv --only x",
+            "--only: no requirement is called 'x'; they are 'near', 'slow'",
+        ),
+        (
+            "req.stl a.csv --constant limt=3",
+            "--constant: no specification has the constant 'limt'; did you mean 'limit'?",
+        ),
+        (
+            "req.stl a.csv --constant limit",
+            "--constant: expected NAME=VALUE, such as limit=0.3, got 'limit'",
+        ),
+        (
+            "req.stl a.csv --constant limit=1 --constant limit=2",
+            "--constant: expected one 'limit', got two",
+        ),
+        ("req.stl a.csv --signal gap", None),
+        ("req.stl a.csv --end never", None),
+        ("req.stl a.csv --dense --period 1", None),
+    ],
+)
+def test_wrong_arguments_are_refused_at_once(
+    command: str, words: str, message: str | None, capsys: Output
+) -> None:
+    assert main([command, *words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    (line,) = err.splitlines()
+    if message is not None:
+        assert line == f"rtamt: error: {message}"
+
+
+def test_a_folder_without_traces_is_refused(capsys: Output) -> None:
+    assert main(["monitor", "req.stl", "--", "none"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err[:47]) == ("", "rtamt: error: none: expected files that end in ")
+    assert err.endswith(", found none\n")
+
+
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+def test_the_files_of_one_trace_are_not_written_of_several(option: str, capsys: Output) -> None:
+    assert main(["monitor", "req.stl", option, "r.png", "--", "a.csv", "even.csv"]) == 2
+    assert capsys.readouterr() == ("", f"rtamt: error: expected one trace for {option}, got 2\n")
+    assert not Path("r.png").exists()
+
+
+@pytest.mark.parametrize("option", ["--junit", "--markdown"])
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_judged(
+    option: str, capsys: Output
+) -> None:
+    assert main(["monitor", "req.stl", "even.csv", option, "no/out"]) == 2
+    assert capsys.readouterr() == (
+        "",
+        "rtamt: error: cannot write no/out: there is no folder no\n",
+    )
+
+
+def test_only_judges_the_requirements_that_it_names(capsys: Output) -> None:
+    assert main(["monitor", "req.stl", "even.csv", "--constant", "limit=10"]) == 1
+    assert main(["monitor", "req.stl", "even.csv", "--constant", "limit=10", "--only", "near"]) == 0
+    capsys.readouterr()
+    words = ["req.stl", "always(gap > 4)", "even.csv", "--only", "spec3", "--only", "near"]
+    assert main(["monitor", *words]) == 0
+    assert capsys.readouterr().out.startswith("near: SATISFIED, robustness 3")
+
+
+def test_a_column_that_only_other_requirements_read_may_be_missing(
+    folder: Path, capsys: Output
+) -> None:
+    (folder / "gap.csv").write_text("time,gap\n0,5\n1,5\n")
+    assert main(["monitor", "req.stl", "gap.csv"]) == 2
+    assert main(["monitor", "req.stl", "gap.csv", "--only", "near"]) == 0
+    capsys.readouterr()
+
+
+def test_each_text_gets_the_constants_that_it_names(folder: Path) -> None:
+    (folder / "other.stl").write_text("const float least = 3\nfar = always(gap > least)\n")
+    words = ["req.stl", "other.stl", "even.csv", "--constant"]
+    assert main(["monitor", *words, "limit=40"]) == 0
+    assert main(["monitor", *words, "least=5"]) == 1
+    assert main(["monitor", *words, "least=4", "--constant", "limit=25.1"]) == 0
+    assert main(["monitor", *words, "least=4", "--constant", "limit=25"]) == 1
+
+
+def test_a_constant_may_be_a_bound(folder: Path) -> None:
+    (folder / "bound.stl").write_text("const float T = 0.1\nsoon = eventually[0:T](speed > 22)\n")
+    assert main(["monitor", "bound.stl", "even.csv"]) == 0
+    assert main(["monitor", "bound.stl", "even.csv", "--constant", "T=0"]) == 1
+    assert main(["monitor", "bound.stl", "even.csv", "--constant", "T=0.15"]) == 2
+    words = ["even.csv", "--constant", "T=0.15", "--align", "inward"]
+    assert main(["monitor", "bound.stl", *words]) == 0
+    assert main(["explain", "bound.stl", *words]) == 0
+
+
+def test_a_period_is_read_once_and_for_all_traces(capsys: Output) -> None:
+    assert main(["monitor", "req.stl", "--period", "0", "--", "a.csv", "b.csv"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("rtamt: error: expected a period from 1e-300 to 1e300 s, or text ")
+    assert main(["monitor", "req.stl", "--period", "100ms", "--", "a.csv", "b.csv"]) == 0
+
+
+def test_two_requirements_of_one_name_are_told_apart_by_names(folder: Path, capsys: Output) -> None:
+    (folder / "other.stl").write_text("near = always(gap > 4)\n")
+    assert main(["monitor", "req.stl", "other.stl", "even.csv"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: expected one specification 'near', got two; name one of them\n"
+    )
+    assert main(["monitor", "req.stl", "more=other.stl", "even.csv"]) == 0
+    assert capsys.readouterr().out.splitlines()[2].startswith("more: SATISFIED, robustness 1, ")
+    assert main(["monitor", "all=req.stl", "other.stl", "even.csv", "--only", "all.slow"]) == 0

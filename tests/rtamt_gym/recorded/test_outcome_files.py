@@ -1,0 +1,290 @@
+"""Outcomes for CI: JUnit XML, Markdown, and JSON on standard output."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+import rtamt
+from rtamt_gym.__main__ import main
+from rtamt_gym.recorded.junit import to_junit
+from rtamt_gym.recorded.outcome import Failure, Matrix, Row
+
+Output = pytest.CaptureFixture[str]
+TEXT = """\
+near = always(gap > 2)
+answered = always(req >= 3 implies eventually[0:1](gnt >= 3))
+"""
+HEAD = "time,gap,req,gnt\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with a trace for each verdict and one that cannot be read."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "req.stl").write_text(TEXT)
+    (tmp_path / "good.csv").write_text(HEAD + "0,5,0,0\n0.5,4,4,0\n1,5,0,5\n")
+    (tmp_path / "near.csv").write_text(HEAD + "0,5,0,0\n0.5,1,0,0\n1,5,0,0\n")
+    (tmp_path / "open.csv").write_text(HEAD + "0,5,0,0\n0.5,4,4,0\n")
+    (tmp_path / "bad.csv").write_text(HEAD + "0,5,0\n")
+    return tmp_path
+
+
+TRACES = ["good.csv", "near.csv", "open.csv", "bad.csv"]
+EXPLAINED = """\
+robustness -1 at 0 s, decided by gap > 2 at 0.5 s
+
+   at  value  formula
+  0 s     -1  near = always(gap > 2)
+0.5 s     -1  gap > 2
+0.5 s      1  gap"""
+WHY_OPEN = "eventually[0:1](gnt >= 3) at 0.5 s: not recorded: 1 s to 1.5 s"
+WAY_OUT = "if the trace is all there is, --end complete says VIOLATED"
+BAD = "bad.csv, line 2: expected 4 values (time, gap, req, gnt), got 3"
+
+
+def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
+    folder: Path, capsys: Output
+) -> None:
+    assert main(["monitor", "req.stl", "--junit", "out.xml", "--", *TRACES]) == 2
+    assert capsys.readouterr().out.endswith("\noutcomes: out.xml\n")
+    root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
+    assert (root.tag, root.attrib) == (
+        "testsuites",
+        {"name": "rtamt", "tests": "8", "failures": "1", "errors": "2", "skipped": "1"},
+    )
+    counts = {
+        suite.get("name"): tuple(
+            suite.get(each) for each in ("tests", "failures", "errors", "skipped")
+        )
+        for suite in root
+    }
+    assert counts == {
+        "good.csv": ("2", "0", "0", "0"),
+        "near.csv": ("2", "1", "0", "0"),
+        "open.csv": ("2", "0", "0", "1"),
+        "bad.csv": ("2", "0", "2", "0"),
+    }
+    assert [each.tag for each in root[0]] == ["properties", "testcase", "testcase", "system-out"]
+    assert root[0][-1].text == "good.csv: 3 samples, one every 0.5 s, 0 s to 1 s"
+    said = {}
+    for case in root.iter("testcase"):
+        for found in case:
+            said[case.get("classname"), case.get("name")] = (found.tag, found.attrib, found.text)
+    assert said == {
+        ("near.csv", "near"): (
+            "failure",
+            {"message": "VIOLATED, robustness -1, certain from 0.5 s on", "type": "violation"},
+            f"always(gap > 2)\n\n{EXPLAINED}",
+        ),
+        ("open.csv", "answered"): (
+            "skipped",
+            {"message": f"{WHY_OPEN}; {WAY_OUT}"},
+            f"{rtamt.parse(TEXT).formula}\n\nUNDECIDED, robustness -1\n{WHY_OPEN}\n{WAY_OUT}",
+        ),
+        **{
+            ("bad.csv", name): ("error", {"message": BAD, "type": "error"}, BAD)
+            for name in ("near", "answered")
+        },
+    }
+
+
+def test_the_counts_of_junit_are_those_of_its_cases(folder: Path) -> None:
+    main(["monitor", "req.stl", "--junit", "out.xml", "--", *TRACES])
+    root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
+    tags = {"failures": "failure", "errors": "error", "skipped": "skipped", "tests": "testcase"}
+    for element in (root, *root):
+        for attribute, tag in tags.items():
+            assert element.get(attribute) == str(len(list(element.iter(tag))))
+
+
+def test_what_no_xml_may_hold_is_replaced() -> None:
+    name = "a\x1b[0m\ud800<&>\"'.csv"
+    failure = Failure("bad \x00 byte & <tag>")
+    data = to_junit(Matrix({"p": "x > 0"}, [Row(name, "", {"p": failure})]), {"end": "cut"})
+    root = ET.fromstring(data)  # noqa: S314 - our own
+    assert root[0].get("name") == "a\ufffd[0m\ufffd<&>\"'.csv"
+    error = root.find(".//error")
+    assert error is not None
+    assert (error.get("message"), error.text) == ("bad \ufffd byte & <tag>",) * 2
+
+
+def test_markdown_is_a_table_with_what_is_wrong_below(folder: Path, capsys: Output) -> None:
+    assert main(["monitor", "req.stl", "--markdown", "out.md", "--", *TRACES]) == 2
+    assert capsys.readouterr().out.endswith("\noutcomes: out.md\n")
+    assert (
+        (folder / "out.md").read_text()
+        == f"""\
+# ERROR
+
+4 traces, 2 requirements: 2 errors, 1 violated, 1 undecided, 4 satisfied{"  "}
+worst requirement: near, violated in 1 of 3 traces, least -1 in near.csv{"  "}
+worst trace: near.csv, 1 of 2 requirements violated, least -1 of near{"  "}
+
+| trace | verdict | near | answered |
+|---|---|---:|---:|
+| good.csv | SATISFIED | 2 | 2 |
+| near.csv | VIOLATED | -1 V | 3 |
+| open.csv | UNDECIDED | 2 | -1 U |
+| bad.csv | ERROR | E | E |
+
+numbers are robustness; V: violated, U: undecided, E: error, else satisfied.
+
+<details><summary>near.csv: near: VIOLATED, robustness -1, certain from 0.5 s on</summary>
+
+```
+always(gap > 2)
+
+{EXPLAINED}
+```
+
+</details>
+
+<details><summary>open.csv: answered: UNDECIDED, robustness -1</summary>
+
+```
+always(req >= 3 implies eventually[0:1](gnt >= 3))
+
+{WHY_OPEN}
+{WAY_OUT}
+```
+
+</details>
+
+<details><summary>bad.csv: near: error</summary>
+
+```
+{BAD}
+```
+
+</details>
+
+<details><summary>bad.csv: answered: error</summary>
+
+```
+{BAD}
+```
+
+</details>
+"""
+    )
+
+
+def test_names_are_no_markdown(folder: Path) -> None:
+    (folder / "a|b_c.csv").write_text((folder / "near.csv").read_text())
+    main(["monitor", "so_near = always(gap > 2)", "--markdown", "out.md", "--", "a|b_c.csv"])
+    lines = (folder / "out.md").read_text().splitlines()
+    assert "| trace | verdict | so\\_near |" in lines
+    assert "| a\\|b\\_c.csv | VIOLATED | -1 V |" in lines
+
+
+def test_only_some_cells_are_explained_in_markdown(folder: Path) -> None:
+    for i in range(60):
+        (folder / f"run{i}.csv").write_text((folder / "near.csv").read_text())
+    main(["monitor", "always(gap > 2)", "--markdown", "out.md", "--", "run*.csv"])
+    text = (folder / "out.md").read_text()
+    assert text.count("<details>") == 50
+    assert text.endswith("\n10 more are not explained here.\n")
+
+
+def strict(text: str) -> Any:  # noqa: ANN401
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
+    options = ["--json", "--junit", "out.xml"]
+    assert main(["monitor", "req.stl", *options, "--", "near.csv", "bad.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert err == f"outcomes: out.xml\nrtamt: error: {BAD}\n"
+    assert strict(out) == {
+        "rtamt": rtamt.__version__,
+        "end": "cut",
+        "view": "episode",
+        "semantics": "standard",
+        "time": "sampled",
+        "verdict": "ERROR",
+        "exit_code": 2,
+        "counts": {"error": 2, "violated": 1, "undecided": 0, "satisfied": 1},
+        "worst_requirement": "near",
+        "worst_trace": "near.csv",
+        "requirements": {
+            "near": "always(gap > 2)",
+            "answered": "always(req >= 3 implies eventually[0:1](gnt >= 3))",
+        },
+        "traces": [
+            {
+                "trace": "near.csv",
+                "verdict": "VIOLATED",
+                "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
+                "requirements": {
+                    "near": {
+                        "verdict": "VIOLATED",
+                        "robustness": -1.0,
+                        "lower": "-inf",
+                        "upper": -1.0,
+                        "certain_from": 0.5,
+                        "explanation": EXPLAINED,
+                    },
+                    "answered": {
+                        "verdict": "SATISFIED",
+                        "robustness": 3.0,
+                        "lower": 3.0,
+                        "upper": 3.0,
+                        "certain_from": None,
+                    },
+                },
+            },
+            {
+                "trace": "bad.csv",
+                "verdict": "ERROR",
+                "described": None,
+                "requirements": {
+                    "near": {"verdict": "ERROR", "error": BAD},
+                    "answered": {"verdict": "ERROR", "error": BAD},
+                },
+            },
+        ],
+    }
+
+
+def test_json_says_why_a_verdict_is_open_and_keeps_the_sign_of_zeros(
+    folder: Path, capsys: Output
+) -> None:
+    assert main(["monitor", "req.stl", "--json", "open.csv"]) == 3
+    cell = strict(capsys.readouterr().out)["traces"][0]["requirements"]["answered"]
+    assert (cell["not_recorded"], cell["way_out"]) == ([WHY_OPEN], WAY_OUT)
+    (folder / "zero.csv").write_text("x\n0\n")
+    assert main(["monitor", "always(x > 0)", "--json", "zero.csv"]) == 1
+    assert '"robustness": -0.0,' in capsys.readouterr().out
+
+
+def test_one_trace_that_cannot_be_read_is_in_the_files_too(folder: Path, capsys: Output) -> None:
+    assert main(["monitor", "req.stl", "--junit", "out.xml", "bad.csv"]) == 2
+    assert capsys.readouterr() == ("outcomes: out.xml\n", f"rtamt: error: {BAD}\n")
+    assert (folder / "out.xml").read_text().count("<error ") == 2
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_what_is_written_does_not_depend_on_the_number_of_processes(
+    dense: list[str], folder: Path
+) -> None:
+    written = set()
+    for workers in ("1", "3"):
+        command = [sys.executable, "-m", "rtamt_gym", "monitor", "req.stl", "-j", workers]
+        command += ["--json", "--junit", "out.xml", "--markdown", "out.md", *dense]
+        ran = subprocess.run(
+            [*command, "--", *TRACES], capture_output=True, text=True, check=False, cwd=folder
+        )
+        files = [(folder / name).read_text() for name in ("out.xml", "out.md")]
+        written.add((ran.returncode, ran.stdout, ran.stderr, *files))
+    assert len(written) == 1
+    assert next(iter(written))[0] == 2
