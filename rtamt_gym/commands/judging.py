@@ -109,10 +109,10 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
             cells[name] = _outcome(spec, judged, name, asked.rules, explain)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             cells[name] = _failure(error)
-    described = ""
-    if judged.trace is not None:
-        described = judge.described(judged.trace, judged.period)
-    return Row(judged.path, described, cells)
+    if judged.trace is None:
+        return Row(judged.path, "", cells)
+    described = judge.described(judged.trace, judged.period)
+    return Row(judged.path, described, cells, tuple(judged.trace.notes))
 
 
 def matrix_of(asked: Asked, rows: Sequence[Row]) -> Matrix:

@@ -94,7 +94,7 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     from rtamt_gym.recorded.report import report
 
     (row,) = matrix.rows
-    return [*report(judged.judgements, row.described), ""]
+    return [*report(judged.judgements, row.described, row.notes), ""]
 
 
 def _rules(asked: Asked) -> dict[str, str]:

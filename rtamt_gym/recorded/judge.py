@@ -167,17 +167,15 @@ class Judgement:
 
 
 def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
-    """Describes a trace in words: how many samples or events, its times, what was done to it."""
+    """Describes a trace in words: the number of its samples or events, its first and last time."""
     if isinstance(trace, EventTrace):
         begin, end = (time_text(time, trace.step) for time in trace.span)
         return f"{trace.source}: {_count(trace.events, 'event')}, {begin} to {end}"
     samples = f"{trace.source}: {_count(trace.samples, 'sample')}"
     if period is None:
-        words = f"{samples}, bounds count samples"
-    else:
-        begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
-        words = f"{samples}, one every {number(float(period))} s, {begin} to {end}"
-    return "\n".join([words, *trace.notes])
+        return f"{samples}, bounds count samples"
+    begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
+    return f"{samples}, one every {number(float(period))} s, {begin} to {end}"
 
 
 def _count(number: int, what: str) -> str:

@@ -44,7 +44,7 @@ def _suite(row: Row, formulas: Mapping[str, str], rules: Mapping[str, str]) -> E
         case = ET.SubElement(suite, "testcase", classname=_xml(row.trace), name=_xml(name))
         _say(case, cell, formulas[name])
     if row.described:
-        ET.SubElement(suite, "system-out").text = _xml(row.described)
+        ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))
     return suite
 
 

@@ -39,7 +39,7 @@ def matrix_lines(matrix: Matrix) -> list[str]:
 
 
 def summary(matrix: Matrix) -> Iterator[str]:
-    """Counts the outcomes in words, and names the worst requirement and the worst trace."""
+    """Counts the outcomes in words, names what is worst, and says if traces were read otherwise."""
     counts = ", ".join(f"{count} {word.lower()}" for word, count in _counted(matrix) if count)
     traces, formulas = len(matrix.rows), len(matrix.formulas)
     yield (
@@ -52,6 +52,9 @@ def summary(matrix: Matrix) -> Iterator[str]:
     ):
         if worst:
             yield f"worst {what}: {worst[0]}, {worst[1]}"
+    noted = [row for row in matrix.rows if row.notes]
+    if noted:
+        yield f"note on {noted[0].trace}{_more(len(noted))}: {'; '.join(noted[0].notes)}"
 
 
 def cell_text(cell: Outcome | Failure) -> str:
@@ -96,9 +99,13 @@ def _open(matrix: Matrix, name: str) -> list[str]:
     if not found:
         return []
     trace, cell = found[0]
-    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    head = textwrap.wrap(f"{name} is undecided in {trace}{more}", _WIDTH, subsequent_indent="    ")
+    said = f"{name} is undecided in {trace}{_more(len(found))}"
+    head = textwrap.wrap(said, _WIDTH, subsequent_indent="    ")
     return ["", *head, *undecided_lines(cell.not_recorded, cell.way_out)]
+
+
+def _more(count: int) -> str:
+    return f" and {count - 1} more" if count > 1 else ""
 
 
 def _cut(text: str, width: int) -> str:

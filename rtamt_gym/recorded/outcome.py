@@ -61,11 +61,13 @@ class Row:
         trace: The name of the trace.
         described: The number of its samples or events, and its times; empty if it was not read.
         cells: For each requirement its outcome, or why there is none.
+        notes: What was read otherwise than it is written, such as a trace that was resampled.
     """
 
     trace: str
     described: str
     cells: Mapping[str, Outcome | Failure]
+    notes: Sequence[str] = ()
 
     @property
     def outcomes(self) -> dict[str, Outcome]:

@@ -35,6 +35,7 @@ def to_json(matrix: Matrix, rules: Mapping[str, str]) -> str:
                 "trace": row.trace,
                 "verdict": row.word,
                 "described": row.described or None,
+                "notes": list(row.notes),
                 "requirements": {name: _cell(cell) for name, cell in row.cells.items()},
             }
             for row in matrix.rows

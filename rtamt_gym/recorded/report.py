@@ -11,13 +11,14 @@ from rtamt_gym.tables import shorten, table
 __all__ = ["report", "undecided_lines"]
 
 
-def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
+def report(judgements: Mapping[str, Judgement], trace: str, notes: Iterable[str] = ()) -> list[str]:
     """Writes judgements in words and as a table.
 
     Args:
         judgements: The judgements by name of the specification, which is shown if there are
             several.
         trace: A description of the trace.
+        notes: What was read otherwise than it is written.
     """
     several = len(judgements) > 1
     rows = [("spec", "formula", "at the start", "least", "at", "violated from")]
@@ -44,6 +45,7 @@ def report(judgements: Mapping[str, Judgement], trace: str) -> list[str]:
     return [
         *verdicts,
         trace,
+        *(line for note in notes for line in _wrapped(f"note: {note}", "")),
         "",
         *table(cells, "<<>>>>"),
     ]
@@ -56,16 +58,16 @@ def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
         not_recorded: What the verdict needs and the trace does not have.
         way_out: What would decide it; empty if it is decided.
     """
-    return [
-        line
-        for text in (*not_recorded, way_out)
-        for line in textwrap.wrap(
-            text,
-            width=80,
-            initial_indent="    ",
-            subsequent_indent="      ",
-            break_on_hyphens=False,
-            max_lines=3,
-            placeholder=" ...",
-        )
-    ]
+    return [line for text in (*not_recorded, way_out) for line in _wrapped(text, "    ")]
+
+
+def _wrapped(text: str, indent: str) -> list[str]:
+    return textwrap.wrap(
+        text,
+        width=80,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_on_hyphens=False,
+        max_lines=4,
+        placeholder=" ...",
+    )

@@ -133,7 +133,7 @@ def test_a_trace_that_cannot_be_read_keeps_no_other_from_being_judged(
     assert err == (
         "rtamt: error: runs/aa.csv, line 2, column 'req': expected a number, got 'x'\n"
         "rtamt: error: runs/bb.csv: no column 'speed', which the specification reads; "
-        "the columns are time, gap\n"
+        "the columns are time, gap; give --signal speed=COLUMN\n"
         "rtamt: error: cannot open no.csv: No such file or directory\n"
     )
 

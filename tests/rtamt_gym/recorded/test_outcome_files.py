@@ -225,6 +225,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
                 "trace": "near.csv",
                 "verdict": "VIOLATED",
                 "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
+                "notes": [],
                 "requirements": {
                     "near": {
                         "verdict": "VIOLATED",
@@ -247,6 +248,7 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
                 "trace": "bad.csv",
                 "verdict": "ERROR",
                 "described": None,
+                "notes": [],
                 "requirements": {
                     "near": {"verdict": "ERROR", "error": BAD},
                     "answered": {"verdict": "ERROR", "error": BAD},
