@@ -179,7 +179,8 @@ class Times:
                 f"say the unit with --time-unit ({', '.join(UNITS)})"
             )
         unit = UNITS[said or "s"]
-        since = _scaled(raw - raw[0], unit)
+        with np.errstate(over="ignore"):  # times so far apart are refused later, by their distance
+            since = _scaled(raw - raw[0], unit)
         most = float(np.abs(raw).max())
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(_scaled(raw[:1], unit)[0])

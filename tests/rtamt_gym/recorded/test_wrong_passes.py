@@ -112,3 +112,64 @@ def test_a_helper_that_nothing_uses_is_refused_by_its_name(capsys: Output) -> No
         "it, so that it is a requirement by itself: use it in another, write always(x > 6) or "
         "--view step\n"
     )
+
+
+# Times that were taken for something else. --------------------------------------------------------
+
+LATE = "always(req >= 3 implies eventually[0:1](gnt >= 3))"
+
+
+def write_late(folder: Path, column: str, step: float) -> None:
+    """A request at 1 s that is granted at 4 s, one sample a second."""
+    rows = [f"{i * step:.15g},{4 * (i == 1)},{4 * (i == 4)}" for i in range(8)]
+    (folder / "late.csv").write_text("\n".join([f"{column},req,gnt", *rows]))
+
+
+@pytest.mark.parametrize("column", ["time", "timestamp", "t", "stamp", "Time [s]"])
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_a_column_of_times_is_no_index(column: str, dense: list[str], folder: Path) -> None:
+    write_late(folder, column, 0.5)  # granted after 1.5 s, 3 samples
+    assert main(["monitor", LATE, "late.csv", *dense]) == 1
+    assert main(["monitor", LATE.replace("[0:1]", "[0:1.5]"), "late.csv", *dense]) == 0
+
+
+@pytest.mark.parametrize(
+    ("column", "options"),
+    [("timestamp_ns", []), ("timestamp", ["--time-unit", "ns"]), ("time [ns]", [])],
+)
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_nanoseconds_are_no_seconds(
+    column: str, options: list[str], dense: list[str], folder: Path, capsys: Output
+) -> None:
+    write_late(folder, column, 1e9)
+    assert main(["monitor", LATE, "late.csv", *options, *dense]) == 1
+    assert main(["monitor", LATE.replace("[0:1]", "[0:3]"), "late.csv", *options, *dense]) == 0
+    assert ", 0 s to 7 s\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("dense", [[], ["--dense"]])
+def test_times_that_can_hardly_be_seconds_need_a_unit(
+    dense: list[str], folder: Path, capsys: Output
+) -> None:
+    write_late(folder, "timestamp", 1e9)
+    assert main(["monitor", LATE, "late.csv", *dense]) == 2
+    assert "; say the unit with --time-unit, such as ns, ms or s\n" in capsys.readouterr().err
+
+
+def test_a_trace_that_was_resampled_says_so(folder: Path, capsys: Output) -> None:
+    (folder / "odd.csv").write_text("time,x\n0,6\n0.1,6\n0.2,7\n0.3,7\n0.45,6\n0.5,6\n")
+    assert main(["monitor", "always[0:0.2](x > 5)", "odd.csv"]) == 2
+    words = ["monitor", "always[0:0.2](x > 5)", "--jitter", "5%"]
+    capsys.readouterr()
+    assert main([*words, "odd.csv"]) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[2].startswith("note: resampled every 0.1 s by holding values: 1 of 6 ")
+    assert max(map(len, out.splitlines())) <= 80
+    (folder / "more.csv").write_text((folder / "odd.csv").read_text())
+    assert (
+        main([*words, "--junit", "o.xml", "--markdown", "o.md", "--", "odd.csv", "more.csv"]) == 0
+    )
+    said = "note on odd.csv and 1 more: resampled every 0.1 s by holding values: 1 of 6 rows"
+    assert said in " ".join(capsys.readouterr().out.split())
+    assert said in (folder / "o.md").read_text()
+    assert (folder / "o.xml").read_text().count("resampled every 0.1 s by holding values") == 2
