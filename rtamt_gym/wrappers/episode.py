@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 from rtamt import Explanation, StateError
 from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.explanations import chosen, titled
-from rtamt_gym.judges.infos import last_info, present
+from rtamt_gym.judges.infos import last_info, plain, present
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
 from rtamt_gym.wrappers.monitoring import Monitoring
 
@@ -99,10 +99,13 @@ class EpisodeMonitoring(Monitoring):
         self._assumed = next((name for name in undecided if panel.satisfies(name)), None)
         return bounds
 
-    def _last_keys(self, found: Found, *, reported: bool) -> dict[str, Any]:
-        """The keys that only a last info has; it may have reported an ``is_success`` already."""
-        panel = self._panel
-        return present(last_info(*found, panel.success, bool(panel.undecided), reported))
+    def _add_last(self, info: dict[str, Any], found: Found) -> None:
+        """Adds the keys that only a last info has; an ``is_success`` that it has already stays."""
+        panel, reported = self._panel, "is_success" in info
+        info.update(present(last_info(*found, panel.success, bool(panel.undecided), reported)))
+        if reported:
+            self._seen_success = True
+            info["is_success"] = plain(info["is_success"])
 
     def _found(self) -> Found:
         """The outcomes, the specification that was violated first, and the sample; -1 if none."""

@@ -339,10 +339,9 @@ class StlMonitor(
 
     def _conclude(self, info: dict[str, Any], terminated: bool, truncated: bool) -> None:  # noqa: FBT001 - as Gymnasium has them
         """Adds the keys that only the last info of an episode has, and records the episode."""
-        found, reported = self._found(), "is_success" in info
-        info.update(self._last_keys(found, reported=reported))
+        found = self._found()
+        self._add_last(info, found)
         self._record(found, terminated=terminated, truncated=truncated)
-        self._seen_success |= reported
 
 
 _float = np.float64

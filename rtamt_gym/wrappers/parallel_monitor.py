@@ -329,9 +329,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         """Adds the keys that only last infos have, and records the episode."""
         found = self._found()
         for agent in agents:
-            reported = "is_success" in infos[agent]
-            infos[agent].update(self._last_keys(found, reported=reported))
-            self._seen_success |= reported
+            self._add_last(infos[agent], found)
         self._record(found, terminated=terminated, truncated=truncated)
 
 
