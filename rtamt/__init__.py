@@ -22,6 +22,7 @@ from rtamt.errors import (
     StateError,
 )
 from rtamt.inputs.events import Events
+from rtamt.inputs.frames import unit_of_times
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
@@ -80,6 +81,7 @@ __all__ = [
     "load",
     "number",
     "parse",
+    "unit_of_times",
     "variable",
 ]
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Literal, NoReturn, cast
+from typing import Any, Literal, NoReturn, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, brief, is_one_of, name_text, nearest
+from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
 from rtamt.program.algebra import FUNCTIONS
 from rtamt.program.program import Const, Load, Map, Program
@@ -185,6 +186,7 @@ class SampleReader:
         self, data: Columns, sample: int = 0, *, n: int | None = None, extra: bool = False
     ) -> tuple[list[Floats], int]:
         """What `block` returns, with every nan still in it."""
+        data = cast("Columns", named_columns(data))
         if isinstance(data, Mapping) or hasattr(data, "keys"):
             named = cast("Mapping[str, object]", data)
             names: AbstractSet[str] = dict.fromkeys(map(name_text, named.keys())).keys()
@@ -316,7 +318,7 @@ def array_of_numbers(values: object, what: str) -> Floats:
     if isinstance(values, np.ma.MaskedArray):
         values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
-        array = np.asarray(values)
+        array = _array(values)
     except ValueError as ragged:
         raise InputTypeError(
             f"expected an array of numbers for {what}, got {kind_of(values)}"
@@ -325,6 +327,15 @@ def array_of_numbers(values: object, what: str) -> Floats:
         kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else kind_of(values)
         raise InputTypeError(f"expected an array of numbers for {what}, got {kind}")
     return array.astype(np.float64, copy=False)
+
+
+def _array(values: object) -> NDArray[Any]:
+    """The values as an array; a missing number of pandas is nan, as it is of polars and Arrow."""
+    if hasattr(values, "to_numpy") and hasattr(getattr(values, "dtype", None), "na_value"):
+        series = cast("Any", values)
+        if series.dtype.kind in "biuf":
+            return np.asarray(series.to_numpy(dtype=np.float64, na_value=np.nan))
+    return np.asarray(values)
 
 
 def line_of_numbers(values: object, what: str) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError
+from rtamt.inputs.frames import check_times
 from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import run_offline
@@ -33,9 +34,11 @@ def evaluate(
 
     Args:
         spec: Text, a formula, or a parsed specification.
-        data: A mapping (or data frame) of every variable to its n values, or of a message to n
-            messages; other names are ignored. Or an array of shape (n, variables).
-        period: As for `Monitor`.
+        data: A mapping of every variable to its n values, or of a message to n messages; a data
+            frame of pandas or polars, or a table of Arrow. Other names are ignored, except the
+            times of a frame. Or an array of shape (n, variables).
+        period: As for `Monitor`. A formula with bounds needs it for a frame with a column of times,
+            such as ``time`` or ``Time [s]``, or with an index of dates.
         n: The length, for a formula without variables.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
             for `Monitor`.
@@ -46,7 +49,7 @@ def evaluate(
     Raises:
         SpecificationError: As for `Monitor`, except that a future may have no end.
         InputError: As for `Monitor`, and on missing variables, an empty trace, columns of different
-            length, or a nan.
+            length, a nan, or times of a frame that would be ignored.
         InputTypeError: On values that are not real numbers.
 
     Example:
@@ -55,30 +58,31 @@ def evaluate(
     """
     _, _, backend, nan, _, program = compiled(evaluate, spec, period, options, online=False)
     reader = SampleReader(program, nan)
-    columns, length = raw_trace(reader, data, n)
+    columns, length = raw_trace(reader, data, n, period)
     machine = BACKENDS[backend].discrete_machine
     return run_offline(program, reader, machine, columns, length)
 
 
 def raw_trace(
-    reader: SampleReader, data: Columns, n: int | None
+    reader: SampleReader, data: Columns, n: int | None, period: Period | None
 ) -> tuple[list[NDArray[np.float64]], int]:
     """What `whole_trace` returns, with every nan still in it."""
     columns, length = reader.columns(data, n=n, extra=True)
     _require_sample(length)
+    if period is None and reader.program.specification.timed:
+        check_times(data, reader.variables)
     return columns, length
 
 
 def whole_trace(
-    reader: SampleReader, data: Columns, n: int | None
+    reader: SampleReader, data: Columns, n: int | None, period: Period | None
 ) -> tuple[list[NDArray[np.float64]], int]:
     """The columns of a whole trace, in the order of the variables, and its length, 1 or more.
 
     It raises the errors of `evaluate`.
     """
-    columns, length = reader.block(data, 0, (), n=n, extra=True)
-    _require_sample(length)
-    return columns, length
+    columns, length = raw_trace(reader, data, n, period)
+    return reader.without_nan(columns), length
 
 
 def _require_sample(length: int) -> None:

@@ -207,7 +207,7 @@ def explain(
         explain, observed, period, options, online=False
     )
     reader = SampleReader(program, nan)
-    columns, length = whole_trace(reader, data, n)
+    columns, length = whole_trace(reader, data, n, period)
     at = _place(sample, length)
     # What the result does not need decides nothing, and may have no value.
     idle, unknown = idle_registers(program), np.full(length, math.nan)

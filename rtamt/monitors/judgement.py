@@ -215,7 +215,7 @@ def judge(
         judge, spec, period, options, online=False
     )
     reader = SampleReader(program, nan)
-    columns, length = raw_trace(reader, signals, n)
+    columns, length = raw_trace(reader, signals, n, period)
     machine = BACKENDS[backend].discrete_machine
     foresight = Foresight.of(program, reader, machine, columns, length)
     worst, robustness = foresight.robustness()

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError
+from rtamt import InputError, unit_of_times
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows
 
-__all__ = ["TIME", "RawTimes", "Times", "find_times", "read_dates", "simple", "unit_in"]
+__all__ = ["TIME", "RawTimes", "Times", "find_times", "read_dates", "simple"]
 
 TIME = "time"
 """The column with the time of a sample or an event that is taken where several have times."""
@@ -25,44 +25,9 @@ TIME = "time"
 RawTimes = NDArray[Any]
 """Times as a file holds them: doubles, integers, or dates of ``datetime64[ns]``."""
 
-_WORDS = {
-    "ns": "ns nsec nsecs nanos nanosecond nanoseconds",
-    "us": "us µs μs usec usecs micros microsecond microseconds",
-    "ms": "ms msec msecs millis millisecond milliseconds",
-    "s": "s sec secs second seconds",
-    "min": "min mins minute minutes",
-    "h": "h hr hrs hour hours",
-}
-_UNIT_OF = {word: unit for unit, words in _WORDS.items() for word in words.split()}
-"""How the units are written in names of columns, in lower case."""
-
-_NAME = re.compile(
-    r"(?:time|timestamp|time[ _]stamp|stamp|datetime|t)s?"
-    r"(?:\s*[\[(]\s*(?P<inside>[^\])]*?)\s*[\])]|[\s_/.-]+(?P<behind>[^\W\d_]+))?",
-    re.IGNORECASE,
-)
-
 _ABSURD_STEP, _ABSURD_TIME = 1e3, 1e11
 """Seconds between samples, and since 1970 or a start, from which on a number of unknown unit is no
 number of seconds: samples of 1 kHz in ns are 10^6 apart, a date in ms is above 10^12."""
-
-
-def unit_in(name: str) -> str | None:
-    """The unit in the name of a column of times; empty if it has none, None if it has no times.
-
-    Example:
-        >>> [unit_in(name) for name in ("Time [s]", "timestamp_ns", "t", "stamp", "time (us)")]
-        ['s', 'ns', '', '', 'us']
-        >>> [unit_in(name) for name in ("time_zone", "T", "timer", "Time [ticks]")]
-        [None, None, None, 'ticks']
-    """
-    found = _NAME.fullmatch(name)
-    if found is None or name in ("T", "Ts", "ts", "TS"):  # rather a temperature, or a setting time
-        return None
-    inside, behind = found["inside"], found["behind"]
-    if inside is not None:
-        return _UNIT_OF.get(inside.lower(), inside)
-    return _UNIT_OF.get(behind.lower()) if behind else ""
 
 
 def find_times(recording: Recording, columns: Columns) -> str | None:
@@ -84,10 +49,10 @@ def find_times(recording: Recording, columns: Columns) -> str | None:
         return columns.time
     if TIME in names:
         return TIME
-    found = [name for name in names if unit_in(name) is not None]
+    found = [name for name in names if unit_of_times(name) is not None]
     if not found:
         parts = {name: re.split(r"[./]", name)[-1] for name in names}
-        found = [n for n, last in parts.items() if last != "t" and unit_in(last) is not None]
+        found = [n for n, last in parts.items() if last != "t" and unit_of_times(last) is not None]
     if len(found) > 1:
         raise InputError(
             f"{recording.source}: expected one column of times, got {listing(found)}; "
@@ -172,7 +137,7 @@ class Times:
             whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
             return Times(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True)
-        said = columns.time_unit or unit_in(column) or ""
+        said = columns.time_unit or unit_of_times(column) or ""
         if said and said not in UNITS:
             raise InputError(
                 f"{rows.source}, column '{column}': expected a unit of time, got {said!r}; "

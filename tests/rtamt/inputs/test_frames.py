@@ -1,0 +1,132 @@
+"""Data frames of pandas and polars and tables of Arrow are read as mappings are."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+from numpy.typing import NDArray
+
+import rtamt
+
+SPEC = "always[0:2](x > 1 implies y < 3)"
+
+Make = Callable[[Mapping[str, Any]], Any]
+FRAMES: Mapping[str, Make] = {
+    "pandas": lambda data: pd.DataFrame(dict(data)),
+    "pandas nullable": lambda data: pd.DataFrame(dict(data)).convert_dtypes(),
+    "pandas on arrow": lambda data: pd.DataFrame(dict(data)).convert_dtypes(
+        dtype_backend="pyarrow"
+    ),
+    "polars": lambda data: pl.DataFrame(dict(data)),
+    "arrow": lambda data: pa.table(dict(data)),
+    "arrow batch": lambda data: pa.RecordBatch.from_pydict(dict(data)),
+}
+
+
+@pytest.fixture(params=[*FRAMES])
+def make(request: pytest.FixtureRequest) -> Make:
+    return FRAMES[request.param]
+
+
+@pytest.fixture
+def columns() -> dict[str, NDArray[Any]]:
+    rng = np.random.default_rng(1)
+    return {"y": rng.integers(0, 5, 40), "note": np.array(["a"] * 40), "x": rng.normal(size=40)}
+
+
+def test_a_frame_is_judged_as_a_mapping_is(make: Make, columns: dict[str, NDArray[Any]]) -> None:
+    frame = make(columns)
+    assert rtamt.evaluate(SPEC, frame).tolist() == rtamt.evaluate(SPEC, columns).tolist()
+    assert str(rtamt.judge(SPEC, frame)) == str(rtamt.judge(SPEC, columns))
+    assert str(rtamt.explain(SPEC, frame, "10ms")) == str(rtamt.explain(SPEC, columns, "10ms"))
+
+
+def test_a_missing_number_is_nan(make: Make) -> None:
+    frame = make({"x": [5, None, 3]})
+    assert rtamt.evaluate("x > 1", frame, nan="hold").tolist() == [4.0, 4.0, 2.0]
+    with pytest.raises(rtamt.InputError, match="variable 'x' is nan at sample 1"):
+        rtamt.evaluate("x > 1", frame)
+
+
+def test_missing_columns_and_text_are_refused(make: Make) -> None:
+    with pytest.raises(rtamt.InputError, match="got none for 'x'; the variables are x, y"):
+        rtamt.evaluate(SPEC, make({"y": [1.0], "z": [2.0]}))
+    with pytest.raises(rtamt.InputTypeError, match="expected an array of numbers for 'x'"):
+        rtamt.evaluate("x > 1", make({"x": ["1.5", "2"]}))
+
+
+STAMPS = pd.date_range("2024-05-01", periods=4, freq="10ms").to_numpy()
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "begin"),
+    [
+        ("time", [0.0, 0.1, 0.2, 0.3], ("0.0", "0.1")),
+        ("Time [s]", [0.0, 0.1, 0.2, 0.3], ("0.0", "0.1")),
+        ("timestamp_ns", [5, 10, 15, 20], ("5", "10")),
+        ("recorded", STAMPS, ("2024-05-01 00:00:00", "2024-05-01 00:00:00.010000")),
+    ],
+)
+def test_times_of_a_frame_are_never_ignored_in_silence(
+    make: Make, name: str, times: object, begin: tuple[str, str]
+) -> None:
+    frame = make({"x": [5.0, 4.0, 3.0, 0.0], name: times})
+    for call in (rtamt.evaluate, rtamt.judge, rtamt.explain):
+        with pytest.raises(rtamt.InputError) as caught:
+            call("always[0:1](x > 1)", frame)
+        assert str(caught.value) == (
+            f"expected a period, because the data frame has a column of times '{name}', which "
+            f"begins with {begin[0]} and {begin[1]}; pass period=, the time between two samples, "
+            "or drop it to count bounds in samples"
+        )
+    # With a period it says nothing else, and a formula without bounds needs none.
+    assert rtamt.evaluate("always[0:1](x > 1)", frame, period=1).tolist() == [3.0, 2.0, -1.0, -1.0]
+    assert rtamt.evaluate("always(x > 1)", frame).tolist() == [-1.0] * 4
+
+
+def test_a_column_that_the_formula_reads_is_not_ignored(make: Make) -> None:
+    frame = make({"t": [21.0, 22.0, 25.0]})
+    assert rtamt.evaluate("always[0:1](t > 20)", frame).tolist() == [1.0, 2.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    "index",
+    [
+        pd.DatetimeIndex(STAMPS),
+        pd.to_timedelta([0, 1, 2, 3], unit="s"),
+        pd.Index([0.0, 0.1, 0.2, 0.3], name="time"),
+    ],
+)
+def test_an_index_of_times_is_not_ignored(index: pd.Index) -> None:
+    frame = pd.DataFrame({"x": [5.0, 4.0, 3.0, 0.0]}, index=index)
+    with pytest.raises(rtamt.InputError) as caught:
+        rtamt.evaluate("always[0:1](x > 1)", frame)
+    begin = "expected a period, because the data frame has an index of times, which begins with "
+    end = "; pass period=, the time between two samples, or reset_index(drop=True) to count bounds"
+    assert str(caught.value).startswith(begin)
+    assert str(caught.value).endswith(f"{end} in samples")
+    counted = rtamt.evaluate("always[0:1](x > 1)", frame.reset_index(drop=True))
+    assert counted.tolist() == [3.0, 2.0, -1.0, -1.0]
+
+
+def test_a_frame_that_is_not_read_yet_is_refused() -> None:
+    with pytest.raises(rtamt.InputTypeError) as caught:
+        rtamt.evaluate("always(x > 1)", pl.LazyFrame({"x": [1.0]}))  # type: ignore[arg-type]
+    assert str(caught.value) == (
+        "expected a data frame, got a LazyFrame, which is not read yet; pass its collect()"
+    )
+
+
+def test_no_library_of_frames_is_imported() -> None:
+    code = (
+        "import sys, rtamt; rtamt.evaluate('x > 1', {'x': [1.0]});"
+        "print(sorted({'pandas', 'polars', 'pyarrow', 'narwhals'} & {*sys.modules}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"

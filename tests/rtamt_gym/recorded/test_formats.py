@@ -1,0 +1,244 @@
+"""Every format of recorded traces keeps one contract."""
+
+import gzip
+import json
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.feather
+import pyarrow.parquet as pq
+import pytest
+from asammdf import MDF, Signal
+from numpy.typing import NDArray
+from scipy.io import savemat
+
+import rtamt
+from rtamt_gym.recorded import csv_reader
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.csv_reader import CsvRecording
+from rtamt_gym.recorded.readers import extensions, open_recording
+from rtamt_gym.recorded.trace import Trace, read_events, read_trace
+
+Table = Mapping[str, NDArray[Any]]
+Write = Callable[[Path, Table], object]
+
+N = 50
+TABLE: Table = {
+    "time": np.arange(N) / 8,
+    "speed": np.sin(np.arange(N)),
+    "gear": np.arange(N) % 5,
+}
+
+
+def separated(table: Table, mark: str = ",") -> str:
+    """The text of a table; nan is an empty cell."""
+    rows = zip(*(column.tolist() for column in table.values()), strict=True)
+    cells = (mark.join("" if np.isnan(cell) else repr(cell) for cell in row) for row in rows)
+    return "\n".join([mark.join(table), *cells, ""])
+
+
+def arrow(table: Table) -> pa.Table:
+    return pa.table({name: pa.array(column, from_pandas=True) for name, column in table.items()})
+
+
+def write_lines(path: Path, table: Table) -> None:
+    rows = zip(*(column.tolist() for column in table.values()), strict=True)
+    dicts = ({n: c for n, c in zip(table, row, strict=True) if not np.isnan(c)} for row in rows)
+    path.write_text("\n".join(map(json.dumps, dicts)))
+
+
+def write_mdf(path: Path, table: Table) -> None:
+    with MDF() as file:
+        for name, column in table.items():
+            given = ~np.isnan(column.astype(float))
+            if name != "time":
+                file.append(Signal(column[given], table["time"][given].astype(float), name=name))
+        file.save(path, overwrite=True)
+
+
+WRITERS: Mapping[str, Write] = {
+    ".csv": lambda path, table: path.write_text(separated(table)),
+    ".csv.gz": lambda path, table: path.write_bytes(gzip.compress(separated(table).encode())),
+    ".tsv": lambda path, table: path.write_text(separated(table, "\t")),
+    ".txt": lambda path, table: path.write_text(separated(table, ";")),
+    ".parquet": lambda path, table: pq.write_table(arrow(table), path),
+    ".feather": lambda path, table: pa.feather.write_feather(arrow(table), path),
+    ".arrow": lambda path, table: pa.feather.write_feather(arrow(table), path),
+    ".ndjson": write_lines,
+    ".jsonl": write_lines,
+    ".npz": lambda path, table: np.savez(path, allow_pickle=False, **table),
+    ".mat": lambda path, table: savemat(path, dict(table)),
+    ".mf4": write_mdf,
+}
+
+TIMED_BY_ITSELF = {".mf4"}
+"""Formats with times of their own, in seconds."""
+
+
+@pytest.fixture(params=[*WRITERS])
+def extension(request: pytest.FixtureRequest) -> str:
+    found: str = request.param
+    return found
+
+
+def read(path: Path, variables: Sequence[str], columns: Columns | None = None) -> Trace:
+    with open_recording(str(path), columns) as recording:
+        return read_trace(recording, variables, columns)
+
+
+def test_every_extension_is_tested() -> None:
+    # asammdf saves no other version of the format under the older name.
+    assert {*extensions()} == {*WRITERS, ".mdf"}
+
+
+def test_a_trace_comes_back_as_it_was_written(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"Trace{extension}"
+    WRITERS[extension](path, TABLE)
+    trace = read(path, ["gear", "speed"])
+    assert trace.samples == N
+    assert [*trace.columns] == ["gear", "speed"]
+    for name, values in trace.columns.items():
+        assert values.dtype == np.float64
+        assert values.tolist() == TABLE[name].tolist()
+    assert (trace.period(), trace.start, [*trace.notes]) == (Fraction(1, 8), 0.0, [])
+    with open_recording(str(path)) as recording:
+        events = read_events(recording, ["speed"])
+    times, values = events.signals["speed"]
+    assert times.tolist() == TABLE["time"].tolist()
+    assert values.tolist() == TABLE["speed"].tolist()
+
+
+def test_empty_cells_are_refused_held_dropped_or_no_events(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"gaps{extension}"
+    gaps = {name: column.copy() for name, column in TABLE.items()}
+    gaps["speed"][[3, 4, 9]] = np.nan
+    WRITERS[extension](path, gaps)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["speed", "gear"])
+    row = "line 5" if extension in (".csv", ".csv.gz", ".tsv", ".txt") else "row 4"
+    assert f"gaps{extension}, {row}, column 'speed': expected a number, got " in str(caught.value)
+    assert str(caught.value).endswith("; give --missing hold or --missing drop")
+
+    held = read(path, ["speed", "gear"], Columns(missing="hold"))
+    expected = TABLE["speed"].copy()
+    expected[[3, 4, 9]] = expected[[2, 2, 8]]
+    assert held.columns["speed"].tolist() == expected.tolist()
+    assert held.columns["gear"].tolist() == TABLE["gear"].tolist()
+    assert [*held.notes] == ["empty cells hold the value before (speed: 3)"]
+
+    dropped = read(path, ["speed", "gear"], Columns(missing="drop"))
+    kept = np.delete(np.arange(N), [3, 4, 9])
+    assert dropped.columns["gear"].tolist() == TABLE["gear"][kept].tolist()
+    assert [*dropped.notes] == ["3 rows with an empty cell left out"]
+    with pytest.raises(rtamt.InputError, match="expected samples at even distances"):
+        dropped.period()
+
+    with open_recording(str(path)) as recording:
+        times, _ = read_events(recording, ["speed", "gear"]).signals["speed"]
+    assert times.tolist() == TABLE["time"][kept].tolist()
+
+
+def test_nanoseconds_are_not_taken_for_seconds(extension: str, tmp_path: Path) -> None:
+    if extension in TIMED_BY_ITSELF:
+        extension = ".csv"
+    start = 1_700_000_000_000_000_000
+    stamps = start + np.arange(N) * 10_000_000
+    path = tmp_path / f"stamped{extension}"
+    WRITERS[extension](path, {"timestamp": stamps, "speed": TABLE["speed"]})
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["speed"]).period()
+    assert str(caught.value) == (
+        f"{path}: expected times in seconds in the column 'timestamp', got 1e+07 s apart; "
+        "say the unit with --time-unit, such as ns, ms or s"
+    )
+    trace = read(path, ["speed"], Columns(time_unit="ns"))
+    assert (trace.period(), trace.start) == (Fraction(1, 100), start / 1e9)
+    WRITERS[extension](path, {"time_ns": stamps, "speed": TABLE["speed"]})
+    assert read(path, ["speed"]).period() == Fraction(1, 100)
+
+
+def test_what_is_not_in_the_format_is_refused(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"bad{extension}"
+    path.write_bytes(b"\xe4\x00nothing" * 20)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["speed"])
+    assert str(caught.value).startswith(f"{path}: expected ")
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
+        read(path, ["speed"])
+
+
+def test_a_missing_column_is_named_in_every_format(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"trace{extension}"
+    WRITERS[extension](path, TABLE)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, ["sped"])
+    assert str(caught.value) == (
+        f"{path}: no column 'sped', which the specification reads; "
+        "the columns are time, speed, gear; did you mean 'speed'?"
+    )
+
+
+def test_vectors_of_matlab_may_lie_and_structures_have_dotted_names(tmp_path: Path) -> None:
+    path = tmp_path / "m.mat"
+    lying = {"t": TABLE["time"][None, :], "car": {"speed": TABLE["speed"][None, :], "mass": 3.0}}
+    savemat(path, lying)
+    trace = read(path, ["car.speed"])
+    assert trace.columns["car.speed"].tolist() == TABLE["speed"].tolist()
+    assert trace.period() == Fraction(1, 8)
+    savemat(path, {"t": TABLE["time"], "speed": TABLE["speed"][1:]})
+    with pytest.raises(rtamt.InputError, match=r"columns of one length, got speed: 49, t: 50$"):
+        read(path, ["speed"])
+
+
+def test_a_long_text_is_read_by_the_library_as_a_short_one_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texts = [
+        "time,x\n0,1\n\n0.5,+2\n1.0,1e3\n1.5,-inf\n",
+        " time , x \n0, 1\n1,2 \n",
+        'x;time\n"1,5";0\n2,25;0,5\n',
+        "time,x\n2024-01-01T00:00:00.123456789Z,1\n2024-01-01T00:00:01+00:00,3\n",
+        "timestamp [us],x\n1700000000000001,1\n1700000000000003,2\n",
+        "\ufeffx,x2\n1,\n2,3\n",
+        "time,x\n0,1\n1,1_0\n",
+        "time,x\n0,1\n1,nan\n",
+        "time,x\n0,1\n1,٣\n",
+        "time,x\n0,1\n1,\n",
+        "time,x\n0,1\n1,2,3\n",
+        "time,x\n0,1\nnan,3\n",
+        "\n\ntime,x\n0,1\n\n\n1,x\n",
+        "time;x\n0,1;1,5\n0,2;1.5\n",
+        "time,x\n2024-01-01T00:00:00Z,1\n2024-13-01T00:00:00Z,3\n",
+        "time,x\n0,1\n",
+    ]
+    path = tmp_path / "t.csv"
+    for text in texts:
+        path.write_text(text, encoding="utf-8")
+        for columns in (Columns(), Columns(missing="hold")):
+            said: list[object] = []
+            for long in (1 << 30, 0):
+                monkeypatch.setattr(csv_reader, "_LONG", long)
+                try:
+                    trace = read(path, ["x"], columns)
+                    times = None if trace.times is None else trace.times.since.tolist()
+                    where = [trace.where(i) for i in range(trace.samples)]
+                    said.append((trace.columns["x"].tolist(), times, where, [*trace.notes]))
+                except rtamt.InputError as error:
+                    said.append(str(error))
+            assert said[0] == said[1], text
+
+
+def test_the_library_reads_what_needs_no_help(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_reader, "_LONG", 0)
+    monkeypatch.delattr(CsvRecording, "_read_blocks")
+    for extension in (".csv", ".csv.gz", ".tsv", ".txt"):
+        path = tmp_path / f"long{extension}"
+        WRITERS[extension](path, TABLE)
+        assert read(path, ["speed"]).columns["speed"].tolist() == TABLE["speed"].tolist()
