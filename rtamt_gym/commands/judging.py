@@ -75,7 +75,8 @@ def judge_files(
         asked: The requirements and the rules.
         paths: The names of the traces.
         workers: The number of processes.
-        explain: The verdicts that are explained.
+        explain: The verdicts that are explained. If there are any, the outcomes say too from when
+            on they were certain, which costs as much as the verdict.
     """
     task = partial(_row_of_file, asked, explain)
     rows = []
@@ -173,8 +174,8 @@ def _outcome(
         judgement.verdict,
         judgement.found.robustness,
         (judgement.found.lower, judgement.found.upper),
-        str(judgement),
-        judgement.certain_from,
+        str(judgement) if explain else "",
+        judgement.certain_from if explain else None,
         judgement.not_recorded,
         judgement.way_out,
         explanation,

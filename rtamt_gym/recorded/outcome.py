@@ -23,7 +23,8 @@ class Outcome:
         verdict: The verdict.
         robustness: The robustness if the trace is all there is.
         bounds: The least and the greatest robustness that the reading of the end leaves possible.
-        text: The verdict in words, with the time from which on it was certain.
+        text: The verdict in words, with the time from which on it was certain; empty if nothing was
+            to be explained.
         certain_from: That time in seconds, in samples without a period; None: the end of the trace.
         not_recorded: What an open verdict needs and the trace does not have.
         way_out: What would decide an open verdict; else empty.
