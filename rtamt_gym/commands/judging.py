@@ -113,7 +113,11 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
     if judged.trace is None:
         return Row(judged.path, "", cells)
     described = judge.described(judged.trace, judged.period)
-    return Row(judged.path, described, cells, tuple(judged.trace.notes))
+    notes = [*judged.trace.notes]
+    timed = any(spec.timed for spec in asked.specs.values())
+    if timed and judged.period is None and isinstance(judged.trace, Trace):
+        notes.append("no column is one of times, so that bounds count samples")
+    return Row(judged.path, described, cells, notes)
 
 
 def matrix_of(asked: Asked, rows: Sequence[Row]) -> Matrix:

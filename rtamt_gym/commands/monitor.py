@@ -89,12 +89,12 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
         from rtamt_gym.recorded.matrix import matrix_lines
 
         return [*matrix_lines(matrix), ""]
-    if not judged.judgements:
+    if judged.trace is None or not judged.judgements:
         return []
     from rtamt_gym.recorded.report import report
 
     (row,) = matrix.rows
-    return [*report(judged.judgements, row.described, row.notes), ""]
+    return [*report(judged.judgements, row.described, judged.trace.notes), ""]
 
 
 def _rules(asked: Asked) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
         "specs",
         nargs="+",
         metavar="SPEC",
-        help="the path of a .stl file, name=path, or a formula; every requirement is judged, which "
-        "is a formula that no other formula of its text uses",
+        help="the path of a .stl file or of a folder of them, name=path, or a formula; every "
+        "requirement is judged, which is a formula that no other formula of its text uses",
     )
     *others, last = extensions()
     parser.add_argument(
@@ -158,7 +159,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
 
     specs, traces = _divided([*options.specs, options.trace])
     found = _found(traces)
-    requirements = read_requirements(specs, _constants(options.constant))
+    texts = [p for word in specs for p in _files(word, [".stl"], pattern=word.endswith(".stl"))]
+    requirements = read_requirements(texts, _constants(options.constant))
     requirements = _only(requirements, options.only)
     for spec in requirements.values():
         viewed(spec, options.view)
@@ -247,27 +249,40 @@ def _found(words: Sequence[str]) -> list[str]:
     Raises:
         InputError: If a folder has no trace, a pattern names no file, or stdin is not alone.
     """
-    found: list[str] = []
-    for word in words:
-        path = Path(word)
-        paths = [word]
-        if re.search(r"[*?\[]", word) and not path.exists():
-            paths = sorted(glob(word, recursive=True))  # noqa: PTH207 - keeps "./" as it was written
-            if not paths:
-                raise InputError(f"no file has a name like {word}")
-        for each in paths:
-            found += _in_folder(Path(each)) if Path(each).is_dir() else [each]
+    found = [path for word in words for path in _files(word, extensions(), pattern=True)]
     if "-" in found and len(found) > 1:
         raise InputError("expected - as the only trace, which is read from standard input")
     return list(dict.fromkeys(found))
 
 
-def _in_folder(folder: Path) -> list[str]:
-    known = tuple(extensions())
-    found = sorted(str(path) for path in folder.iterdir() if path.name.lower().endswith(known))
-    if not found:
-        raise InputError(f"{folder}: expected files that end in {', '.join(known)}, found none")
-    return found
+def _files(word: str, ends: Sequence[str], *, pattern: bool) -> list[str]:
+    """The word itself, or the files with some ends in the folder or the pattern that it names.
+
+    Args:
+        word: The word.
+        ends: The ends of the names of files that are read in folders.
+        pattern: Whether ``*``, ``?`` and ``[`` make the word a pattern, if it is no file.
+
+    Raises:
+        InputError: If there is no such file in the folder, or none with a name like the pattern.
+    """
+    paths = [word]
+    if pattern and re.search(r"[*?\[]", word) and not os.path.exists(word):  # noqa: PTH110 - "./"
+        paths = sorted(glob(word, recursive=True))  # noqa: PTH207 - stays as it was written
+        if not paths:
+            raise InputError(f"no file has a name like {word}")
+    files = []
+    for path in paths:
+        if not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
+            files.append(path)
+            continue
+        inside = sorted(
+            str(f) for f in Path(path).iterdir() if f.name.lower().endswith(tuple(ends))
+        )
+        if not inside:
+            raise InputError(f"{path}: expected files that end in {', '.join(ends)}, found none")
+        files += inside
+    return files
 
 
 def _only(

@@ -193,3 +193,32 @@ def test_two_requirements_of_one_name_are_told_apart_by_names(folder: Path, caps
     assert main(["monitor", "req.stl", "more=other.stl", "even.csv"]) == 0
     assert capsys.readouterr().out.splitlines()[2].startswith("more: SATISFIED, robustness 1, ")
     assert main(["monitor", "all=req.stl", "other.stl", "even.csv", "--only", "all.slow"]) == 0
+
+
+def test_specifications_may_stand_in_folders_and_patterns_too(folder: Path, capsys: Output) -> None:
+    (folder / "texts").mkdir()
+    (folder / "texts" / "a.stl").write_text(TEXT)
+    (folder / "texts" / "b.stl").write_text("far = always(gap > 1)\n")
+    (folder / "texts" / "notes.md").write_text("")
+    said = []
+    for specs in (["texts/a.stl", "texts/b.stl"], ["texts"], ["texts/*.stl"]):
+        assert main(["monitor", *specs, "even.csv"]) == 0
+        said.append(capsys.readouterr().out)
+    assert len(set(said)) == 1
+    assert main(["monitor", "none", "even.csv"]) == 2
+    assert main(["monitor", "no*.stl", "even.csv"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: none: expected files that end in .stl, found none\n"
+        "rtamt: error: no file has a name like no*.stl\n"
+    )
+
+
+def test_a_table_says_that_bounds_count_samples(folder: Path, capsys: Output) -> None:
+    for name in ("x.csv", "y.csv"):
+        (folder / name).write_text("gap\n5\n5\n5\n")
+    note = "note on x.csv and 1 more: no column is one of times, so that bounds count samples"
+    assert main(["monitor", "always[0:2](gap > 4)", "--", "x.csv", "y.csv"]) == 0
+    assert note in " ".join(capsys.readouterr().out.split())
+    for words in (["always[0:2](gap > 4)", "--period", "1"], ["always(gap > 4)"]):
+        assert main(["monitor", *words, "--", "x.csv", "y.csv"]) == 0
+        assert "note on" not in capsys.readouterr().out
