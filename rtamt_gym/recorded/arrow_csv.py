@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
+from rtamt_gym.recorded.arrow_columns import floats_of, is_number, is_time, raw_times_of
 from rtamt_gym.recorded.recording import Floats, Wanted
 from rtamt_gym.recorded.times import RawTimes
 
@@ -51,9 +52,9 @@ def read_text(text: Text, wanted: Wanted) -> Read | None:
         return None
     numbers = {}
     for name in wanted.numbers:
-        values = _numbers(table[name])
-        if values is None:
+        if not is_number(table[name].type):  # the column of times, which is read as it looks
             return None
+        values = floats_of(table[name])
         absent = int(np.isnan(values).sum())
         allowed = len(values) if wanted.nan else table[name].null_count
         if absent > (allowed if name in wanted.gaps else 0):
@@ -97,19 +98,9 @@ def _table(text: Text, wanted: Wanted) -> pa.Table | None:
     return table.rename_columns(names)
 
 
-def _numbers(column: pa.ChunkedArray) -> Floats | None:
-    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-        return None
-    values: Floats = column.to_numpy().astype(np.float64, copy=False)
-    return values
-
-
 def _times(column: pa.ChunkedArray) -> RawTimes | None:
-    if pa.types.is_timestamp(column.type):
-        column = column.cast(pa.timestamp("ns", column.type.tz))
-    elif not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+    kind = column.type
+    if column.null_count or not (is_number(kind) or is_time(kind)):
         return None
-    times: RawTimes = column.to_numpy()
-    return (
-        None if column.null_count or (times.dtype.kind == "f" and np.isnan(times).any()) else times
-    )
+    times = raw_times_of(column)
+    return None if times.dtype.kind == "f" and np.isnan(times).any() else times

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.feather
 import pyarrow.json
@@ -13,6 +14,7 @@ import pyarrow.parquet as pq
 
 from rtamt import InputError
 from rtamt_gym.recorded.arrays import check_gaps, times_of
+from rtamt_gym.recorded.arrow_columns import floats_of, is_number, is_time, raw_times_of
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.times import RawTimes
@@ -94,7 +96,7 @@ class ArrowRecording:
 
         numbers = {name: self._numbers(table[name], name) for name in wanted.numbers}
         for name, values in numbers.items():
-            absent = table[name].is_null().to_numpy() if table[name].null_count else ()
+            absent = table[name].is_null().to_pylist() if table[name].null_count else ()
             check_gaps(values, wanted, name, where, absent)
         texts = {name: self._texts(table[name], name, where) for name in wanted.texts}
         times = None
@@ -107,26 +109,15 @@ class ArrowRecording:
         return Rows(numbers, texts, table.num_rows, where, self.source, times)
 
     def _numbers(self, column: pa.ChunkedArray, name: str) -> Floats:
-        kind = column.type
-        numbers = (
-            pa.types.is_integer,
-            pa.types.is_floating,
-            pa.types.is_boolean,
-            pa.types.is_decimal,
-            pa.types.is_null,
-        )
-        if not any(is_kind(kind) for is_kind in numbers):
-            raise InputError(f"{self.source}, column '{name}': expected numbers, got {kind}")
-        values: Floats = column.cast(pa.float64(), safe=False).to_numpy()
-        return values
+        if not is_number(column.type):
+            raise InputError(f"{self.source}, column '{name}': expected numbers, got {column.type}")
+        return floats_of(column)
 
     def _times(self, column: pa.ChunkedArray, name: str) -> RawTimes:
         kind, where = column.type, f"{self.source}, column '{name}'"
-        if pa.types.is_date(kind):
-            column = column.cast(pa.timestamp("ms"))
-        elif pa.types.is_decimal(kind):
-            column = column.cast(pa.float64())
-        return times_of(column.to_numpy(), where)
+        if is_number(kind) or is_time(kind):
+            return raw_times_of(column)
+        return times_of(np.array(column.to_pylist()), where)
 
     def _texts(
         self, column: pa.ChunkedArray, name: str, where: Callable[[int], str]
