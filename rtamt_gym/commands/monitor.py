@@ -42,7 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_output(parser, "--junit", "write the outcomes as JUnit XML, for CI systems")
     add_output(parser, "--markdown", "write the outcomes as Markdown, for the summary of a job")
-    add_output(parser, "--out", "write the robustness of every formula of one trace to a .csv file")
+    add_output(
+        parser,
+        "--out",
+        "write the robustness of every formula of one trace to a file, "
+        "whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
+    )
     add_output(parser, "--plot", "draw the signals and the robustness of one trace")
 
 
@@ -58,6 +63,10 @@ def run(options: argparse.Namespace) -> int:
 
     asked, paths = read_arguments(options)
     check_outputs(options.junit, options.markdown, options.out, picture=options.plot)
+    if options.out:
+        from rtamt_gym.recorded.output import check_output
+
+        check_output(options.out)
     wanted = options.json or options.junit or options.markdown
     explain = (Verdict.VIOLATED,) if wanted else ()
     judged = None
@@ -123,9 +132,9 @@ def _write(
     if judged is None or judged.trace is None or not judged.judgements:
         return said
     if options.out:
-        from rtamt_gym.recorded.output import save_csv
+        from rtamt_gym.recorded.output import save as save_robustness
 
-        save_csv(judged.judgements, options.out, dense=asked.rules.dense)
+        save_robustness(judged.judgements, options.out, dense=asked.rules.dense)
         said.append(f"robustness: {options.out}\n")
     if options.plot:
         from rtamt_gym.drawing import save

@@ -3,19 +3,51 @@
 from __future__ import annotations
 
 import csv
+import gzip
+import io
 import itertools
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.recorded.names import VALUE, VARIABLE
 from rtamt_gym.recorded.times import TIME
 
-__all__ = ["save_csv"]
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+__all__ = ["WRITERS", "check_output", "save"]
+
+Table = Mapping[str, NDArray[Any]]
+"""Columns of doubles, integers or text."""
+
+_LONG = 1 << 17
+"""Cells from which on a text is worth the import of pyarrow."""
+
+_PIECE = 1 << 15
+"""Rows that one thread writes at once."""
 
 
-def save_csv(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> None:
-    """Writes the robustness of every formula.
+def check_output(path: Path) -> None:
+    """Checks that the extension of a file is one that robustness is written to.
+
+    Raises:
+        InputError: If it is not.
+    """
+    _writer(path)
+
+
+def save(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> None:
+    """Writes the robustness of every formula in the format of the file's extension.
 
     For samples, the columns are the times, or the sample numbers if the period is unknown, and one
     for each formula. In dense time a row is one event, with its time, variable and value.
@@ -23,29 +55,42 @@ def save_csv(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) ->
     Args:
         judgements: The judgements by name of the specification. If there are several, the name
             precedes that of each formula.
-        path: The file.
+        path: The file, whose name ends as one of `WRITERS` does.
         dense: Whether the robustness consists of events in dense time.
+
+    Raises:
+        InputError: If the name ends otherwise.
+        ModuleNotFoundError: If the format needs a package that is not installed.
     """
     series = _named(judgements)
-    rows: Iterable[tuple[float | str, ...]]
+    table: dict[str, NDArray[Any]]
     if dense:
-        head = [TIME, VARIABLE, VALUE]
-        events = (
-            zip(each.times.tolist(), itertools.repeat(name), each.values.tolist(), strict=False)
-            for name, each in series.items()
+        times, values = (
+            np.concatenate([getattr(each, part) for each in series.values()])
+            for part in ("times", "values")
         )
-        rows = sorted(itertools.chain.from_iterable(events))
+        counts = [len(each.times) for each in series.values()]
+        named = np.repeat(np.array([*series]), counts)
+        order = np.lexsort((values, named, times))
+        table = {TIME: times[order], VARIABLE: named[order], VALUE: values[order]}
     else:
         first = next(iter(series.values()))
-        head = ["sample" if first.step is None else TIME, *series]
-        times = first.times.tolist()
+        table = {name: each.values for name, each in series.items()}
         if first.step is None:
-            times = range(len(times))
-        rows = zip(times, *(each.values.tolist() for each in series.values()), strict=True)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(head)
-        writer.writerows(rows)
+            table = {"sample": np.arange(len(first.times)), **table}
+        else:
+            table = {TIME: first.times, **table}
+    _writer(path)(table, path)
+
+
+def _writer(path: Path) -> Callable[[Table, Path], None]:
+    for extension, write in WRITERS.items():
+        if path.name.lower().endswith(extension):
+            return write
+    *others, last = WRITERS
+    raise InputError(
+        f"cannot write {path}: expected a name that ends in {', '.join(others)} or {last}"
+    )
 
 
 def _named(judgements: Mapping[str, Judgement]) -> dict[str, Series]:
@@ -57,3 +102,83 @@ def _named(judgements: Mapping[str, Judgement]) -> dict[str, Series]:
                 parts.append(formula)
             named[".".join(parts) or "robustness"] = series
     return named
+
+
+def _write_csv(table: Table, path: Path) -> None:
+    rows = len(next(iter(table.values())))
+    with _opened(path) as file:
+        head = io.StringIO()
+        csv.writer(head, lineterminator="\n").writerow(table)
+        file.write(head.getvalue().encode())
+        if rows * len(table) >= _LONG and find_spec("pyarrow"):
+            for piece in _pieces(_arrow(table), rows):
+                file.write(piece)
+        else:
+            text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+            columns = (column.tolist() for column in table.values())
+            csv.writer(text, lineterminator="\n").writerows(zip(*columns, strict=True))
+            text.detach()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
+    with path.open("wb") as file:
+        if path.suffix.lower() != ".gz":
+            yield file
+            return
+        with gzip.GzipFile(fileobj=file, mode="wb", compresslevel=1) as packed:
+            yield cast("BinaryIO", packed)
+
+
+def _pieces(table: pa.Table, rows: int) -> Iterator[memoryview]:
+    """The text of a table in pieces, which threads write side by side."""
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    options = pc.WriteOptions(include_header=False)
+
+    def text(begin: int) -> memoryview:
+        out = pa.BufferOutputStream()
+        pc.write_csv(table.slice(begin, _PIECE), out, options)
+        return memoryview(out.getvalue())
+
+    with ThreadPoolExecutor(workers := os.cpu_count() or 1) as threads:
+        begins = iter(range(0, rows, _PIECE))
+        while batch := list(itertools.islice(begins, 4 * workers)):
+            yield from threads.map(text, batch)
+
+
+def _arrow(table: Table) -> pa.Table:
+    import pyarrow as pa
+
+    def array(column: NDArray[Any]) -> pa.Array:
+        if column.dtype.kind == "U":
+            return pa.array(column.tolist())
+        kind = pa.float64() if column.dtype.kind == "f" else pa.int64()
+        # Without a copy, and without the import of pandas that pa.array makes.
+        buffer = pa.py_buffer(np.ascontiguousarray(column))
+        return pa.Array.from_buffers(kind, len(column), [None, buffer])
+
+    return pa.Table.from_arrays([array(column) for column in table.values()], names=[*table])
+
+
+def _write_parquet(table: Table, path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    pq.write_table(_arrow(table), path)
+
+
+def _write_feather(table: Table, path: Path) -> None:
+    from pyarrow import feather
+
+    feather.write_feather(_arrow(table), path)
+
+
+WRITERS: Mapping[str, Callable[[Table, Path], None]] = {
+    ".csv": _write_csv,
+    ".csv.gz": _write_csv,
+    ".parquet": _write_parquet,
+    ".feather": _write_feather,
+    ".arrow": _write_feather,
+}
+"""For each extension what writes a table to such a file."""

@@ -22,7 +22,16 @@ _KEY = b"rtamt.run"
 
 
 def save(run: RunRecord, path: Path) -> None:
-    """Writes a run: its columns, and all else as metadata."""
+    """Writes a run: its columns, and all else as metadata.
+
+    Raises:
+        InputError: If the name of the file says that it is no Parquet file.
+    """
+    if path.suffix.lower() != ".parquet":
+        raise InputError(
+            f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
+            "all of a run; run.to_frame() has the columns for other formats"
+        )
     kept = {each.name: getattr(run, each.name) for each in fields(run)} | {
         "signals": list(run.signals),
         "courses": {
