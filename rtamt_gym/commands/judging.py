@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import traceback
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -88,11 +89,17 @@ def judge_files(
             return rows
         # A fork would take locks along that other threads hold.
         context = get_context("spawn")
-        with ProcessPoolExecutor(min(workers, len(paths)), context, silence) as pool:
+        with ProcessPoolExecutor(min(workers, len(paths)), context, _begin_worker) as pool:
             for row in pool.map(task, paths):
                 rows.append(row)
                 advance(1)
     return rows
+
+
+def _begin_worker() -> None:
+    """Leaves bars, and what an interrupt does, to the process that has asked."""
+    silence()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _row_of_file(asked: Asked, explain: Sequence[Verdict], path: str) -> Row:

@@ -42,7 +42,10 @@ def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]
     except ModuleNotFoundError:
         yield lambda _: None
         return
-    with tqdm(desc=what, total=total, unit=unit, unit_scale=True, delay=DELAY, leave=False) as bar:
+    scaled = total > 9999  # 12.3M is shorter than 12345678, but 10.0 no better than 10
+    with tqdm(
+        desc=what, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False
+    ) as bar:
         _outermost[0] = False
         try:
             yield lambda done: bar.update(done) and None

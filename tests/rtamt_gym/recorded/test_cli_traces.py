@@ -342,11 +342,11 @@ def test_each_further_line_of_a_file_costs_the_same_few_calls(
     assert per_line[1] == pytest.approx(per_line[0], rel=0.01)
 
 
-def on_a_terminal(prelude: str) -> str:
+def on_a_terminal(prelude: str, arguments: str = "calm.stl even.csv") -> str:
     """What the command line writes to a terminal of 80 columns on stderr."""
     code = (
         f"import sys, rtamt_gym.recorded.progress as p; p.DELAY = 0; {prelude};"
-        "from rtamt_gym.__main__ import main; sys.exit(main(['monitor', 'calm.stl', 'even.csv']))"
+        f"from rtamt_gym.__main__ import main; sys.exit(main({['monitor', *arguments.split()]}))"
     )
     reading, writing = pty.openpty()
     termios.tcsetwinsize(writing, (24, 80))
@@ -358,7 +358,7 @@ def on_a_terminal(prelude: str) -> str:
         shown += os.read(reading, 1000)
     os.close(writing)
     os.close(reading)
-    assert ran.stdout.startswith(b"SATISFIED")
+    assert b"SATISFIED" in ran.stdout
     return shown.decode()
 
 
@@ -368,3 +368,13 @@ def test_on_a_terminal_a_bar_shows_how_far_it_is_if_tqdm_is_installed() -> None:
     assert "reading even.csv:   0%" in shown
     assert "judging:   0%" in shown
     assert on_a_terminal("sys.modules['tqdm'] = None") == "end"
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_bar_counts_traces_and_none_stands_inside_it(workers: str, folder: Path) -> None:
+    (folder / "more.csv").write_text((folder / "even.csv").read_text())
+    shown = on_a_terminal("import tqdm", f"calm.stl -j {workers} -- even.csv more.csv")
+    assert "judging:   0%" in shown
+    assert "/2 [" in shown
+    assert " traces/s]" in shown
+    assert "reading" not in shown

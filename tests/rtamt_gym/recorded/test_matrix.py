@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -314,3 +316,52 @@ def test_explain_takes_many_traces_and_ends_with_the_same_code(capsys: Output) -
         "    eventually[0:1](gnt >= 3) at 1.5 s: not recorded: 2 s to 2.5 s\n"
         "    if the trace is all there is, --end complete says VIOLATED\n"
     )
+
+
+@pytest.mark.parametrize("end", ["cut", "complete", "open"])
+def test_cells_of_events_are_those_of_dense_judgements(
+    end: Any,  # noqa: ANN401 - a reading of the end
+    folder: Path,
+    capsys: Output,
+) -> None:
+    rng = np.random.default_rng(11)
+    formulas = {
+        "low": "always(x < 3)",
+        "soon": "eventually[0:1.5](x > 1)",
+        "mode": "always(y == 1)",
+    }
+    (folder / "all.stl").write_text("\n".join(f"{n} = {f}" for n, f in formulas.items()))
+    for case in range(15):
+        paths, expected = [], {}
+        for trace in range(2):
+            n = int(rng.integers(2, 7))
+            times = np.cumsum(rng.integers(1, 9, n)) / 4 + 20
+            signals = {v: np.column_stack([times, rng.integers(0, 4, n)]) for v in ("x", "y")}
+            rows = [f"{t},{x},{y}" for (t, x), (_, y) in zip(*signals.values(), strict=True)]
+            paths.append(f"dense{case}_{trace}.csv")
+            (folder / paths[-1]).write_text("\n".join(["time,x,y", *rows]))
+            expected[paths[-1]] = {
+                name: rtamt.judge_dense(
+                    text, {v: signals[v] for v in rtamt.parse(text).variables}, end
+                )
+                for name, text in formulas.items()
+            }
+        code = main(["monitor", "all.stl", "--dense", "--end", end, "--json", "--", *paths])
+        found = json.loads(capsys.readouterr().out)
+        assert code == found["exit_code"]
+        for row in found["traces"]:
+            for name, cell in row["requirements"].items():
+                judgement = expected[row["trace"]][name]
+                assert cell["verdict"] == judgement.verdict.name
+                assert float(cell["robustness"]) == judgement.robustness
+                assert cell["certain_from"] == judgement.decided_at
+                assert cell.get("not_recorded", []) == [str(u) for u in judgement.untested]
+
+
+def test_an_interrupt_is_left_to_the_process_that_has_asked() -> None:
+    code = (
+        "import os, signal, rtamt_gym.commands.judging as j; j._begin_worker();"
+        "os.kill(os.getpid(), signal.SIGINT); print('at work')"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "at work\n", "")
