@@ -16,7 +16,6 @@ __all__ = [
     "Where",
     "last_info",
     "outcome",
-    "plain",
     "present",
     "spec_state",
     "step_info",
@@ -110,24 +109,6 @@ def last_info(
         "stl_undecided": undecided,
         "is_success": Where(np.logical_not(reported), success),
     }
-
-
-def plain(success: Lanewise) -> Lanewise:
-    """The environment's own ``is_success``, a boolean of NumPy as one of Python.
-
-    Vector environments make an array of objects of NumPy's, whose mean is not the rate: the sum of
-    two of them is a boolean. Such an array becomes one of booleans.
-
-    Example:
-        >>> plain(np.True_), plain(1.0)
-        (True, 1.0)
-        >>> plain(np.array([np.True_, None, np.True_]))
-        array([ True, False,  True])
-    """
-    if isinstance(success, np.ndarray) and success.dtype == object:
-        booleans = all(isinstance(each, np.bool_ | bool | None) for each in success)
-        return success.astype(np.bool_) if booleans else success
-    return bool(success) if isinstance(success, np.bool_) else success
 
 
 def present(info: Mapping[str, Any]) -> dict[str, Any]:

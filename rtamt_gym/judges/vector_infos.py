@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judges.infos import Where, plain
+from rtamt_gym.judges.infos import Where
 from rtamt_gym.signals.columns import Lanes
 
 __all__ = ["final_infos", "final_observations", "key_mask", "put", "put_last"]
@@ -86,7 +86,7 @@ def put_last(
         put_at(infos, key, value, at, mask)
     if np.count_nonzero(reported):
         new = key_mask(infos, "is_success", num) & ~reported
-        held = np.array(plain(before))
+        held = np.array(before)
         held[new] = infos["is_success"][new]
         infos["is_success"], infos["_is_success"] = held, reported | new
 

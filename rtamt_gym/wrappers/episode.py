@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 from rtamt import Explanation, StateError
 from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.explanations import chosen, titled
-from rtamt_gym.judges.infos import last_info, plain, present
+from rtamt_gym.judges.infos import last_info, present
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
 from rtamt_gym.wrappers.monitoring import Monitoring
 
@@ -103,9 +103,7 @@ class EpisodeMonitoring(Monitoring):
         """Adds the keys that only a last info has; an ``is_success`` that it has already stays."""
         panel, reported = self._panel, "is_success" in info
         info.update(present(last_info(*found, panel.success, bool(panel.undecided), reported)))
-        if reported:
-            self._seen_success = True
-            info["is_success"] = plain(info["is_success"])
+        self._seen_success |= reported
 
     def _found(self) -> Found:
         """The outcomes, the specification that was violated first, and the sample; -1 if none."""

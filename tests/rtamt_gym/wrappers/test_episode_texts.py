@@ -148,28 +148,6 @@ def test_a_success_that_the_environment_reports_is_kept_and_said_once() -> None:
     assert warned(lambda: lead(envs, 6)) == [text]
 
 
-@pytest.mark.parametrize("mode", list(AutoresetMode), ids=lambda mode: mode.name)
-def test_a_boolean_of_numpy_that_the_environment_reports_is_one_that_can_be_averaged(
-    mode: AutoresetMode,
-) -> None:
-    def make() -> Replay:
-        env = Replay([3, 3])
-        env.info = {"is_success": np.True_}
-        return env
-
-    options: Any = {"at_termination": "complete"}
-    env = StlMonitor(make(), INVARIANT, X, **options)
-    envs = VectorStlMonitor(sync([make] * 2, mode), INVARIANT, X, **options)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".* reports an is_success of its own")
-        assert run(env)[-1]["is_success"] is True
-        envs.reset()
-        infos = envs.step(np.zeros((2, 1)))[-1]
-    last = infos.get("final_info", infos)["is_success"]
-    assert last.dtype == np.bool_
-    assert last.mean() == 1.0
-
-
 # ---- errors ----
 
 
