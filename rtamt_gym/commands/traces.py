@@ -168,6 +168,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
     if period is not None:
         if options.dense:
             raise InputError("expected --period or --dense, which reads events at any time")
+        if options.jitter is not None:
+            raise InputError("expected --period, which leaves the times aside, or --jitter")
         period = rtamt.Monitor("(true)", period).period
     rules = Rules(
         period, options.view, options.semantics, options.align, options.end, options.dense

@@ -26,6 +26,7 @@ class ArrayRecording:
     def __init__(self, source: str, arrays: Mapping[str, NDArray[Any]]) -> None:
         self.source = source
         self.names: Sequence[str] = list(arrays)
+        self.dates: Sequence[str] = [n for n, array in arrays.items() if array.dtype.kind == "M"]
         self._arrays = arrays
 
     def read(self, wanted: Wanted) -> Rows:

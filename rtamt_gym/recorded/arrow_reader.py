@@ -38,9 +38,8 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
             except pa.ArrowInvalid:
                 raise InputError(f"{path}: expected a Parquet file") from None
             with file:
-                schema = file.schema
-                names = [schema.column(i).path for i in range(len(schema))]
-                yield ArrowRecording(names, lambda wanted: file.read(columns=wanted), path)
+                schema = _flat(file.schema_arrow.empty_table()).schema
+                yield ArrowRecording(schema, lambda wanted: file.read(columns=wanted), path)
         case ".feather" | ".arrow":
             try:
                 table = pa.feather.read_table(path, memory_map=False)
@@ -60,7 +59,7 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
 def of_table(table: pa.Table, source: str) -> ArrowRecording:
     """The columns of a table in memory."""
     flat = _flat(table)
-    return ArrowRecording(flat.column_names, flat.select, source)
+    return ArrowRecording(flat.schema, flat.select, source)
 
 
 def _flat(table: pa.Table) -> pa.Table:
@@ -73,16 +72,21 @@ class ArrowRecording:
     """The columns of a table; a field of a structure is a column with a dotted name.
 
     Args:
-        names: The names of the columns.
+        schema: The names and the types of the columns.
         load: Gives the table of some of them.
         source: Name of the file, for messages.
     """
 
     def __init__(
-        self, names: Sequence[str], load: Callable[[list[str]], pa.Table], source: str
+        self, schema: pa.Schema, load: Callable[[list[str]], pa.Table], source: str
     ) -> None:
         self.source = source
-        self.names = names
+        self.names: Sequence[str] = schema.names
+        self.dates: Sequence[str] = [
+            field.name
+            for field in schema
+            if pa.types.is_timestamp(field.type) or pa.types.is_date(field.type)
+        ]
         self._load = load
 
     def read(self, wanted: Wanted) -> Rows:

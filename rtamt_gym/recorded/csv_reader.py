@@ -27,6 +27,7 @@ from rtamt_gym.recorded.cells import DECIMAL_COMMA, DECIMAL_POINT, floats_in, ti
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.times import read_dates
 
 __all__ = ["CsvRecording", "lines_of", "open_file"]
 
@@ -141,6 +142,12 @@ class CsvRecording:
         """The rows below the names that are not empty, with their lines."""
         self.decimal = columns.decimal or self._decimal_of([row for _, row in begin])
         """The decimal mark."""
+        cells = begin[0][1] if begin else []
+        self.dates: Sequence[str] = [
+            name
+            for name, cell in zip(self.names, cells, strict=False)
+            if read_dates([cell]) is not None
+        ]
 
     @property
     def notes(self) -> list[str]:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt_gym.recorded.columns import NEAR
-from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import Times, simple
 
 __all__ = ["Grid", "Resampled", "resampled"]
@@ -36,13 +35,34 @@ class Grid:
             self.steps = np.diff(since)
         self.usual = float(np.median(self.steps))
         """The median of the distances."""
-        self.mean = float(since[-1]) / (len(since) - 1)
+        self._exact = times.step
         self._precision = 2 * times.precision
+        self._since = since
+        self.slope = float(since[-1]) / (len(since) - 1)
+        """The distance of the grid's points."""
+        if self.rises and not self.even:
+            self.slope = self._nearest_slope()
+
+    def _nearest_slope(self) -> float:
+        """The distance of the grid whose points the samples lie nearest to.
+
+        How far they lie off is a convex function of it, whose least value is searched for.
+        """
+        room = 2 * self.jitter / len(self.steps) + 1e-12
+        low, high = self.slope * (1 - room), self.slope * (1 + room)
+        for _ in range(40):
+            third = (high - low) / 3
+            if self._spread(low + third) <= self._spread(high - third):
+                high -= third
+            else:
+                low += third
+        return (low + high) / 2
+
+    def _spread(self, slope: float) -> float:
+        """How far the samples lie apart beside points at such a distance."""
         with np.errstate(over="ignore", invalid="ignore"):
-            off = since - np.arange(len(since)) * self.mean
-            off = off - (off.max() + off.min()) / 2
-        self.off: Floats = np.abs(off)
-        """How far each sample lies off the grid, in seconds."""
+            off = self._since - np.arange(len(self._since)) * slope
+            return float(off.max() - off.min())
 
     @property
     def rises(self) -> bool:
@@ -54,9 +74,9 @@ class Grid:
         """Whether the samples count as on the grid."""
         if not self.rises:
             return False
+        near = self._spread(self.slope) <= 2 * self.jitter * self.slope + self._precision
         drifts = np.abs(self.steps - self.usual) <= _DRIFT * self.usual + self._precision
-        near = self.off <= self.jitter * self.mean + self._precision
-        return bool(near.all() or drifts.all())
+        return near or bool(drifts.all())
 
     @property
     def odd(self) -> int:
@@ -73,9 +93,11 @@ class Grid:
 
     @property
     def period(self) -> Fraction:
-        """The mean distance, as simple as the rounding of the times and their jitter allow."""
-        blur = (self._precision + 2 * float(self.off.max())) / len(self.steps)
-        return simple(self.mean, max(1e-9 * self.mean, blur))
+        """The distance, exact or as simple as the rounding of the times and their jitter allow."""
+        if self._exact is not None:
+            return self._exact
+        blur = (self._precision + 2 * self._spread(self.slope)) / len(self.steps)
+        return simple(self.slope, max(1e-9 * self.slope, blur))
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,6 +58,7 @@ class MdfRecording:
             if index != file.masters_db.get(group)
         ]
         self.names: Sequence[str] = [TIME, *(name for name, _, _ in self._places)]
+        self.dates: Sequence[str] = ()
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted channels."""

@@ -65,10 +65,12 @@ class Recording(Protocol):
     Attributes:
         source: Name of the file, for messages.
         names: Names of the columns in order; a name may occur twice.
+        dates: Names of the columns that hold dates.
     """
 
     source: str
     names: Sequence[str]
+    dates: Sequence[str]
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns and leaves the others unread.

@@ -33,8 +33,8 @@ number of seconds: samples of 1 kHz in ns are 10^6 apart, a date in ms is above 
 def find_times(recording: Recording, columns: Columns) -> str | None:
     """The column of times: that which is named, else the one whose name tells it, else None.
 
-    A column ``time`` goes before others. A name behind a dot or a slash, as in ``header.stamp``,
-    counts where no other does.
+    A column ``time`` goes before others. Where no name does, a column of dates counts, and then a
+    name behind a dot or a slash, as in ``header.stamp``.
 
     Raises:
         InputError: If the named column is missing, or if several names tell of times.
@@ -50,6 +50,8 @@ def find_times(recording: Recording, columns: Columns) -> str | None:
     if TIME in names:
         return TIME
     found = [name for name in names if unit_of_times(name) is not None]
+    if not found:
+        found = list(recording.dates)
     if not found:
         parts = {name: re.split(r"[./]", name)[-1] for name in names}
         found = [n for n, last in parts.items() if last != "t" and unit_of_times(last) is not None]
@@ -108,6 +110,8 @@ class Times:
         start: The first time in seconds; 0 for dates, whose origin is no time of a trace.
         precision: How far a time may be off because it was rounded to a double.
         certain: Whether somebody has said that the unit is the unit.
+        step: The distance of all neighbours, if it is the same and the times are whole numbers of
+            nanoseconds or longer units.
     """
 
     column: str
@@ -115,6 +119,7 @@ class Times:
     start: float
     precision: float
     certain: bool
+    step: Fraction | None = None
 
     @staticmethod
     def of(rows: Rows, column: str, columns: Columns) -> Times:
@@ -136,7 +141,8 @@ class Times:
         if raw.dtype.kind in "mM":
             whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
-            return Times(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True)
+            step = _step(whole, 1)
+            return Times(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
         said = columns.time_unit or unit_of_times(column) or ""
         if said and said not in UNITS:
             raise InputError(
@@ -150,7 +156,8 @@ class Times:
         ulp = math.ulp(most) if raw.dtype.kind == "f" else 0.0
         start = float(_scaled(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
-        return Times(column, since, start, precision, bool(said))
+        step = None if raw.dtype.kind == "f" else _step(raw, unit)
+        return Times(column, since, start, precision, bool(said), step)
 
     @property
     def seconds(self) -> Floats:
@@ -182,6 +189,14 @@ class Times:
         if abs(self.start) < 1e6:
             return f"{self.start + self.since[at]:.15g}"
         return f"{self.since[at]:.15g} s since the first"
+
+
+def _step(whole: NDArray[Any], unit: int) -> Fraction | None:
+    """The distance of whole numbers of a unit in seconds, if it is the same everywhere."""
+    if len(whole) < 2:
+        return None
+    first = int(whole[1]) - int(whole[0])
+    return Fraction(first * unit, UNITS["s"]) if (np.diff(whole) == first).all() else None
 
 
 def _scaled(raw: RawTimes, unit: int) -> Floats:

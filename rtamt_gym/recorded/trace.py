@@ -148,6 +148,12 @@ def read_trace(
     """
     columns = columns or Columns()
     time = find_times(recording, columns)
+    if time is None and (columns.jitter is not None or columns.time_unit is not None):
+        option = "--time-unit" if columns.jitter is None else "--jitter"
+        raise InputError(
+            f"{recording.source}: expected a column of times, which {option} speaks of; the "
+            f"columns are {', '.join(recording.names)}; give --time COLUMN"
+        )
     needed = needed_columns(recording, variables, columns, if_events)
     empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing drop", if_events)))
     gaps = () if columns.missing == "raise" else needed
@@ -216,7 +222,7 @@ def _on_grid(trace: Trace) -> Trace:
     )
     since = np.arange(float(len(new.rows))) * new.period.numerator / new.period.denominator
     taken = _taken(trace, new.rows)
-    times = replace(trace.times, since=since)
+    times = replace(trace.times, since=since, step=new.period)
     return replace(taken, times=times, notes=[*trace.notes, note])
 
 
@@ -225,7 +231,9 @@ def _taken(trace: Trace, rows: NDArray[np.intp]) -> Trace:
     times = trace.times
     if times is not None:
         since = times.since[rows]
-        times = replace(times, since=since - since[0], start=times.start + float(since[0]))
+        times = replace(
+            times, since=since - since[0], start=times.start + float(since[0]), step=None
+        )
     return replace(
         trace,
         columns={name: values[rows] for name, values in trace.columns.items()},

@@ -1,0 +1,325 @@
+"""Columns of times, gaps, separators and decimal marks: recognised, asked for, or refused."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt_gym.recorded.columns import Columns, Missing, read_columns
+from rtamt_gym.recorded.csv_reader import CsvRecording
+from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
+
+
+def read(text: str, columns: Columns | None = None, variables: Sequence[str] = ("x",)) -> Trace:
+    recording = CsvRecording(text.splitlines(keepends=True), "t.csv", columns)
+    return read_trace(recording, variables, columns, if_events="give --dense")
+
+
+def events(text: str, columns: Columns | None = None) -> EventTrace:
+    return read_events(CsvRecording(text.splitlines(keepends=True), "t.csv"), ["x"], columns)
+
+
+def timed(name: str, times: Sequence[object]) -> str:
+    return "\n".join([f"{name},x", *(f"{time},{i}" for i, time in enumerate(times))])
+
+
+def refused(text: str, columns: Columns | None = None) -> str:
+    with pytest.raises(rtamt.InputError) as caught:
+        read(text, columns).period()
+    return str(caught.value)
+
+
+# Which column, and its unit. ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        ("time", ["0", "0.5", "1"]),
+        ("Time [s]", ["0", "0.5", "1"]),
+        ("timestamp", ["10", "10.5", "11.0"]),
+        ("t", ["0", "0.5", "1"]),
+        ("stamp", ["0", "0.5", "1"]),
+        ("header.stamp", ["0", "0.5", "1"]),
+        ("/imu/stamp", ["0", "0.5", "1"]),
+        ("time_ns", ["1700000000000000000", "1700000000500000000", "1700000001000000000"]),
+        ("Time [ms]", ["0", "500", "1000"]),
+        ("timestamp (µs)", ["0", "500000", "1000000"]),
+        ("t min", ["0", repr(1 / 120), repr(1 / 60)]),
+        ("time", ["2024-05-01T12:00:00Z", "2024-05-01T12:00:00.5Z", "2024-05-01T14:00:01+02:00"]),
+        ("Datetime", ["2024-05-01 12:00", "2024-05-01 12:00:00.500", "2024-05-01 12:00:01"]),
+        ("recorded", ["2024-05-01T12:00:00", "2024-05-01T12:00:00.5", "2024-05-01T12:00:01"]),
+    ],
+)
+def test_a_column_of_times_is_recognised_with_its_unit(name: str, times: Sequence[str]) -> None:
+    assert read(timed(name, times)).period() == Fraction(1, 2)
+    found, _ = events(timed(name, times)).signals["x"]
+    assert np.diff(found) == pytest.approx([0.5, 0.5])
+
+
+def test_names_that_tell_of_no_times_are_no_times() -> None:
+    for name in ("T", "timer", "time_zone", "y", "lead.t"):
+        assert read(timed(name, ["0", "0.5", "1"])).period() is None
+
+
+def test_a_column_and_a_unit_can_be_named() -> None:
+    text = timed("clock", ["0", "5", "10"])
+    assert read(text).period() is None
+    assert read(text, Columns(time="clock", time_unit="ms")).period() == Fraction(5, 1000)
+    assert refused(text, Columns(time="clok")) == (
+        "t.csv: no column 'clok', which --time names; the columns are clock, x; "
+        "did you mean 'clock'?"
+    )
+    # What is said goes before the name.
+    assert read(timed("time_ns", [0, 1]), Columns(time_unit="us")).period() == Fraction(1, 10**6)
+
+
+def test_of_several_columns_time_is_taken_and_others_have_to_be_named() -> None:
+    rows = "\n0,7,1\n2,8,1\n"
+    assert read(f"time,stamp,x{rows}").period() == 2
+    assert refused(f"t,stamp,x{rows}") == (
+        "t.csv: expected one column of times, got 't', 'stamp'; say which with --time 't'"
+    )
+    assert read(f"t,stamp,x{rows}", Columns(time="stamp")).period() == 1
+
+
+@pytest.mark.parametrize(
+    ("times", "got"),
+    [
+        ([0, 10_000_000, 20_000_000], "1e+07 s apart"),
+        ([0, 10_000, 20_000], "10000 s apart"),
+        ([1_700_000_000_000, 1_700_000_000_010], "1.7e+12 s, a time after the year 5000"),
+    ],
+)
+def test_numbers_that_can_hardly_be_seconds_are_refused(times: Sequence[int], got: str) -> None:
+    message = (
+        f"t.csv: expected times in seconds in the column 'timestamp', got {got}; "
+        "say the unit with --time-unit, such as ns, ms or s"
+    )
+    text = timed("timestamp", times)
+    assert refused(text) == message
+    with pytest.raises(rtamt.InputError) as caught:
+        events(text)
+    assert str(caught.value) == message
+    seconds = read(text, Columns(time_unit="s")).period()
+    assert seconds == times[1] - times[0]
+
+
+def test_an_unknown_unit_is_refused() -> None:
+    assert refused(timed("Time [ticks]", [0, 1])) == (
+        "t.csv, column 'Time [ticks]': expected a unit of time, got 'ticks'; "
+        "say the unit with --time-unit (ns, us, ms, s, min, h)"
+    )
+
+
+def test_a_time_that_is_none_is_refused_with_its_line() -> None:
+    assert refused("time,x\n0,1\nx,2\n") == (
+        "t.csv, line 3, column 'time': expected a number, got 'x'"
+    )
+    assert refused("time,x\n2024-05-01T12:00:00,1\n2024-05-01T12:00:61,2\n") == (
+        "t.csv, line 3, column 'time': expected a date like the first, got '2024-05-01T12:00:61'"
+    )
+
+
+@given(st.integers(0, 2**62), st.integers(1, 10**9), st.integers(2, 30))
+def test_whole_times_are_exact_wherever_they_begin(start: int, step: int, n: int) -> None:
+    text = timed("time_ns", [start + i * step for i in range(n)])
+    assert read(text).period() == Fraction(step, 10**9)
+
+
+# Jitter. -----------------------------------------------------------------------------------------
+
+
+@given(
+    st.integers(1, 1000),
+    st.lists(st.floats(-0.049, 0.049), min_size=3, max_size=60),
+)
+def test_samples_near_the_grid_count_as_on_it(hertz: int, jitter: Sequence[float]) -> None:
+    times = [(i + off) / hertz for i, off in enumerate(jitter)]
+    trace = read(timed("time", times))
+    period = trace.period()
+    assert period is not None
+    assert float(period) == pytest.approx(1 / hertz, rel=0.1 / (len(times) - 1))
+    assert [*trace.notes] == []
+
+
+def test_a_jitter_does_not_make_an_odd_period() -> None:
+    rng = np.random.default_rng(0)
+    times = (np.arange(2000) + rng.uniform(-0.04, 0.04, 2000)) / 100
+    assert read(timed("time", times.tolist())).period() == Fraction(1, 100)
+
+
+def test_a_clock_that_drifts_is_even() -> None:
+    steps = np.linspace(0.01, 0.010099, 3000)
+    assert read(timed("time", np.cumsum(steps).tolist())).period() is not None
+
+
+def test_a_sample_off_the_grid_is_refused_or_resampled_by_holding() -> None:
+    text = timed("time", [0, 0.1, 0.2, 0.36, 0.4, 0.5, 0.8, 0.9, 1.0])
+    assert refused(text) == (
+        "t.csv, line 5: expected samples at even distances, got time 0.36 after 0.2, elsewhere "
+        "0.1 s; give --dense, --jitter 5% to resample by holding values, or --period to leave the "
+        "column 'time' aside"
+    )
+    trace = read(text, Columns(jitter=0.05))
+    assert trace.period() == Fraction(1, 10)
+    # At 0.3 the value of 0.2 holds, from 0.5 to 0.7 that of 0.5.
+    assert trace.columns["x"].tolist() == [0, 1, 2, 2, 4, 5, 5, 5, 6, 7, 8]
+    assert [*trace.notes] == [
+        (
+            "resampled every 0.1 s by holding values: 1 of 9 rows lay more than 5% of that off the "
+            "grid; the longest gap, 0.3 s, follows t.csv, line 7"
+        )
+    ]
+    assert trace.where(6) == "t.csv, line 7"
+
+
+@given(st.lists(st.integers(1, 12), min_size=2, max_size=40), st.integers(0, 4))
+def test_resampling_holds_the_last_value_at_every_sample(steps: list[int], late: int) -> None:
+    """Against a walk over the grid: times in hundredths, a grid of the usual step."""
+    ticks = [0, *np.cumsum(steps).tolist()]
+    times = [tick / 100 for tick in ticks]
+    trace = read(timed("t", times), Columns(jitter=late / 100))
+    period = trace.period()
+    assert period is not None
+    if not trace.notes:
+        assert trace.columns["x"].tolist() == list(range(len(times)))
+        return
+    assert (
+        trace.samples
+        == int((times[-1] + late / 100 * float(np.median(np.diff(times)))) / period) + 1
+    )
+    near = late / 100 * float(np.median(np.diff(times)))
+    for i, held in enumerate(trace.columns["x"].tolist()):
+        at = i * float(period)
+        assert times[int(held)] <= at + near + 1e-9
+        assert int(held) + 1 == len(times) or times[int(held) + 1] > at + near - 1e-9
+
+
+def test_a_gap_too_long_to_resample_is_refused() -> None:
+    assert refused(timed("t", [0, 0.1, 0.2, 1e6]), Columns(jitter=0.0, time_unit="s")) == (
+        "t.csv, line 5: expected a gap that can be resampled every 0.1 s, got 1e+06 s; "
+        "cut the trace there"
+    )
+
+
+def test_without_a_column_of_times_nobody_speaks_of_one() -> None:
+    for columns, option in (
+        (Columns(jitter=0.1), "--jitter"),
+        (Columns(time_unit="s"), "--time-unit"),
+    ):
+        assert refused("x\n1\n", columns) == (
+            f"t.csv: expected a column of times, which {option} speaks of; the columns are x; "
+            "give --time COLUMN"
+        )
+
+
+def test_events_have_no_jitter() -> None:
+    with pytest.raises(rtamt.InputError) as caught:
+        events("time,x\n0,1\n", Columns(jitter=0.1))
+    assert str(caught.value) == "expected --jitter or --dense, which reads events at any time"
+
+
+# Cells. ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("missing", ["hold", "drop"])
+def test_nan_counts_as_an_empty_cell_where_that_is_allowed(missing: Missing) -> None:
+    text = "x,y\n1,1\nnan,2\n3,3\n"
+    assert refused(text) == (
+        "t.csv, line 3, column 'x': expected a number, got 'nan'; "
+        "give --missing hold or --missing drop; give --dense"
+    )
+    expected = [1.0, 1.0, 3.0] if missing == "hold" else [1.0, 3.0]
+    assert read(text, Columns(missing=missing)).columns["x"].tolist() == expected
+
+
+def test_nothing_is_held_before_the_first_value() -> None:
+    assert refused("x\n,\n".replace(",", '""') + "2\n", Columns(missing="hold")) == (
+        "t.csv, line 2, column 'x': expected a number to hold, got an empty cell; "
+        "give --missing drop"
+    )
+    assert refused('x\n""\n', Columns(missing="drop")) == (
+        "t.csv: expected a row without an empty cell, got none"
+    )
+
+
+def test_separators_and_decimal_commas_are_recognised_and_said() -> None:
+    for mark in ";\t|":
+        trace = read(f"time{mark}x\n0{mark}1\n0,5{mark}-2,5e1\n")
+        assert trace.columns["x"].tolist() == [1.0, -25.0]
+        assert trace.period() == Fraction(1, 2)
+        assert [*trace.notes] == ["numbers are read with a decimal comma"]
+    said = Columns(separator=" ", decimal=",")
+    assert read("time x\n0 1\n0,5 2,5\n", said).columns["x"].tolist() == [1.0, 2.5]
+    assert [*read("time x\n0 1\n0,5 2,5\n", said).notes] == []
+    assert read('x,y\n"1,5",0\n', Columns(decimal=",")).columns["x"].tolist() == [1.5]
+
+
+@pytest.mark.parametrize(
+    ("text", "advice"),
+    [
+        ("x;y\n1.5;1\n1,5;2\n", "'1,5'; give --decimal , for a decimal comma"),
+        ("x;y\n" + "1,5;1\n" * 200 + "1.5;2\n", "'1.5'; give --decimal . for a decimal point"),
+        ('x,y\n"1,5",2\n', "'1,5'; give --decimal , for a decimal comma"),
+        ("x;y\n1.234,5;2\n", "'1.234,5'"),
+    ],
+)
+def test_a_number_with_another_decimal_mark_is_refused_with_advice(text: str, advice: str) -> None:
+    assert refused(text).endswith(f"column 'x': expected a number, got {advice}")
+
+
+# What is asked for. ------------------------------------------------------------------------------
+
+
+def test_a_variable_may_be_called_otherwise() -> None:
+    text = "Vehicle Speed [km/h],gear\n3,1\n4,1\n"
+    named = read_columns(signals=["speed = Vehicle Speed [km/h]"])
+    assert read(text, named, ["speed"]).columns["speed"].tolist() == [3.0, 4.0]
+    recording = CsvRecording(text.splitlines(), "t.csv")
+    for variables, hint in {
+        "speed": "; give --signal 'speed=Vehicle Speed [km/h]'",
+        "brake": "; give --signal brake=COLUMN",
+        "gera": "; did you mean 'gear'?",
+    }.items():
+        with pytest.raises(rtamt.InputError) as caught:
+            read_trace(recording, [variables])
+        assert str(caught.value).endswith(f"the columns are Vehicle Speed [km/h], gear{hint}")
+    with pytest.raises(rtamt.InputError) as caught:
+        read(text, named, ["sped"])
+    assert str(caught.value) == (
+        "--signal: expected a variable of a specification, got 'speed'; the variables are sped; "
+        "did you mean 'sped'?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"signals": ["speed"]},
+            "--signal: expected VARIABLE=COLUMN, such as 'speed=Vehicle Speed [km/h]', got 'speed'",
+        ),
+        ({"signals": ["a=b", "a=c"]}, "--signal: expected one column for 'a', got two"),
+        ({"jitter": "much"}, "--jitter: expected a part of the period, such as 5%, got 'much'"),
+        (
+            {"jitter": "60%"},
+            "--jitter: expected less than half of the period, such as 5% or 0.05, got 0.6",
+        ),
+        ({"time_unit": "sec"}, "--time-unit: expected ns, us, ms, s, min, h, got 'sec'"),
+        ({"separator": "::"}, "--separator: expected one character or tab, got '::'"),
+        ({"decimal": "'"}, '--decimal: expected ., ,, got "\'"'),
+        (
+            {"decimal": ",", "separator": ","},
+            "expected a --separator other than the --decimal mark, got ',' as both",
+        ),
+    ],
+)
+def test_bad_words_about_columns_are_refused(arguments: dict[str, str], message: str) -> None:
+    with pytest.raises(rtamt.InputError) as caught:
+        read_columns(**arguments)  # type: ignore[arg-type]
+    assert str(caught.value) == message
