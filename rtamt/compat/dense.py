@@ -17,6 +17,7 @@ from rtamt.compat.declarations import (
     OfflineSpecification,
     OnlineSpecification,
 )
+from rtamt.compat.undeclared import warn_of_unknown
 from rtamt.errors import InputError, InputTypeError
 from rtamt.inputs.clock import Clock
 from rtamt.language.specification import Specification
@@ -149,7 +150,8 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         that raises an error leaves the specification as it was.
 
         Args:
-            signals: Pairs of a name and its events. Unknown names are ignored.
+            signals: Pairs of a name and its events. Unknown names are ignored, with a warning in
+                the log if the name is like that of a variable without events.
 
         Raises:
             StateError: Before `parse`.
@@ -160,16 +162,19 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         """
         monitor, clock = self._running(), self._clock
         named, needed = self._read_signals(signals)
-        needed, steps = self._look_ahead(needed)
+        needed, before, steps = self._look_ahead(needed)
         last, begins = self._last.copy(), self._begins.copy()
         for name, events in needed.items():
             last[name] = events[-1]
-            begins.setdefault(name, clock.nearest(events[0][0]))
+            if name not in begins:
+                begins[name] = clock.nearest(events[0][0])
         steps, settled = self._settled(steps, last, begins)
-        confirmed = {name: self._before(name, events)[:-1] for name, events in needed.items()}
+        confirmed = {n: before[n] + needed[n][:-1] for n in needed}
         told = self._news(steps, settled)
         for _, value in monitor.update(confirmed):
             self._given = value
+        unread = [name for name in self._sources() if name not in last]
+        warn_of_unknown(named.keys() - self.var_object_dict.keys(), unread)
         self._last, self._begins = last, begins
         self.var_object_dict |= named
         return self._stamped(told)
@@ -183,7 +188,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         """
         monitor = self._running()
         named, needed = self._read_signals(signals)
-        needed, steps = self._look_ahead(needed)
+        needed, _, steps = self._look_ahead(needed)
         known = {name: [event] for name, event in self._last.items()} | needed
         held = _held_to_the_end(known, self._clock)
         steps += self._ahead.update({name: held[name][len(known[name]) :] for name in held})
@@ -192,14 +197,28 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         self.var_object_dict |= named
         return self._stamped(self._news(steps, None))
 
-    def _look_ahead(self, needed: EventLists) -> tuple[EventLists, list[tuple[float, float]]]:
-        """The new events of variables that have some, and what they decide beside the last ones."""
-        events = {n: e for n, e in _last_of_each_tick(needed, self._clock).items() if e}
-        self._ahead.__setstate__(self._running().__reduce__()[2])
-        last = {n: [e] for n, e in self._last.items()}
-        last |= {n: self._before(n, e)[: -len(e)] for n, e in events.items()}
-        steps = self._ahead.update(last)
-        return events, steps + self._ahead.update(events)
+    def _look_ahead(
+        self, needed: EventLists
+    ) -> tuple[EventLists, EventLists, list[tuple[float, float]]]:
+        """The new events of variables that have some, those before them, and what they decide.
+
+        The event before them is the last one, unless they begin with one of the same time.
+        """
+        clock, ahead = self._clock, self._ahead
+        new = {n: events for n, events in _last_of_each_tick(needed, clock).items() if events}
+        last = {name: [event] for name, event in self._last.items()}
+        for name in new.keys() & last.keys():
+            if clock.on_one_tick(last[name][0][0], new[name][0][0]):
+                last[name] = []
+        before = {name: last.get(name, []) for name in new}
+        state = self._running().__reduce__()[2]
+        ahead.__setstate__(state)
+        try:
+            return new, before, ahead.update(last | {n: before[n] + new[n] for n in new})
+        except InputError:  # its message counts the events before the new ones too
+            ahead.__setstate__(state)
+            steps = ahead.update(last)
+            return new, before, steps + ahead.update(new)
 
     def _settled(
         self,
@@ -229,13 +248,6 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         so_far = ahead.finish()[0][1]
         ahead.__setstate__(state)
         return steps, (time, so_far)
-
-    def _before(self, name: str, events: list[tuple[float, Any]]) -> list[tuple[float, Any]]:
-        """Events of a variable after its last one, unless the first of them replaces that."""
-        last = self._last.get(name)
-        if last is None or self._clock.on_one_tick(last[0], events[0][0]):
-            return events
-        return [last, *events]
 
     def _news(
         self, steps: Sequence[tuple[float, float]], settled: tuple[float, float] | None

@@ -20,6 +20,7 @@ from rtamt.compat.declarations import (
     OnlineSpecification,
 )
 from rtamt.compat.options import Language, Semantics
+from rtamt.compat.undeclared import warn_of_unknown
 from rtamt.errors import InputError, InputTypeError, SpecificationError, StateError
 from rtamt.inputs.messages import Messages, write_fields
 from rtamt.language.interval import UNITS
@@ -138,7 +139,8 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         Args:
             timestamp: Time of the sample in `unit`, for `sampling_violation_counter` alone.
             dataset: Names and values. Variables that are absent keep their values, which are 0 at
-                first; unknown ones are ignored.
+                first; unknown ones are ignored, with a warning in the log if the name is like that
+                of a variable that is absent.
 
         Raises:
             StateError: Before `parse`.
@@ -171,6 +173,11 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         if self._begins:
             robustness = self._begin(monitor, sample, robustness)
         robustness += 0.0  # programs print it, and know no -0.0
+        if len(values) > len(self.var_object_dict):
+            unknown = values.keys() - self.var_object_dict.keys()
+            known = self.var_object_dict
+            unread = [name for name in self._names if values[name] is known.get(name)]
+            warn_of_unknown(unknown, unread)
         self.var_object_dict = values
         self._time = timestamp
         self._robustness = robustness

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import logging
+from collections.abc import Collection, Iterable
 
 from rtamt.errors import nearest
 from rtamt.language.specification import Specification
 
-__all__ = ["check_declared"]
+__all__ = ["check_declared", "warn_of_unknown"]
+
+_log = logging.getLogger(__name__)
 
 
 def check_declared(parsed: Specification, declared: Collection[str]) -> None:
@@ -34,6 +37,18 @@ def check_declared(parsed: Specification, declared: Collection[str]) -> None:
     near = nearest(name, sorted(known)).removeprefix("; ")
     hint = f"{near} declare_var('{_head(name)}', 'float') declares it".lstrip()
     raise parsed.error(unknown[name], f"'{name}' is not declared", hint)
+
+
+def warn_of_unknown(names: Iterable[object], unread: Collection[str]) -> None:
+    """Log the names of ignored data that are like a variable for which no data came.
+
+    Args:
+        names: The names that the specification does not know.
+        unread: The variables that keep the value they had.
+    """
+    for name in names:
+        if isinstance(name, str) and (near := nearest(name, unread)):
+            _log.warning("the data of '%s' is ignored: no variable has that name%s", name, near)
 
 
 def _head(name: str) -> str:

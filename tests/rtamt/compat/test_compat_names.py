@@ -1,7 +1,7 @@
 """The names that the released classes take: what must be declared, and words of the language."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pytest
 
@@ -98,3 +98,32 @@ def test_words_that_the_language_takes_as_names_are_variables(word: str) -> None
         events = [word, [[0.0, 3.0]]], ["a", [[0.0, 7.0]]], ["b", [[0.0, 0.0]]]
         assert dense.update(*events) == dense.evaluate(*events) == [[0.0, 2.0]]
         assert discrete.get_value(word) == [3.0]
+
+
+def test_ignored_data_of_a_name_like_an_absent_variable_is_told_in_the_log_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    said = "the data of 'sped' is ignored: no variable has that name; did you mean 'speed'?"
+    discrete = made(rtamt.StlDiscreteTimeSpecification, "speed < 30 and gap > 1", "speed", "gap")
+    discrete.parse()
+    sample: list[tuple[Any, float]] = [("sped", 50.0), ("gap", 5.0), ("other", 1.0), (7, 1.0)]
+    for i in range(3):
+        assert discrete.update(i, sample) == 4.0
+    assert caplog.messages == [said]
+    dense = made(rtamt.StlDenseTimeSpecification, "speed < 30 and gap > 1", "speed", "gap")
+    dense.parse()
+    for i in range(3):
+        assert dense.update(["sped", [[i, 50.0]]], ["gap", [[i, 5.0]]], ["other", []]) == []
+    assert caplog.messages == [said, said]
+
+
+def test_data_beside_that_of_all_variables_is_ignored_in_silence(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    discrete = made(rtamt.StlDiscreteTimeSpecification, "speed1 < 30", "speed1")
+    discrete.parse()
+    assert discrete.update(0, [("speed1", 20.0), ("speed2", 50.0)]) == 10.0
+    dense = made(rtamt.StlDenseTimeSpecification, "speed1 < 30", "speed1")
+    dense.parse()
+    assert dense.update(["speed1", [[0, 20.0]]], ["speed2", [[0, 50.0]]]) == [[0.0, 10.0]]
+    assert caplog.messages == []
