@@ -27,7 +27,8 @@ class Books:
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         self._keepers: list[tuple[Any, _Kind]] = []
         while isinstance(env, gym.Wrapper):
-            kind = _KINDS.get(type(env).__name__)
+            names = (each.__name__ for each in type(env).__mro__)
+            kind = next((_KINDS[name] for name in names if name in _KINDS), None)
             if kind is not None and all(hasattr(env, name) for name in kind.attributes):
                 self._keepers.insert(0, (env, kind))  # the innermost first, as in a step
             env = env.env
@@ -99,4 +100,4 @@ _KINDS = {
         ("episode_lengths", "return_queue"), "return_queue", _forget_in_statistics
     ),
 }
-"""By the name of the class."""
+"""By the name of the class, or of one that it derives from."""

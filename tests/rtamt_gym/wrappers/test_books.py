@@ -35,8 +35,12 @@ EXPECTED = [(3.0, 2), (3.0, 2), (3.0, 2), (1.0, 1)]
 """Returns and lengths: the reward of step n is n."""
 
 
+class Derived(Monitor):
+    """A class of a user's own."""
+
+
 @pytest.mark.parametrize("on_violation", ["terminate", "truncate"])
-@pytest.mark.parametrize("keeper", [Monitor, RecordEpisodeStatistics])
+@pytest.mark.parametrize("keeper", [Monitor, Derived, RecordEpisodeStatistics])
 def test_every_episode_is_counted_once_inside_as_outside(
     keeper: Any,  # noqa: ANN401 - a class of wrappers
     on_violation: OnViolation,
@@ -48,7 +52,7 @@ def test_every_episode_is_counted_once_inside_as_outside(
     outside = Fresh([])
     around = keeper(StlMonitor(outside, "always(x > 1)", X, on_violation=on_violation))
     assert [counts(info) for info in played(around, outside)] == EXPECTED
-    if keeper is Monitor:
+    if issubclass(keeper, Monitor):
         assert inside.rows == around.rows
         assert inside.total_steps == around.total_steps == 7
     else:
