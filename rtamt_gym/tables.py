@@ -6,7 +6,17 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-__all__ = ["number", "sample_text", "shorten", "table", "time_text"]
+__all__ = ["counted", "number", "sample_text", "shorten", "table", "time_text"]
+
+
+def counted(count: int, what: str) -> str:
+    """Writes how many there are of something whose plural ends in s.
+
+    Example:
+        >>> counted(1, "trace"), counted(0, "trace")
+        ('1 trace', '0 traces')
+    """
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def number(value: float) -> str:

@@ -18,6 +18,7 @@ from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import read_requirements, variables_of
+from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
 from rtamt_gym.recorded.readers import extensions, open_recording
 from rtamt_gym.tables import shorten
@@ -80,7 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
     )
     parser.add_argument(
         "--end",
-        choices=("cut", "complete", "open"),
+        choices=get_args(AtTruncation),
         default="cut",
         help="what lies behind the end of a trace: cut, what bounded windows need of it is "
         "unknown, and operators without an end speak of the recorded time; complete, nothing; "

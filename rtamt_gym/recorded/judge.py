@@ -11,10 +11,11 @@ import numpy as np
 
 import rtamt
 from rtamt import SpecificationError, Verdict
+from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.judges.interface import EXACT, Semantics, robustness_text
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.tables import number, sample_text, shorten, time_text
+from rtamt_gym.tables import counted, number, sample_text, shorten, time_text
 
 __all__ = [
     "RESULT",
@@ -46,7 +47,7 @@ class Rules:
     view: Literal["episode", "step"] = "episode"
     semantics: Semantics = "standard"
     align: Literal["outward", "inward", "nearest"] | None = None
-    end: Literal["complete", "cut", "open"] = "cut"
+    end: AtTruncation = "cut"
     dense: bool = False
 
 
@@ -170,16 +171,12 @@ def described(trace: Trace | EventTrace, period: Fraction | None = None) -> str:
     """Describes a trace in words: the number of its samples or events, its first and last time."""
     if isinstance(trace, EventTrace):
         begin, end = (time_text(time, trace.step) for time in trace.span)
-        return f"{trace.source}: {_count(trace.events, 'event')}, {begin} to {end}"
-    samples = f"{trace.source}: {_count(trace.samples, 'sample')}"
+        return f"{trace.source}: {counted(trace.events, 'event')}, {begin} to {end}"
+    samples = f"{trace.source}: {counted(trace.samples, 'sample')}"
     if period is None:
         return f"{samples}, bounds count samples"
     begin, end = (sample_text(i, period, trace.start) for i in (0, trace.samples - 1))
     return f"{samples}, one every {number(float(period))} s, {begin} to {end}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"1 {what}" if number == 1 else f"{number} {what}s"
 
 
 RESULT = "(result)"

@@ -6,9 +6,9 @@ import textwrap
 from collections.abc import Iterator, Sequence
 
 from rtamt import Verdict
-from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome
+from rtamt_gym.recorded.outcome import ERROR, Failure, Matrix, Outcome
 from rtamt_gym.recorded.report import undecided_lines
-from rtamt_gym.tables import shorten, table
+from rtamt_gym.tables import counted, shorten, table
 
 __all__ = ["LEGEND", "cell_text", "matrix_lines", "summary"]
 
@@ -40,12 +40,13 @@ def matrix_lines(matrix: Matrix) -> list[str]:
 
 def summary(matrix: Matrix) -> Iterator[str]:
     """Counts the outcomes in words, names what is worst, and says if traces were read otherwise."""
-    counts = ", ".join(f"{count} {word.lower()}" for word, count in _counted(matrix) if count)
-    traces, formulas = len(matrix.rows), len(matrix.formulas)
-    yield (
-        f"{traces} trace{'s' * (traces != 1)}, "
-        f"{formulas} requirement{'s' * (formulas != 1)}: {counts}"
-    )
+    counts = [
+        counted(count, "error") if word == ERROR else f"{count} {word.lower()}"
+        for word, count in matrix.counts().items()
+        if count
+    ]
+    traces = counted(len(matrix.rows), "trace")
+    yield f"{traces}, {counted(len(matrix.formulas), 'requirement')}: {', '.join(counts)}"
     for what, worst in (
         ("requirement", matrix.worst_requirement()),
         ("trace", matrix.worst_trace()),
@@ -63,13 +64,6 @@ def cell_text(cell: Outcome | Failure) -> str:
         return "E"
     letter = {Verdict.VIOLATED: "V", Verdict.UNDECIDED: "U"}.get(cell.verdict, " ")
     return f"{cell.robustness + 0.0:.4g} {letter}"
-
-
-def _counted(matrix: Matrix) -> list[tuple[str, int]]:
-    return [
-        ("error" if word == "ERROR" and count == 1 else {"ERROR": "errors"}.get(word, word), count)
-        for word, count in matrix.counts().items()
-    ]
 
 
 def _blocks(

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rtamt import Verdict
-from rtamt_gym.tables import number
+from rtamt_gym.tables import counted, number
 
 __all__ = ["ERROR", "Failure", "Matrix", "Outcome", "Row", "word"]
 
@@ -147,7 +147,7 @@ class Matrix:
             return None
         name, counts, least = found
         total = len(columns[name])
-        words = [f"{word} in {n} of {total} {_s('trace', total)}" for word, n in counts if n]
+        words = [f"{word} in {n} of {counted(total, 'trace')}" for word, n in counts if n]
         words.append(f"least {number(columns[name][least].robustness + 0.0)} in {least}")
         return name, ", ".join(words)
 
@@ -162,7 +162,7 @@ class Matrix:
             return None
         name, counts, least = found
         total = len(rows[name])
-        words = [f"{n} of {total} {_s('requirement', total)} {word}" for word, n in counts if n]
+        words = [f"{n} of {counted(total, 'requirement')} {word}" for word, n in counts if n]
         words.append(f"least {number(rows[name][least].robustness + 0.0)} of {least}")
         return name, ", ".join(words)
 
@@ -185,7 +185,3 @@ def _worst(
             best = badness
             found = name, [("violated", violated), ("undecided", open_)], least
     return found
-
-
-def _s(what: str, count: int) -> str:
-    return what if count == 1 else f"{what}s"
