@@ -40,7 +40,7 @@ class Grid:
         self._since = since
         self.slope = float(since[-1]) / (len(since) - 1)
         """The distance of the grid's points."""
-        if self.rises and not self.even:
+        if self.rises and np.isfinite(self.slope) and not self.even:
             self.slope = self._nearest_slope()
 
     def _nearest_slope(self) -> float:
@@ -72,7 +72,7 @@ class Grid:
     @property
     def even(self) -> bool:
         """Whether the samples count as on the grid."""
-        if not self.rises:
+        if not (self.rises and np.isfinite(self.slope)):
             return False
         near = self._spread(self.slope) <= 2 * self.jitter * self.slope + self._precision
         drifts = np.abs(self.steps - self.usual) <= _DRIFT * self.usual + self._precision

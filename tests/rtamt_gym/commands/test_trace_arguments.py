@@ -122,11 +122,13 @@ def test_a_folder_without_traces_is_refused(capsys: Output) -> None:
     assert err.endswith(", found none\n")
 
 
-@pytest.mark.parametrize("option", ["--out", "--plot"])
-def test_the_files_of_one_trace_are_not_written_of_several(option: str, capsys: Output) -> None:
-    assert main(["monitor", "req.stl", option, "r.png", "--", "a.csv", "even.csv"]) == 2
+@pytest.mark.parametrize(("option", "name"), [("--out", "r.csv"), ("--plot", "r.png")])
+def test_the_files_of_one_trace_are_not_written_of_several(
+    option: str, name: str, capsys: Output
+) -> None:
+    assert main(["monitor", "req.stl", option, name, "--", "a.csv", "even.csv"]) == 2
     assert capsys.readouterr() == ("", f"rtamt: error: expected one trace for {option}, got 2\n")
-    assert not Path("r.png").exists()
+    assert not Path(name).exists()
 
 
 @pytest.mark.parametrize("option", ["--junit", "--markdown"])
