@@ -49,6 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
     )
     add_output(parser, "--plot", "draw the signals and the robustness of one trace")
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="draw all requirements, where --plot draws the worst of many",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -142,6 +147,9 @@ def _write(
         from rtamt_gym.recorded.plot import draw_trace
 
         signals = signals_of(judged.trace, judged.period)
-        save(draw_trace(signals, judged.judgements, judged.trace.source), options.plot)
+        reads = {name: spec.variables for name, spec in asked.specs.items()}
+        source = judged.trace.source
+        figure = draw_trace(signals, judged.judgements, source, reads, everything=options.all)
+        save(figure, options.plot)
         said.append(f"picture: {options.plot}\n")
     return said

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,20 +25,43 @@ _SHADE: Mapping[str, Any] = {
 }
 
 
+_MOST = 12
+"""Panels up to which a picture is read at a glance."""
+
+_WORST, _SIGNALS = 6, 4
+"""Requirements and signals in a picture that cannot hold all."""
+
+
 def draw_trace(
-    signals: Mapping[str, Series], judgements: Mapping[str, Judgement], title: str
+    signals: Mapping[str, Series],
+    judgements: Mapping[str, Judgement],
+    title: str,
+    reads: Mapping[str, Collection[str]],
+    *,
+    everything: bool = False,
 ) -> Figure:
     """Draws the signals, and below them a panel for every formula, shaded where it is negative.
 
-    Where it is -0.0 there is nothing to shade: the line at 0 is thick there.
+    Where it is -0.0 there is nothing to shade: the line at 0 is thick there. If there are more than
+    12 panels, the picture shows the worst requirements, the worst first, without the formulas that
+    they use, and signals that these read, and says in a line what it leaves out.
 
     Args:
         signals: The values of the variables.
         judgements: The judgements by name of the specification; the panel of a result shows the
             verdict.
         title: Stands above.
+        reads: The variables of each specification.
+        everything: Whether all panels are drawn, however many there are.
     """
     formulas = [(spec, name) for spec, each in judgements.items() for name in each.series]
+    left_out = ""
+    if not everything and len(signals) + len(formulas) > _MOST:
+        worst = sorted(judgements, key=lambda name: _rank(judgements[name]))[:_WORST]
+        formulas = [(spec, list(judgements[spec].series)[-1]) for spec in worst]
+        read = dict.fromkeys(v for spec in worst for v in signals if v in reads[spec])
+        left_out = _left_out(judgements, worst, len(signals) - len(list(read)[:_SIGNALS]))
+        signals = {name: signals[name] for name in list(read)[:_SIGNALS]}
     heights = [1.0] * len(signals) + [1.3] * len(formulas)
     figure = Figure(figsize=(8.0, 1.25 * sum(heights) + 0.9), layout="constrained")
     axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
@@ -57,9 +81,30 @@ def draw_trace(
             drawing.show_verdict(ax, judgement.verdict, judgement.robustness_text)
     figure.align_ylabels(axes)
     figure.suptitle(title, fontsize=12, fontweight="bold")
+    if left_out:
+        # Below the title, where the layout keeps room for it.
+        axes[0].set_title(left_out, fontsize=9, loc="left", color=drawing.OPEN)
     timed = any(s.step is not None for each in judgements.values() for s in each.series.values())
     figure.supxlabel("time in s" if timed else "samples", fontsize=9, color=drawing.OPEN)
     return figure
+
+
+def _rank(judgement: Judgement) -> tuple[int, float]:
+    """Orders the worst first: violated, undecided, satisfied, each by robustness."""
+    order = (Verdict.VIOLATED, Verdict.UNDECIDED, Verdict.SATISFIED)
+    return order.index(judgement.verdict), judgement.found.robustness
+
+
+def _left_out(judgements: Mapping[str, Judgement], shown: Sequence[str], signals: int) -> str:
+    """What a picture does not show, in words."""
+    others = Counter(each.verdict for name, each in judgements.items() if name not in shown)
+    counts = ", ".join(f"{others[v]} {v.name}" for v in Verdict if others[v])
+    words = []
+    if others:
+        words.append(f"the worst {len(shown)} of {len(judgements)} requirements; others: {counts}")
+    if signals:
+        words.append(f"{signals} {'signals' if signals > 1 else 'signal'} not shown")
+    return "; ".join([*words, "--all draws everything"])
 
 
 def _line(ax: Axes, series: Series, values: Floats, end: float, colour: str) -> None:
