@@ -139,9 +139,12 @@ def check_outputs(*files: Path | None, picture: Path | None) -> None:
     """Checks the files that a command is to write before it begins; None is no file.
 
     Raises:
-        InputError: If a folder does not exist, or the picture's name has no known format.
+        InputError: If a folder does not exist, or a file is a folder, or the picture's name has no
+            known format.
     """
     for path in filter(None, (*files, picture)):
+        if path.is_dir():
+            raise InputError(f"cannot write {path}: it is a folder")
         if not path.parent.is_dir():
             raise InputError(f"cannot write {path}: there is no folder {path.parent}")
     if picture:

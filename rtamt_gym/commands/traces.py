@@ -161,8 +161,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
     specs, traces = _divided([*options.specs, options.trace])
     found = _found(traces)
     texts = [p for word in specs for p in _files(word, [".stl"], pattern=word.endswith(".stl"))]
-    requirements = read_requirements(texts, _constants(options.constant))
-    requirements = _only(requirements, options.only)
+    every = read_requirements(texts, _constants(options.constant))
+    requirements = _only(every, options.only)
     for spec in requirements.values():
         viewed(spec, options.view)
     period = options.period
@@ -184,6 +184,11 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         missing=options.missing,
         jitter=options.jitter,
     )
+    variables = variables_of(every)
+    for name in columns.signals:
+        if name not in variables:
+            hint = nearest(name, variables) or f"; they read {listing(variables)}"
+            raise InputError(f"--signal: no specification reads {name!r}{hint}")
     return Asked(requirements, rules, columns), found
 
 
@@ -230,6 +235,10 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
     else:
         specs, traces = list(words[:-1]), list(words[-1:])
     for word in traces:
+        if word.endswith(".json"):
+            raise InputError(
+                f"expected a trace, got {word}; --json names no file: it writes to standard output"
+            )
         if word.endswith(".stl"):
             raise InputError(
                 f"expected a trace, got the specification {word}; specifications stand first"

@@ -99,7 +99,19 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             "req.stl a.csv --constant limit=1 --constant limit=2",
             "--constant: expected one 'limit', got two",
         ),
+        (
+            "req.stl -- a.csv out.json",
+            "expected a trace, got out.json; --json names no file: it writes to standard output",
+        ),
         ("req.stl a.csv --signal gap", None),
+        (
+            "req.stl a.csv --signal gpa=distance",
+            "--signal: no specification reads 'gpa'; did you mean 'gap'?",
+        ),
+        (
+            "req.stl a.csv --signal x=distance",
+            "--signal: no specification reads 'x'; they read 'gap', 'speed'",
+        ),
         ("req.stl a.csv --end never", None),
         ("req.stl a.csv --dense --period 1", None),
     ],
@@ -140,6 +152,8 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_is_judged(
         "",
         "rtamt: error: cannot write no/out: there is no folder no\n",
     )
+    assert main(["monitor", "req.stl", "even.csv", option, ""]) == 2
+    assert capsys.readouterr() == ("", "rtamt: error: cannot write .: it is a folder\n")
 
 
 def test_only_judges_the_requirements_that_it_names(capsys: Output) -> None:
