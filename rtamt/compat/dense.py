@@ -11,6 +11,8 @@ import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from rtamt.compat.advice import own_advice
 from rtamt.compat.declarations import (
     AbstractSpecification,
@@ -273,8 +275,11 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def _stamped(self, steps: Sequence[tuple[float, float]]) -> Pairs:
         if steps:
             self._robustness = steps[-1][1]
-        clock = self._clock
-        return [[clock.time(clock.nearest(t) + self._late), value + 0.0] for t, value in steps]
+        times = [time for time, _ in steps]
+        if self._late:
+            ticks = self._clock.ticks(np.array(times, np.float64), "")
+            times = self._clock.times(ticks + self._late).tolist()
+        return [[time, value + 0.0] for time, (_, value) in zip(times, steps, strict=True)]
 
     def _value(self, formula: str) -> float:
         return self._ahead.values[formula]

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import numbers
 from fractions import Fraction
 from typing import Any
@@ -85,6 +86,11 @@ class Clock:
     def on_one_tick(self, first: object, second: object) -> bool:
         """Whether two times are the same or have the same nearest tick; other objects have none."""
         try:
+            if isinstance(first, float) and isinstance(second, float):
+                # What is far apart needs no exact arithmetic.
+                tick = self.tick.numerator / self.tick.denominator
+                if abs(second - first) > 4 * (tick + math.ulp(max(abs(first), abs(second)))):
+                    return False
             return first == second or self.nearest(first) == self.nearest(second)
         except (TypeError, ValueError, OverflowError):
             return False

@@ -3,6 +3,7 @@
 import copy
 import math
 import pickle
+from fractions import Fraction
 from typing import Any
 
 import pytest
@@ -126,6 +127,19 @@ def test_a_variable_with_one_event_has_its_value_for_the_whole_trace() -> None:
     assert declared("a > c", ("a", "c")).evaluate(*events) == [[0.0, 1.0], [10.0, -3.0]]
     late = ["a", [[0, 1], [2, -3]]], ["c", [[4, 0], [5, 1]]]
     assert declared("a > c", ("a", "c")).evaluate(*late) == [[4.0, -3.0], [5.0, -4.0]]
+
+
+@pytest.mark.parametrize("begin", [0.0, -3.0, 0.1, 1e6, 1.7e9])
+@pytest.mark.parametrize("gap", [2e-10, 6e-10, 1e-9, 5e-9, 1e-6, 0.25])
+def test_the_last_event_of_a_tick_counts_wherever_and_however_near(
+    begin: float, gap: float
+) -> None:
+    events = [(begin, 1.0), (begin + gap, 5.0), (begin + gap + 1.0, 2.0)]
+    ticks = [round(Fraction(repr(time)) * 10**9) for time, _ in events]
+    last = {tick: (tick / 10**9, value) for tick, (_, value) in zip(ticks, events, strict=True)}
+    expected = [list(step) for step in last.values()]
+    assert declared("a > 0", ("a",)).evaluate(["a", events]) == expected
+    assert declared("a > 0", ("a",)).update(["a", events]) == expected
 
 
 @pytest.mark.parametrize("formula", ["a > 1", "a > c", "always(a > c)"])
