@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -38,8 +38,8 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
             except pa.ArrowInvalid:
                 raise InputError(f"{path}: expected a Parquet file") from None
             with file:
-                schema = _flat(file.schema_arrow.empty_table()).schema
-                yield ArrowRecording(schema, lambda wanted: file.read(columns=wanted), path)
+                fields = _fields(file.schema_arrow)
+                yield ArrowRecording(fields, lambda wanted: file.read(columns=wanted), path)
         case ".feather" | ".arrow":
             try:
                 table = pa.feather.read_table(path, memory_map=False)
@@ -59,7 +59,15 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
 def of_table(table: pa.Table, source: str) -> ArrowRecording:
     """The columns of a table in memory."""
     flat = _flat(table)
-    return ArrowRecording(flat.schema, flat.select, source)
+    return ArrowRecording(list(flat.schema), flat.select, source)
+
+
+def _fields(fields: Iterable[pa.Field]) -> list[pa.Field]:
+    """The fields, with those of structures in place of the structures."""
+    flat = []
+    for field in fields:
+        flat += _fields(field.flatten()) if pa.types.is_struct(field.type) else [field]
+    return flat
 
 
 def _flat(table: pa.Table) -> pa.Table:
@@ -72,19 +80,19 @@ class ArrowRecording:
     """The columns of a table; a field of a structure is a column with a dotted name.
 
     Args:
-        schema: The names and the types of the columns.
+        fields: The names and the types of the columns.
         load: Gives the table of some of them.
         source: Name of the file, for messages.
     """
 
     def __init__(
-        self, schema: pa.Schema, load: Callable[[list[str]], pa.Table], source: str
+        self, fields: Sequence[pa.Field], load: Callable[[list[str]], pa.Table], source: str
     ) -> None:
         self.source = source
-        self.names: Sequence[str] = schema.names
+        self.names: Sequence[str] = [field.name for field in fields]
         self.dates: Sequence[str] = [
             field.name
-            for field in schema
+            for field in fields
             if pa.types.is_timestamp(field.type) or pa.types.is_date(field.type)
         ]
         self._load = load

@@ -2,6 +2,8 @@
 
 import gzip
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -242,3 +244,18 @@ def test_the_library_reads_what_needs_no_help(
         path = tmp_path / f"long{extension}"
         WRITERS[extension](path, TABLE)
         assert read(path, ["speed"]).columns["speed"].tolist() == TABLE["speed"].tolist()
+
+
+@pytest.mark.parametrize("extension", [".csv", ".parquet", ".feather", ".ndjson"])
+def test_long_files_are_read_without_the_import_of_pandas(extension: str, tmp_path: Path) -> None:
+    path = tmp_path / f"long{extension}"
+    WRITERS[extension](path, TABLE)
+    code = (
+        "import sys; from rtamt_gym.recorded import csv_reader; csv_reader._LONG = 0;"
+        "from rtamt_gym.__main__ import main;"
+        "assert main(['monitor', 'always(speed < 2)', sys.argv[1]]) == 0;"
+        "print({'pyarrow', 'pandas'} & {*sys.modules})"
+    )
+    command = [sys.executable, "-c", code, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("{'pyarrow'}\n")
