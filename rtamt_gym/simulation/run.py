@@ -208,6 +208,9 @@ class Run(RunRecord):
         """Writes a Parquet file: a row for each sample, with ``time`` and the signals first.
 
         Every reader of Parquet can read it, ``rtamt monitor`` too. Needs the extra ``files``.
+
+        Raises:
+            InputError: If the name does not end in ``.parquet``.
         """
         from rtamt_gym.simulation.storage import save
 

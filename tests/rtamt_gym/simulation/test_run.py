@@ -69,6 +69,18 @@ def test_a_signal_called_time_stands_in_place_of_the_times(tmp_path: Path) -> No
     assert Run.load(tmp_path / "run.parquet") == made
 
 
+@pytest.mark.parametrize("name", ["run.csv", "run", "run.feather"])
+def test_a_run_is_saved_under_the_name_of_its_format_alone(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    with pytest.raises(InputError) as refused:
+        run(1.0, 2.0, 5.0, 1.0).save(path)
+    assert str(refused.value) == (
+        f"cannot write {path}: expected a name that ends in .parquet, the format that holds all of "
+        "a run; run.to_frame() has the columns for other formats"
+    )
+    assert not path.exists()
+
+
 def test_what_holds_no_run_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other.parquet"
     pq.write_table(pa.table({"x": [1.0]}), path)
