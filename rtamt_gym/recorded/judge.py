@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -265,10 +266,20 @@ def signals_of(trace: Trace | EventTrace, period: Fraction | None) -> dict[str, 
 
 
 def _clock(trace: Trace, period: Fraction | None) -> tuple[Floats, float | None]:
-    times = np.arange(float(trace.samples))
-    if period is None:
-        return times, None
-    return trace.start + times * period.numerator / period.denominator, float(period)
+    step = None if period is None else float(period)
+    return _times(trace.start, trace.samples, period), step
+
+
+@lru_cache(maxsize=1)
+def _times(start: float, samples: int, period: Fraction | None) -> Floats:
+    """The times of samples, or their numbers; one array for all requirements of a trace."""
+    times = np.arange(float(samples))
+    if period is not None:
+        times *= period.numerator
+        times /= period.denominator
+        times += start
+    times.flags.writeable = False
+    return times
 
 
 def judge_events(
