@@ -24,7 +24,7 @@ _UNIT_OF = {word: unit for unit, words in _WORDS.items() for word in words.split
 """How the units are written in names of columns, in lower case."""
 
 _TIMES = re.compile(
-    r"(?:time|timestamp|time[ _]stamp|stamp|datetime|t)s?"
+    r"(?:time|timestamp|time[ _]stamp|stamp|datetime|tout|t)s?"
     r"(?:\s*[\[(]\s*(?P<inside>[^\])]*?)\s*[\])]|[\s_/.-]+(?P<behind>[^\W\d_]+))?",
     re.IGNORECASE,
 )
@@ -33,9 +33,9 @@ _TIMES = re.compile(
 def unit_of_times(column: str) -> str | None:
     """The unit in the name of a column of times; empty if it has none, None if it has no times.
 
-    These are ``time``, ``timestamp``, ``time stamp``, ``stamp``, ``datetime`` and ``t``, in any
-    case but ``T``, alone or with a unit behind them. A unit in brackets is returned as it stands if
-    it is unknown.
+    These are ``time``, ``timestamp``, ``time stamp``, ``stamp``, ``datetime``, ``tout`` (of
+    Simulink) and ``t``, in any case but ``T``, alone or with a unit behind them. A unit in brackets
+    is returned as it stands if it is unknown.
 
     Example:
         >>> [unit_of_times(name) for name in ("Time [s]", "timestamp_ns", "t", "time (µs)")]

@@ -46,7 +46,7 @@ def needed_columns(
             continue
         hint = nearest(column, recording.names)
         alike = [name for name in recording.names if column.lower() in name.lower()]
-        if column == variable and not hint and len(alike) == 1:
+        if column == variable and len(column) > 2 and len(alike) == 1:
             hint = f"; give --signal {shlex.quote(f'{variable}={alike[0]}')}"
         elif column == variable and not hint:
             hint = f"; give --signal {variable}=COLUMN"

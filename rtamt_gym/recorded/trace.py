@@ -273,7 +273,8 @@ def read_events(
         return _read_long(recording, variables, columns, time)
     check_names(recording, (time,))
     needed = needed_columns(recording, variables, columns)
-    rows = _read(recording, Wanted(needed, gaps=needed, time=time))
+    nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
+    rows = _read(recording, Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time))
     times = _event_times(rows, time, columns)
     _check_order(rows, times, np.arange(len(times)))
     signals = {}

@@ -58,7 +58,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("time,x\n0,1\ninf,2\n", "stdin, line 3, column 'time': expected a finite number, got inf"),
         ("time,x\n,1\n", "stdin, line 2, column 'time': expected a number, got ''"),
         ("time,x\n0,one\n", "stdin, line 2, column 'x': expected a number, got 'one'"),
-        ("time,x\n0,nan\n", "stdin, line 2, column 'x': expected a number, got 'nan'"),
+        (
+            "time,x\n0,nan\n",
+            (
+                "stdin, line 2, column 'x': expected a number, got 'nan'; "
+                "give --missing drop to read nan as no event"
+            ),
+        ),
         ("time,x,y\n0,1\n", "stdin, line 2: expected 3 values (time, x, y), got 2"),
         ("time,x\n", "stdin: expected at least one sample below the line of names"),
     ],

@@ -46,6 +46,7 @@ def refused(text: str, columns: Columns | None = None) -> str:
         ("stamp", ["0", "0.5", "1"]),
         ("header.stamp", ["0", "0.5", "1"]),
         ("/imu/stamp", ["0", "0.5", "1"]),
+        ("out.tout", ["0", "0.5", "1"]),
         ("time_ns", ["1700000000000000000", "1700000000500000000", "1700000001000000000"]),
         ("Time [ms]", ["0", "500", "1000"]),
         ("timestamp (µs)", ["0", "500000", "1000000"]),
@@ -234,6 +235,8 @@ def test_nan_counts_as_an_empty_cell_where_that_is_allowed(missing: Missing) -> 
         "t.csv, line 3, column 'x': expected a number, got 'nan'; "
         "give --missing hold or --missing drop; give --dense"
     )
+    found, _ = events("time,x\n0,1\n1,nan\n2,3\n", Columns(missing=missing)).signals["x"]
+    assert found.tolist() == [0.0, 2.0]
     expected = [1.0, 1.0, 3.0] if missing == "hold" else [1.0, 3.0]
     assert read(text, Columns(missing=missing)).columns["x"].tolist() == expected
 
