@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import signal
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from multiprocessing import get_context
 
 import rtamt
-from rtamt import Verdict
+from rtamt import InputError, Verdict
 from rtamt_gym.commands.errors import refusal, unexpected
 from rtamt_gym.commands.traces import Asked, read_trace_of
 from rtamt_gym.recorded import judge
@@ -52,19 +52,54 @@ def judge_file(asked: Asked, path: str, *, formulas: bool) -> Judged:
         formulas: Whether the robustness of the named formulas is evaluated too.
     """
     judged = Judged(path)
-    try:
-        judged.trace, judged.period = read_trace_of(asked, path)
-    except Exception as error:  # noqa: BLE001 - the others are to be judged
-        judged.failures = dict.fromkeys(asked.specs, _failure(error))
-        return judged
-    with progress("judging", len(asked.specs), " requirements") as advance:
-        for name, spec in asked.specs.items():
+    specs = _read(asked, judged)
+    with progress("judging", len(specs), " requirements") as advance:
+        for name, spec in specs.items():
             try:
                 judged.judgements[name] = _judge(spec, judged, asked.rules, formulas=formulas)
             except Exception as error:  # noqa: BLE001 - the others are to be judged
                 judged.failures[name] = _failure(error)
             advance(1)
     return judged
+
+
+def _read(asked: Asked, judged: Judged) -> Mapping[str, rtamt.Specification]:
+    """Reads a trace; returns the requirements that it can be judged by.
+
+    Where a column is missing or bad, the requirements that do not read it are judged without it.
+    """
+    try:
+        judged.trace, judged.period = read_trace_of(asked, judged.path)
+    except Exception as error:  # noqa: BLE001 - other traces are to be judged
+        judged.failures = dict.fromkeys(asked.specs, _failure(error))
+        if not isinstance(error, InputError) or judged.path == "-":
+            return {}
+    else:
+        return asked.specs
+    refused = _refused(asked, judged.path)
+    readable = {name: spec for name, spec in asked.specs.items() if name not in refused}
+    if not (refused and readable):
+        return {}
+    try:
+        judged.trace, judged.period = read_trace_of(replace(asked, specs=readable), judged.path)
+    except Exception:  # noqa: BLE001 - the error that all have together stays
+        return {}
+    judged.failures = refused
+    return readable
+
+
+def _refused(asked: Asked, path: str) -> dict[str, Failure]:
+    """The requirements whose columns cannot be read, each with the reason."""
+    parts: dict[tuple[str, ...], dict[str, rtamt.Specification]] = {}
+    for name, spec in asked.specs.items():
+        parts.setdefault(tuple(sorted(spec.variables)), {})[name] = spec
+    refused: dict[str, Failure] = {}
+    for part in parts.values():
+        try:
+            read_trace_of(replace(asked, specs=part), path)
+        except Exception as error:  # noqa: BLE001 - the others are to be judged
+            refused |= dict.fromkeys(part, _failure(error))
+    return refused
 
 
 def judge_files(
@@ -122,7 +157,8 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
     described = judge.described(judged.trace, judged.period)
     notes = [*judged.trace.notes]
     timed = any(spec.timed for spec in asked.specs.values())
-    if timed and judged.period is None and isinstance(judged.trace, Trace):
+    untimed = isinstance(judged.trace, Trace) and judged.trace.times is None
+    if timed and untimed and judged.period is None:
         notes.append("no column is one of times, so that bounds count samples")
     return Row(judged.path, described, cells, notes)
 

@@ -165,13 +165,43 @@ def test_only_judges_the_requirements_that_it_names(capsys: Output) -> None:
     assert capsys.readouterr().out.startswith("near: SATISFIED, robustness 3")
 
 
-def test_a_column_that_only_other_requirements_read_may_be_missing(
+def test_a_column_that_is_missing_or_bad_is_an_error_of_those_that_read_it(
     folder: Path, capsys: Output
 ) -> None:
     (folder / "gap.csv").write_text("time,gap\n0,5\n1,5\n")
-    assert main(["monitor", "req.stl", "gap.csv"]) == 2
+    (folder / "bad.csv").write_text("time,gap,speed\n0,1,5\n1,5,fast\n")
+    for trace, report, message in (
+        (
+            "gap.csv",
+            "SATISFIED, robustness 3, at the end of the trace\n",
+            (
+                "gap.csv: no column 'speed', which the specification reads; "
+                "the columns are time, gap; give --signal speed=COLUMN"
+            ),
+        ),
+        (
+            "bad.csv",
+            "VIOLATED, robustness -1, certain from 0 s on\n",
+            "bad.csv, line 3, column 'speed': expected a number, got 'fast'",
+        ),
+    ):
+        assert main(["monitor", "req.stl", trace]) == 2
+        out, err = capsys.readouterr()
+        assert out.startswith(report)
+        assert err == f"rtamt: error: {message}\n"
+        assert main(["explain", "req.stl", trace]) == 2
+        out, err = capsys.readouterr()
+        assert ("near:" in out, "slow:" in out) == (True, False)
+        assert err == f"rtamt: error: {message}\n"
     assert main(["monitor", "req.stl", "gap.csv", "--only", "near"]) == 0
+    assert main(["monitor", "req.stl", "bad.csv", "--only", "near"]) == 1
+    (folder / "none.csv").write_text("time,x\n0,5\n1,5\n")
     capsys.readouterr()
+    assert main(["monitor", "req.stl", "none.csv"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("rtamt: error: none.csv: no column 'gap', which the specification reads")
+    assert len(err.splitlines()) == 1
 
 
 def test_each_text_gets_the_constants_that_it_names(folder: Path) -> None:
