@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import partial
@@ -115,26 +116,64 @@ def judge_files(
             on they were certain, which costs as much as the verdict.
     """
     task = partial(_row_of_file, asked, explain)
-    rows = []
     with progress("judging", len(paths), " traces") as advance:
-        if workers == 1 or len(paths) == 1:
-            for path in paths:
-                rows.append(task(path))
-                advance(1)
-            return rows
-        # A fork would take locks along that other threads hold.
-        context = get_context("spawn")
-        with ProcessPoolExecutor(min(workers, len(paths)), context, _begin_worker) as pool:
-            for row in pool.map(task, paths):
-                rows.append(row)
-                advance(1)
+        if workers > 1 and len(paths) > 1:
+            return _in_processes(task, asked, paths, workers, advance)
+        rows = []
+        for path in paths:
+            rows.append(task(path))
+            advance(1)
     return rows
+
+
+def _in_processes(
+    task: Callable[[str], Row],
+    asked: Asked,
+    paths: Sequence[str],
+    workers: int,
+    advance: Callable[[int], None],
+) -> list[Row]:
+    """Does a task for each trace in processes.
+
+    If a process dies, as for lack of memory, nobody knows at which trace: the first that has no
+    row yet is judged alone, and only if its process dies too it is a failure.
+    """
+    rows: list[Row] = []
+    alone = False
+    while len(rows) < len(paths):
+        left = paths[len(rows) :][: 1 if alone else None]
+        try:
+            # A fork would take locks along that other threads hold.
+            context = get_context("spawn")
+            with ProcessPoolExecutor(min(workers, len(left)), context, _begin_worker) as pool:
+                for row in _begin(pool, task, left):
+                    rows.append(row)
+                    advance(1)
+            alone = False
+        except BrokenProcessPool:
+            if alone:
+                message = f"{left[0]}: the process that judged it died, perhaps for lack of memory"
+                rows.append(Row(left[0], "", dict.fromkeys(asked.specs, Failure(message))))
+                advance(1)
+            alone = not alone
+    return rows
+
+
+def _begin(
+    pool: ProcessPoolExecutor, task: Callable[[str], Row], paths: Sequence[str]
+) -> Iterator[Row]:
+    """Starts the processes, which ignore interrupts from their first moment on."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        return pool.map(task, paths)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _begin_worker() -> None:
     """Leaves bars, and what an interrupt does, to the process that has asked."""
     silence()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where that is not inherited
 
 
 def _row_of_file(asked: Asked, explain: Sequence[Verdict], path: str) -> Row:

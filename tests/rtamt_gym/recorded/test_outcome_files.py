@@ -57,7 +57,7 @@ def test_junit_has_a_suite_for_each_trace_and_a_case_for_each_requirement(
     root = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own
     assert (root.tag, root.attrib) == (
         "testsuites",
-        {"name": "rtamt", "tests": "8", "failures": "1", "errors": "2", "skipped": "1"},
+        {"name": "rtamt", "tests": "8", "failures": "1", "errors": "2"},
     )
     counts = {
         suite.get("name"): tuple(
@@ -101,6 +101,9 @@ def test_the_counts_of_junit_are_those_of_its_cases(folder: Path) -> None:
     tags = {"failures": "failure", "errors": "error", "skipped": "skipped", "tests": "testcase"}
     for element in (root, *root):
         for attribute, tag in tags.items():
+            if element is root and attribute == "skipped":
+                assert attribute not in element.attrib  # no schema has it there
+                continue
             assert element.get(attribute) == str(len(list(element.iter(tag))))
 
 
