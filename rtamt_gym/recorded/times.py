@@ -66,6 +66,8 @@ def find_times(recording: Recording, columns: Columns) -> str | None:
 def read_dates(texts: Sequence[str]) -> RawTimes | None:
     """Dates of ISO 8601 as ``datetime64[ns]``, in UTC if they have offsets; None if one is no date.
 
+    A date without a time is the begin of the day.
+
     Example:
         >>> read_dates(["2024-05-01T12:00:00.5Z", "2024-05-01 14:00:01+02:00"]).tolist()
         [1714564800500000000, 1714564801000000000]
@@ -87,7 +89,8 @@ def read_dates(texts: Sequence[str]) -> RawTimes | None:
 
 
 _DATE = re.compile(
-    r"(?P<date>\d{4}-\d\d-\d\d[T ]\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    r"(?P<date>\d{4}-\d\d-\d\d(?:(?P<time>[T ])\d\d:\d\d(?::\d\d(?:\.\d{1,9})?)?)?)"
+    r"(?(time)(?P<zone>Z|[+-]\d\d(?::?\d\d)?)?)",
     re.ASCII,
 )
 
@@ -97,7 +100,7 @@ def _offset(zone: str | None) -> int:
     if zone in (None, "Z"):
         return 0
     sign, digits = -1 if zone[0] == "-" else 1, zone[1:].replace(":", "")
-    return sign * (60 * int(digits[:2]) + int(digits[2:]))
+    return sign * (60 * int(digits[:2]) + int(digits[2:] or 0))
 
 
 @dataclass(frozen=True, slots=True)

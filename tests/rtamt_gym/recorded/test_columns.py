@@ -110,6 +110,26 @@ def test_numbers_that_can_hardly_be_seconds_are_refused(times: Sequence[int], go
     assert seconds == times[1] - times[0]
 
 
+@pytest.mark.parametrize(
+    ("dates", "period"),
+    [
+        (["2024-02-28", "2024-02-29", "2024-03-01"], 86400),
+        (["2024-05-01 12:00:00+02", "2024-05-01 10:00:01+00", "2024-05-01T10:00:02Z"], 1),
+        (["2024-05-01T12:00-0130", "2024-05-01T13:31Z", "2024-05-01T15:32+02"], 60),
+    ],
+)
+def test_dates_may_be_days_and_offsets_whole_hours(dates: list[str], period: int) -> None:
+    text = "\n".join(["begun,x", *(f"{date},1" for date in dates)])
+    assert read(text).period() == period
+
+
+@pytest.mark.parametrize("text", ["2024-05-01Z", "2024-05-01+02:00", "2024-05", "2024-05-01T12"])
+def test_what_is_no_date_is_refused(text: str) -> None:
+    assert refused(f"time,x\n{text},1\n") == (
+        f"t.csv, line 2, column 'time': expected a number, got {text!r}"
+    )
+
+
 def test_an_unknown_unit_is_refused() -> None:
     assert refused(timed("Time [ticks]", [0, 1])) == (
         "t.csv, column 'Time [ticks]': expected a unit of time, got 'ticks'; "
