@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,15 +27,15 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         InputError: If it is no such file, or of version 7.3, which SciPy does not read.
         OSError: If there is no such file.
     """
-    Path(path).stat()
-    try:
-        data: dict[str, Any] = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        raise InputError(
-            f"{path}: expected a MATLAB file of version 7 or before, got 7.3; "
-            "save it with save(..., '-v7')"
-        ) from None
-    except (MatReadError, ValueError, TypeError):
-        raise InputError(f"{path}: expected a MATLAB file") from None
+    with Path(path).open("rb") as file:
+        try:
+            data: dict[str, Any] = loadmat(file, simplify_cells=True)
+        except NotImplementedError:
+            raise InputError(
+                f"{path}: expected a MATLAB file of version 7 or before, got 7.3; "
+                "save it with save(..., '-v7')"
+            ) from None
+        except (MatReadError, ValueError, TypeError, LookupError, OSError, zlib.error):
+            raise InputError(f"{path}: expected a whole MATLAB file") from None
     own = {name: value for name, value in data.items() if not name.startswith("__")}
     yield ArrayRecording(path, dict(columns_in(own)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,13 +29,14 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         InputError: If it is none.
         OSError: If there is no such file.
     """
-    Path(path).stat()
-    try:
-        file = MDF(path)
-    except MdfException:
-        raise InputError(f"{path}: expected an MDF file") from None
-    with file:
-        yield MdfRecording(file, path)
+    with Path(path).open("rb") as raw:
+        try:
+            # As bytes of a file, because asammdf fails again when it closes a path it cannot read.
+            file = MDF(raw)
+        except (MdfException, ValueError, LookupError, OSError, struct.error):
+            raise InputError(f"{path}: expected a whole MDF file") from None
+        with file:
+            yield MdfRecording(file, path)
 
 
 class MdfRecording:

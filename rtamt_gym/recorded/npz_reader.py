@@ -5,6 +5,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -25,14 +26,10 @@ def open_file(path: str, _columns: Columns) -> Iterator[Recording]:
         OSError: If there is no such file.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here, because NumPy leaves a file open that it cannot read.
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             arrays = dict(columns_in({name: archive[name] for name in archive.files}))
-    except (
-        ValueError,
-        zipfile.BadZipFile,
-        AttributeError,
-        EOFError,
-    ):  # an array alone has no files
+    except (ValueError, zipfile.BadZipFile, TypeError, EOFError):  # TypeError: an array alone
         raise InputError(
             f"{path}: expected an archive of numpy.savez, whose arrays are numbers"
         ) from None
