@@ -135,14 +135,27 @@ def _is_whole(text: str) -> bool:
     return text.isascii() and text.isdecimal()
 
 
-def check_outputs(*files: Path | None, picture: Path | None) -> None:
+def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[str] = ()) -> None:
     """Checks the files that a command is to write before it begins; None is no file.
 
+    Args:
+        files: The files.
+        picture: One more, whose format is that of its name.
+        inputs: The files that the command reads; other arguments may be among them.
+
     Raises:
-        InputError: If a folder does not exist, or a file is a folder, or the picture's name has no
-            known format.
+        InputError: If a folder does not exist, or a file is a folder, is read, or is to be written
+            twice, or the picture's name has no known format.
     """
+    read = {Path(name).resolve() for name in inputs}
+    written: set[Path] = set()
     for path in filter(None, (*files, picture)):
+        whole = path.resolve()
+        if whole in read:
+            raise InputError(f"cannot write {path}: it is read")
+        if whole in written:
+            raise InputError(f"cannot write {path}: two options name it")
+        written.add(whole)
         if path.is_dir():
             raise InputError(f"cannot write {path}: it is a folder")
         if not path.parent.is_dir():

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
+from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_output, check_outputs, positive
 from rtamt_gym.commands.traces import Asked, read_arguments
 from rtamt_gym.commands.traces import add_arguments as add_traces
@@ -67,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
     )
 
     asked, paths = read_arguments(options)
-    check_outputs(options.junit, options.markdown, options.out, picture=options.plot)
+    inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
+    outputs = options.junit, options.markdown, options.out
+    check_outputs(*outputs, picture=options.plot, inputs=inputs)
     if options.out:
         from rtamt_gym.recorded.output import check_output
 

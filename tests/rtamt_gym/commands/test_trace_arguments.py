@@ -156,6 +156,23 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_is_judged(
     assert capsys.readouterr() == ("", "rtamt: error: cannot write .: it is a folder\n")
 
 
+@pytest.mark.parametrize("option", ["--out", "--junit", "--markdown", "--plot"])
+@pytest.mark.parametrize("name", ["a.csv", "../{}/a.csv", "p.stl"])
+def test_what_is_read_is_not_written(option: str, name: str, folder: Path, capsys: Output) -> None:
+    (folder / "p.stl").write_text("always(x > 0)")
+    before = (folder / "a.csv").read_bytes()
+    path = name.format(folder.name)
+    assert main(["monitor", "p.stl", "a.csv", option, path]) == 2
+    assert capsys.readouterr() == ("", f"rtamt: error: cannot write {path}: it is read\n")
+    assert (folder / "a.csv").read_bytes() == before
+
+
+def test_a_file_is_written_by_one_option(capsys: Output) -> None:
+    files = ["--junit", "same", "--markdown", "./same"]
+    assert main(["monitor", "always(x > 0)", "a.csv", *files]) == 2
+    assert capsys.readouterr() == ("", "rtamt: error: cannot write same: two options name it\n")
+
+
 def test_only_judges_the_requirements_that_it_names(capsys: Output) -> None:
     assert main(["monitor", "req.stl", "even.csv", "--constant", "limit=10"]) == 1
     assert main(["monitor", "req.stl", "even.csv", "--constant", "limit=10", "--only", "near"]) == 0
