@@ -85,15 +85,15 @@ def named_columns(data: object) -> object:
     return data if names is None or hasattr(data, "keys") else _Table(data, names)
 
 
-def _names(data: object) -> list[str] | None:
-    """The names of the columns of a data frame, None of what is none."""
+def _names(data: object) -> list[Any] | None:
+    """The names of the columns of a frame, which pandas lets be no text; None of what is none."""
     if isinstance(data, Mapping | np.ndarray) or not hasattr(data, "__getitem__"):
         return None
     names = getattr(data, "column_names", None)  # of Arrow, whose columns are the arrays
     if names is None:
         names = getattr(data, "columns", None)
     try:
-        return None if names is None else [str(name) for name in names]
+        return None if names is None else list(names)
     except TypeError:
         return None
 
@@ -118,9 +118,9 @@ def check_times(data: object, variables: Sequence[str]) -> None:
         times: Any = index
         found, without = "an index of times", "reset_index(drop=True)"
     else:
-        ignored = [name for name in names if name not in variables]
+        ignored = [name for name in names if str(name) not in variables]
         called = [
-            name for name in ignored if unit_of_times(name) is not None or _dated(frame, name)
+            name for name in ignored if unit_of_times(str(name)) is not None or _dated(frame, name)
         ]
         if not called:
             return
@@ -134,11 +134,9 @@ def check_times(data: object, variables: Sequence[str]) -> None:
     )
 
 
-def _dated(frame: Any, name: str) -> bool:  # noqa: ANN401 - of any library
+def _dated(frame: Any, name: object) -> bool:  # noqa: ANN401 - of any library
     kind = str(getattr(frame[name], "dtype", getattr(frame[name], "type", "")))
-    return kind.lower().startswith(
-        ("datetime", "timestamp", "date32", "date64", "timedelta", "duration")
-    )
+    return kind.lower().startswith(("date", "timestamp", "timedelta", "duration"))
 
 
 def _is_plain(times: object) -> bool:

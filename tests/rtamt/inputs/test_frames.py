@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from datetime import date
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,22 @@ def test_an_index_of_times_is_not_ignored(index: pd.Index) -> None:
     assert str(caught.value).endswith(f"{end} in samples")
     counted = rtamt.evaluate("always[0:1](x > 1)", frame.reset_index(drop=True))
     assert counted.tolist() == [3.0, 2.0, -1.0, -1.0]
+
+
+def test_names_of_columns_may_be_no_text() -> None:
+    frame = pd.DataFrame({0: [1, 2], "x": [2.0, 3.0], ("x", 1): [3, 4]})
+    assert rtamt.evaluate("always[0:1](x > 1)", frame).tolist() == [1, 2]
+    frame[7] = pd.date_range("2024", periods=2, freq="s")
+    with pytest.raises(rtamt.InputError, match=r"^expected a period, .* a column of times '7', "):
+        rtamt.evaluate("always[0:1](x > 1)", frame)
+
+
+def test_days_are_times(make: Make) -> None:
+    days = [date(2024, 2, 28), date(2024, 2, 29)]
+    if isinstance(frame := make({"x": [1.0, 2.0], "begun": days}), pd.DataFrame):
+        frame["begun"] = frame["begun"].astype("datetime64[s]")
+    with pytest.raises(rtamt.InputError, match=r"^expected a period, .* 'begun', .* 2024-02-28"):
+        rtamt.evaluate("always[0:1](x > 1)", frame)
 
 
 def test_a_frame_that_is_not_read_yet_is_refused() -> None:
