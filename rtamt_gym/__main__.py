@@ -12,6 +12,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from typing import NoReturn
 
@@ -28,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options = _options(sys.argv[1:] if argv is None else argv)
         code: int = options.run(options)
-        sys.stdout.flush()
+        print(end="", flush=True)
     except SystemExit as end:
         if not end.code:  # --help and --version
             return 0
@@ -43,8 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
         message = refusal(error)
         if message is None:
-            traceback.print_exception(error)
-            message = unexpected(error)
+            return _refuse(unexpected(error), "".join(traceback.format_exception(error)))
         return _refuse(message)
     return code
 
@@ -67,8 +67,9 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
     return options
 
 
-def _refuse(message: str) -> int:
-    print(f"rtamt: error: {message}", file=sys.stderr)
+def _refuse(message: str, above: str = "") -> int:
+    with suppress(OSError):  # stderr may be closed, or a file on a full disk
+        print(f"{above}rtamt: error: {message}", file=sys.stderr)
     return 2
 
 

@@ -95,8 +95,9 @@ def run(options: argparse.Namespace) -> int:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
     print(*said, sep="", end="", file=sys.stderr if options.json else sys.stdout)
-    sys.stdout.flush()
-    print(*failure_lines(matrix), sep="", end="", file=sys.stderr)
+    print(end="", flush=True)
+    if failed := failure_lines(matrix):
+        print(*failed, sep="", end="", file=sys.stderr)
     return matrix.exit_code
 
 

@@ -34,7 +34,7 @@ def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]
     Yields:
         A function to call with the amount done since its last call.
     """
-    if not (_outermost[0] and sys.stderr.isatty()):
+    if not (_outermost[0] and sys.stderr is not None and sys.stderr.isatty()):
         yield lambda _: None
         return
     try:

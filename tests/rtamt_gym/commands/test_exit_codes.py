@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -97,6 +98,34 @@ def test_an_error_of_an_environment_is_code_2_below_its_traceback(capsys: Output
     assert last.startswith("rtamt: error: unexpected ValueError: the simulator has crashed xxx")
     assert last.endswith("xxx...")
     assert len(last) < 300
+
+
+@pytest.mark.parametrize(
+    ("text", "trace", "code"),
+    [
+        ("always(x > 0)", "t.csv", 0),
+        ("always(x > 1)", "t.csv", 1),
+        ("always[0:9](x > 0)", "t.csv", 3),
+        ("always(x > 0)", "absent.csv", 2),
+        ("always(x >> 0)", "t.csv", 2),
+    ],
+)
+@pytest.mark.parametrize("closed", ["sys.stderr = open(os.devnull)", "sys.stderr = None"])
+def test_the_code_is_the_same_where_errors_cannot_be_written(
+    text: str, trace: str, code: int, closed: str, folder: Path
+) -> None:
+    (folder / "t.csv").write_text("time,x\n0,1\n1,2\n")
+    program = f"import os, sys; from rtamt_gym.__main__ import main; {closed}; sys.exit(main())"
+    command = [sys.executable, "-c", program, "monitor", text, trace]
+    assert subprocess.run(command, capture_output=True, cwd=folder, check=False).returncode == code
+
+
+def test_the_code_is_the_same_where_nothing_can_be_written(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "t.csv").write_text("time,x\n0,1\n1,2\n")
+    monkeypatch.setattr(sys, "stdout", None)
+    assert main(["monitor", "always(x > 1)", str(folder / "t.csv")]) == 1
 
 
 def test_a_module_that_no_extra_installs_is_code_2(
