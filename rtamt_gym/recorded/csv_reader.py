@@ -158,6 +158,10 @@ class CsvRecording:
 
     def read(self, wanted: Wanted) -> Rows:
         """Reads the wanted columns; nan in a cell is an error, an empty cell becomes nan."""
+        if wanted.time is not None and self.names.count(wanted.time) > 1:
+            raise InputError(
+                f"{self.source}, line {self.header}: expected one column '{wanted.time}', got two"
+            )
         return self._read_fast(wanted) or self._read_blocks(wanted)
 
     def _read_fast(self, wanted: Wanted) -> Rows | None:

@@ -137,6 +137,15 @@ def test_an_unknown_unit_is_refused() -> None:
     )
 
 
+def test_two_columns_of_times_of_one_name_are_refused() -> None:
+    text = "time,x,time\n0,1,5\n1,2,7\n"
+    message = "t.csv, line 1: expected one column 'time', got two"
+    assert refused(text) == message
+    with pytest.raises(rtamt.InputError) as caught:
+        events(text)
+    assert str(caught.value) == message
+
+
 def test_a_time_that_is_none_is_refused_with_its_line() -> None:
     assert refused("time,x\n0,1\nx,2\n") == (
         "t.csv, line 3, column 'time': expected a number, got 'x'"
