@@ -35,7 +35,8 @@ def decided(formula: Formula, known: Signals, end: float) -> Breakpoints:
         before = [event for event in events if event[0] <= end]
         lasting[name] = [*before, (end + horizon + 100.0, before[-1][1])]
     steps = evaluate_dense(formula, lasting)
-    return [(time + horizon, value) for time, value in steps if time <= end - horizon]
+    # Between zeros of other signs there is no step for programs.
+    return by_value([(time + horizon, value) for time, value in steps if time <= end - horizon])
 
 
 def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs:
