@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
-from datetime import date
 from typing import Any
 
 import numpy as np
@@ -125,7 +124,7 @@ def test_names_of_columns_may_be_no_text() -> None:
 
 
 def test_days_are_times(make: Make) -> None:
-    days = [date(2024, 2, 28), date(2024, 2, 29)]
+    days = np.array(["2024-02-28", "2024-02-29"], "M8[D]").tolist()
     if isinstance(frame := make({"x": [1.0, 2.0], "begun": days}), pd.DataFrame):
         frame["begun"] = frame["begun"].astype("datetime64[s]")
     with pytest.raises(rtamt.InputError, match=r"^expected a period, .* 'begun', .* 2024-02-28"):
