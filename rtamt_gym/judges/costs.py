@@ -27,9 +27,10 @@ a predicate that is left out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar, cast
+from functools import reduce
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,13 +57,13 @@ class Demand:
     """What a specification demands of instants.
 
     Attributes:
-        name: Name of the specification.
+        place: Place of the specification among the others.
         spec: The formula that is demanded, with the declarations of the specification.
         first: The first instant, as a number of samples.
         last: The last one; None if all further ones are meant.
     """
 
-    name: str
+    place: int
     spec: rtamt.Specification
     first: int
     last: int | None
@@ -77,12 +78,12 @@ def demands_of(
         SpecificationError: If a demand has a future without end.
     """
     demands = []
-    for name, spec in specs.items():
+    for place, (name, spec) in enumerate(specs.items()):
         parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
         # A named always(p), which a monitor would keep beside p, needs the whole future.
         unnamed = replace(spec, formulas={}, uses={})
         for part in parts:
-            demand = _demand(name, unnamed.with_result(part), view, period, align)
+            demand = _demand(place, unnamed.with_result(part), view, period, align)
             if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
@@ -95,7 +96,7 @@ def demands_of(
 
 
 def _demand(
-    name: str, spec: rtamt.Specification, view: View, period: Period, align: Align | None
+    place: int, spec: rtamt.Specification, view: View, period: Period, align: Align | None
 ) -> Demand:
     """What a conjunct demands: what is below its outer ``always``, at the instants of that."""
     first, last = 0, None if view == "step" else 0
@@ -108,7 +109,7 @@ def _demand(
         spec = spec.with_result(operand)
         if end is not None:
             break
-    return Demand(name, spec, first, last)
+    return Demand(place, spec, first, last)
 
 
 def _is(formula: rtamt.Formula, operator: str) -> bool:
@@ -174,33 +175,47 @@ class CostMeter:
             rtamt.Monitor(demand.spec, period, nan=nan, align=align, **option)
             for demand, option in zip(self._demands, options, strict=True)
         ]
-        self._worst = dict.fromkeys(specs, 0.0)
-        self._charged = dict.fromkeys(specs, False)
+        self._names = list(specs)
+        self._worst = [0.0] * len(specs)
+        self._charged: Sequence[bool] = [False] * len(specs)
 
     def reset(self) -> None:
         """Forgets the episode."""
         for monitor in self._monitors:
             monitor.reset()
         self.begin()
-        self._charged = dict.fromkeys(self._charged, False)
+        self._charged = [False] * len(self._names)
 
     def begin(self) -> None:
         """Begins a step: forgets what the samples before it have cost."""
-        self._worst = dict.fromkeys(self._worst, 0.0)
+        self._worst = [0.0] * len(self._names)
 
-    def feed(self, names: Sequence[str], values: Sequence[float]) -> None:
-        """Measures a sample: the values of the signals that are named."""
-        sample = dict(zip(names, values, strict=True))
-        for demand, monitor in zip(self._demands, self._monitors, strict=True):
-            value = monitor.update(*[sample[name] for name in monitor.variables])
-            instant = monitor.samples - 1 - monitor.latency
-            if instant < demand.first or (demand.last is not None and instant > demand.last):
-                continue
-            if value < 0.0 or (self._exact and value == 0.0 and not rtamt.holds(value)):
-                cost = 1.0 if self._kind == "violation" else -value
-                self._worst[demand.name] = max(self._worst[demand.name], cost)
+    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None] | None:
+        """Makes the function that measures a sample; None if the verdicts tell the cost.
 
-    def take(self, violated: Mapping[str, bool]) -> dict[str, np.float64]:
+        Args:
+            names: The names of the signals, in the order of the values that the function takes.
+        """
+        if not self._demands:
+            return None
+        parts = [
+            (demand, monitor, [names.index(variable) for variable in monitor.variables])
+            for demand, monitor in zip(self._demands, self._monitors, strict=True)
+        ]
+
+        def feed(values: Sequence[float]) -> None:
+            for demand, monitor, places in parts:
+                value = monitor.update(*[values[place] for place in places])
+                instant = monitor.samples - 1 - monitor.latency
+                if instant < demand.first or (demand.last is not None and instant > demand.last):
+                    continue
+                if value < 0.0 or (self._exact and value == 0.0 and not rtamt.holds(value)):
+                    cost = 1.0 if self._kind == "violation" else -value
+                    self._worst[demand.place] = max(self._worst[demand.place], cost)
+
+        return feed
+
+    def take(self, violated: Sequence[bool]) -> dict[str, np.float64]:
         """The costs of the step that ends, and of what comes the next begins.
 
         Args:
@@ -209,23 +224,17 @@ class CostMeter:
         Returns:
             The keys of ``info``: ``cost``, and ``cost_NAME`` for each of several specifications.
         """
-        match self._kind:
-            case "latched":
-                costs = {name: float(fails) for name, fails in violated.items()}
-                total = max(costs.values())
-            case "first":
-                costs = {name: float(v and not self._charged[name]) for name, v in violated.items()}
-                total = 0.0 if any(self._charged.values()) else max(costs.values())
-            case "violation" | "depth":
-                costs = self._worst
-                total = max(costs.values())
-        self._charged = dict(violated)
+        costs = _costs(self._kind, self._worst, violated, self._charged)
+        self._charged = violated
         self.begin()
-        return {key: np.float64(value) for key, value in _keyed(costs, total).items()}
+        return _keyed(self._names, [np.float64(cost) for cost in costs])
 
 
 class VectorCostMeter:
-    """The vector twin of `CostMeter`; it takes the number of environments too."""
+    """The vector twin of `CostMeter`.
+
+    It takes the number of environments too, and the names of the columns of the tables.
+    """
 
     def __init__(
         self,
@@ -237,6 +246,7 @@ class VectorCostMeter:
         nan: Nan,
         interface: Interface,
         align: Align | None,
+        columns: Sequence[str],
     ) -> None:
         self._kind = kind
         self._exact = interface.semantics in EXACT
@@ -247,6 +257,7 @@ class VectorCostMeter:
             rtamt.VectorMonitor(demand.spec, num, period, nan=nan, align=align, **option)
             for demand, option in zip(self._demands, options, strict=True)
         ]
+        self._picks = [[columns.index(v) for v in m.variables] for m in self._monitors]
         self._worst = np.zeros((len(specs), num))
         self._charged = np.zeros((len(specs), num), np.bool_)
 
@@ -257,11 +268,11 @@ class VectorCostMeter:
         which = slice(None) if lanes is None else lanes
         self._charged[:, which] = False
 
-    def feed(self, columns: Sequence[str], table: Floats, lanes: Lanes | None) -> None:
+    def feed(self, table: Floats, lanes: Lanes | None) -> None:
         """Measures a sample of the environments of the mask; None: of all."""
         self._worst[:] = 0.0
-        for demand, monitor in zip(self._demands, self._monitors, strict=True):
-            value = monitor.update(table[:, [columns.index(v) for v in monitor.variables]], lanes)
+        for demand, monitor, pick in zip(self._demands, self._monitors, self._picks, strict=True):
+            value = monitor.update(table[:, pick], lanes)
             instant = monitor.samples - 1 - monitor.latency
             charged = np.signbit(value) if self._exact else value < 0.0
             charged &= instant >= demand.first
@@ -269,7 +280,7 @@ class VectorCostMeter:
                 charged &= instant <= demand.last
             if lanes is not None:
                 charged &= lanes
-            row = self._worst[self._names.index(demand.name)]
+            row = self._worst[demand.place]
             cost = np.ones_like(value) if self._kind == "violation" else -value
             np.maximum(row, cost, out=row, where=charged)
 
@@ -280,18 +291,33 @@ class VectorCostMeter:
             violated: By specification and environment, whether it is violated.
             stepped: The environments that made a step; None: all.
         """
-        match self._kind:
-            case "latched":
-                costs = violated.astype(np.float64)
-                total = costs.max(axis=0)
-            case "first":
-                costs = (violated & ~self._charged).astype(np.float64)
-                total = np.where(self._charged.any(axis=0), 0.0, costs.max(axis=0))
-            case "violation" | "depth":
-                costs = self._worst.copy()
-                total = costs.max(axis=0)
+        costs = _costs(self._kind, self._worst.copy(), violated, self._charged)
         self._charged = violated.copy() if stepped is None else violated & stepped
-        return _keyed(dict(zip(self._names, costs, strict=True)), total)
+        return _keyed(self._names, costs)
+
+
+def _costs(
+    kind: Cost, worst: Iterable[Any], violated: Iterable[Any], charged: Iterable[Any]
+) -> list[Any]:
+    """The cost of a step by each specification, and last the whole.
+
+    The arguments have a number or a truth value for each specification, or an array of them.
+
+    Args:
+        kind: What is measured.
+        worst: What the demands have come to in the step.
+        violated: Whether it is violated.
+        charged: Whether it was before the step.
+    """
+    costs = list(worst)
+    if kind in {"latched", "first"}:
+        costs = [1.0 * now for now in violated]
+    whole = reduce(np.maximum, costs)
+    if kind == "first":
+        before = [1.0 * then for then in charged]
+        whole = whole * (1.0 - reduce(np.maximum, before))
+        costs = [cost * (1.0 - then) for cost, then in zip(costs, before, strict=True)]
+    return [*costs, whole]
 
 
 def _measured(
@@ -322,7 +348,8 @@ def _options(
     return [options[number] for number in numbered]
 
 
-def _keyed(costs: Mapping[str, _V], total: _V) -> dict[str, _V]:
-    if len(costs) == 1:
-        return {"cost": total}
-    return {"cost": total, **{f"cost_{name}": cost for name, cost in costs.items()}}
+def _keyed(names: Sequence[str], costs: Sequence[_V]) -> dict[str, _V]:
+    *each, whole = costs
+    if len(names) == 1:
+        return {"cost": whole}
+    return {"cost": whole} | {f"cost_{n}": cost for n, cost in zip(names, each, strict=True)}

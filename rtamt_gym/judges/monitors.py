@@ -9,11 +9,11 @@ from typing import Any, Unpack
 import numpy as np
 
 import rtamt
-from rtamt import RtamtError, SpecificationError
+from rtamt import RtamtError
+from rtamt_gym.judges.first_sample import first_sample_error
 from rtamt_gym.judges.interface import Interface, InterfaceOptions
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
-from rtamt_gym.tables import shorten
 
 __all__ = [
     "InstantMonitor",
@@ -150,15 +150,7 @@ def make_monitors(
     for name, options in interface.options(specs).items():
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
-            way_out = f"write always({shorten(str(spec.formula), 60)}) or view='step'"
-            if spec.requirement is not None:
-                way_out = (
-                    "no other formula uses it, so that it is a requirement by itself: use it in "
-                    f"another, {way_out}"
-                )
-            raise SpecificationError(
-                f"specification {name!r} speaks of the first sample only; {way_out}"
-            )
+            raise first_sample_error(f"specification {name!r}", spec, "view='step'")
         make = of_instants if view == "step" else of_episode
         try:
             source = make(spec, **options)

@@ -177,8 +177,8 @@ class Panel:
         """
         note = decide or self.note
         elements, others = _split(reads or ())
-        meter = self._meter
-        if len(self.monitors) == 1 and len(elements) + len(others) == 1 and meter is None:
+        measure = None if self._meter is None else self._meter.feeder(names)
+        if len(self.monitors) == 1 and len(elements) + len(others) == 1 and measure is None:
             return self._feeder_of_one(elements, others, note)
         parts = [
             (source.update, *_pick([names.index(v) for v in self.variables[name]]), judge)
@@ -218,8 +218,8 @@ class Panel:
                     decided += 1
             if decided > self.settled:
                 note()
-            if meter is not None:
-                meter.feed(names, values)
+            if measure is not None:
+                measure(values)
             if not (robustness and lower and upper):  # comparisons do not see the sign of a zero
                 return self.read()
             return robustness, lower, upper
@@ -299,7 +299,7 @@ class Panel:
         if self._meter is None:
             return None
         return self._meter.take(
-            {name: self._verdict(name, judge) < 0 for name, (_, judge) in self.monitors.items()}
+            [self._verdict(name, judge) < 0 for name, (_, judge) in self.monitors.items()]
         )
 
     def begin(self) -> None:

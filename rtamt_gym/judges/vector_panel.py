@@ -78,9 +78,8 @@ class VectorPanel:
         self._violated = np.zeros((len(specs), num), np.bool_)
         self._failed = np.zeros((len(specs), num), np.bool_)  # by the end alone
         self._fails = False  # whether that has happened yet
-        self._columns = columns
         self._meter = cost and VectorCostMeter(
-            cost, specs, num, period, view, nan, interface, align
+            cost, specs, num, period, view, nan, interface, align, columns
         )
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
@@ -142,7 +141,7 @@ class VectorPanel:
         self.robustness = least(found)
         self._note()
         if self._meter is not None:
-            self._meter.feed(self._columns, table, lanes)
+            self._meter.feed(table, lanes)
 
     def finish(self, lanes: Lanes, end: AtTermination | AtTruncation = "complete") -> None:
         """Ends the traces of the environments of the mask, as `Panel.finish` does."""

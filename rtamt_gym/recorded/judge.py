@@ -11,12 +11,13 @@ from typing import Literal
 import numpy as np
 
 import rtamt
-from rtamt import SpecificationError, Verdict
+from rtamt import Verdict
 from rtamt_gym.judges.ends import AtTruncation
+from rtamt_gym.judges.first_sample import first_sample_error
 from rtamt_gym.judges.interface import EXACT, Semantics, robustness_text
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
-from rtamt_gym.tables import counted, number, sample_text, shorten, time_text
+from rtamt_gym.tables import counted, number, sample_text, time_text
 
 __all__ = [
     "RESULT",
@@ -199,17 +200,9 @@ def viewed(spec: rtamt.Specification, view: str) -> rtamt.Specification:
     if view == "step":
         return spec.always()
     if not spec.looks_ahead:
-        what, way_out = "the specification", ""
-        if spec.requirement is not None:
-            what = f"requirement {spec.requirement!r}"
-            way_out = (
-                "no other formula uses it, so that it is a requirement by itself: use it in "
-                "another, "
-            )
-        raise SpecificationError(
-            f"{what} speaks of the first sample only; "
-            f"{way_out}write always({shorten(str(spec.formula), 60)}) or --view step"
-        )
+        named = spec.requirement is not None
+        what = f"requirement {spec.requirement!r}" if named else "the specification"
+        raise first_sample_error(what, spec, "--view step")
     return spec
 
 

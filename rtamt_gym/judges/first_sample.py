@@ -1,0 +1,26 @@
+"""The error about a requirement that only the first sample judges."""
+
+from __future__ import annotations
+
+import rtamt
+from rtamt import SpecificationError
+from rtamt_gym.tables import shorten
+
+__all__ = ["first_sample_error"]
+
+
+def first_sample_error(what: str, spec: rtamt.Specification, option: str) -> SpecificationError:
+    """Makes the error.
+
+    Args:
+        what: Names the specification.
+        spec: The specification.
+        option: How the caller asks for a requirement on every sample.
+    """
+    way_out = f"write always({shorten(str(spec.formula), 60)}) or {option}"
+    if spec.requirement is not None:
+        way_out = (
+            "no other formula uses it, so that it is a requirement by itself: use it in another, "
+            + way_out
+        )
+    return SpecificationError(f"{what} speaks of the first sample only; {way_out}")
