@@ -1,4 +1,4 @@
-"""A small MuJoCo model, and a loop that simulates it."""
+"""Small MuJoCo models, and a loop that simulates one."""
 
 from __future__ import annotations
 
@@ -9,6 +9,30 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast")
+
+# Boxes that are pushed over: contacts, so that the warm start of the solver matters, sensors that
+# are late, an actuator with a state.
+BOXES = """
+<mujoco model="boxes">
+  <option timestep="0.005" integrator="{integrator}"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="9 9 .1"/>
+    <body name="low" pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1"/></body>
+    <body name="top" pos="0 0 .31"><freejoint name="top"/><geom type="box" size=".1 .1 .1"/></body>
+    <body pos="-.6 0 .2">
+      <joint name="rod" type="slide" axis="1 0 0"/><geom type="capsule" size=".05 .1"/>
+    </body>
+  </worldbody>
+  <actuator><general joint="rod" dyntype="filter" dynprm=".05" gainprm="40"/></actuator>
+  <sensor><framelinvel name="speed" objtype="body" objname="top"/></sensor>
+</mujoco>
+"""
+BOXES_SPECS = {
+    "stands": "always[0:2](z > 0.25)",
+    "calm": "always[0:1](speed > 1 implies eventually[0:0.1](speed < 0.5))",
+    "touches": "eventually[0:0.5](always[0:0.05](push > 1))",
+}
+BOXES_SIGNALS = {"z": "qpos[9]", "speed": "sensor:speed[0]", "push": "contact:floor,low.force"}
 
 ARM = """
 <mujoco model="arm">

@@ -4,12 +4,13 @@ import itertools
 import math
 import pickle
 import random
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from opened import opened
 from oracle import bounds, robustness
 from strategies import FORMULAS, QUARTERS, Trace, formulas, length, rooted, traces
 
@@ -22,8 +23,6 @@ from rtamt import (
     explain,
     variable,
 )
-from rtamt.language.formula import make
-from rtamt.language.node import Node
 
 Backend = Literal["native", "python"]
 
@@ -101,24 +100,6 @@ def test_back_ends_explain_alike(case: tuple[Formula, Trace, int]) -> None:
 
 
 # That it decided. --------------------------------------------------------------------------------
-
-
-def opened(formula: Formula) -> tuple[Formula, tuple[str, ...]]:
-    """The formula with a variable of its own in place of every predicate."""
-    known: dict[Node, Node] = {}
-    names: list[str] = []
-    for node in formula.nodes():
-        if not isinstance(node, Formula):
-            continue
-        assert node.op is not None
-        if node.op.operands == "formula":
-            known[node] = make(node.op.name, tuple(known[a] for a in node.args), node.interval)
-        elif not node.args:
-            known[node] = node
-        else:
-            names.append(f"x{len(names)}")
-            known[node] = variable(names[-1]).formula()
-    return cast("Formula", known[formula]), tuple(names)
 
 
 Case = tuple[Formula, Trace, int, Explanation]

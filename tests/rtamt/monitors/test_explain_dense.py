@@ -5,7 +5,7 @@ import math
 import random
 from collections.abc import Callable
 from fractions import Fraction
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -14,13 +14,12 @@ from dense_oracle import STEP, Definition, Time
 from dense_signals import INTEGERS, Signals, relevant, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from opened import opened
 from oracle import order
 from strategies import DENSE, INFINITIES, formulas, rooted
 
 import rtamt
-from rtamt import DenseExplanation, Formula, evaluate_dense, explain_dense, holds, variable
-from rtamt.language.formula import make
-from rtamt.language.node import Node
+from rtamt import DenseExplanation, Formula, evaluate_dense, explain_dense, holds
 from rtamt.monitors.dense_explanation import DenseExplanationStep
 
 Backend = Literal["native", "python"]
@@ -187,24 +186,6 @@ def test_back_ends_explain_alike_and_fit_80_columns(case: Case) -> None:
 
 
 # That it decided. --------------------------------------------------------------------------------
-
-
-def opened(formula: Formula) -> tuple[Formula, tuple[str, ...]]:
-    """The formula with a variable of its own in place of every predicate."""
-    known: dict[Node, Node] = {}
-    names: list[str] = []
-    for node in formula.nodes():
-        if not isinstance(node, Formula):
-            continue
-        assert node.op is not None
-        if node.op.operands == "formula":
-            known[node] = make(node.op.name, tuple(known[a] for a in node.args), node.interval)
-        elif not node.args:
-            known[node] = node
-        else:
-            names.append(f"x{len(names)}")
-            known[node] = variable(names[-1]).formula()
-    return cast("Formula", known[formula]), tuple(names)
 
 
 @st.composite

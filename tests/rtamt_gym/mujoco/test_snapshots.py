@@ -6,39 +6,17 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
+from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Snapshot, StepMonitor
 from rtamt_gym.judges.specs import View
 
-# A stack of boxes, pushed: contacts, so that the warm start of the solver matters.
-XML = """
-<mujoco>
-  <option timestep="0.005" integrator="{integrator}"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="9 9 .1"/>
-    <body name="low" pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1"/></body>
-    <body name="top" pos="0 0 .31"><freejoint name="top"/><geom type="box" size=".1 .1 .1"/></body>
-    <body pos="-.6 0 .2">
-      <joint name="rod" type="slide" axis="1 0 0"/><geom type="capsule" size=".05 .1"/>
-    </body>
-  </worldbody>
-  <actuator><general joint="rod" dyntype="filter" dynprm=".05" gainprm="40"/></actuator>
-  <sensor><framelinvel name="speed" objtype="body" objname="top"/></sensor>
-</mujoco>
-"""
-SPECS = {
-    "stands": "always[0:2](z > 0.25)",
-    "calm": "always[0:1](speed > 1 implies eventually[0:0.1](speed < 0.5))",
-    "touches": "eventually[0:0.5](always[0:0.05](push > 1))",
-}
-SIGNALS = {"z": "qpos[9]", "speed": "sensor:speed[0]", "push": "contact:floor,low.force"}
-
 
 def monitored(integrator: str, view: View = "episode", *, forward: bool = False) -> StepMonitor:
-    model = mujoco.MjModel.from_xml_string(XML.format(integrator=integrator))
+    model = mujoco.MjModel.from_xml_string(BOXES.format(integrator=integrator))
     data = mujoco.MjData(model)
-    return StepMonitor(model, data, SPECS, SIGNALS, view=view, forward=forward)
+    return StepMonitor(model, data, BOXES_SPECS, BOXES_SIGNALS, view=view, forward=forward)
 
 
 def played(monitor: StepMonitor, controls: np.ndarray[Any, Any]) -> list[Any]:

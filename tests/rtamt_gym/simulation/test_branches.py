@@ -8,36 +8,14 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
+from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym import Run, Snapshot, StepMonitor, simulate
 from rtamt_gym.judges.specs import View
 
-# Boxes that are pushed over: contacts, sensors that are late, an actuator with a state.
-XML = """
-<mujoco model="boxes">
-  <option timestep="0.005" integrator="{integrator}"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="9 9 .1"/>
-    <body name="low" pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1"/></body>
-    <body name="top" pos="0 0 .31"><freejoint name="top"/><geom type="box" size=".1 .1 .1"/></body>
-    <body pos="-.6 0 .2">
-      <joint name="rod" type="slide" axis="1 0 0"/><geom type="capsule" size=".05 .1"/>
-    </body>
-  </worldbody>
-  <actuator><general joint="rod" dyntype="filter" dynprm=".05" gainprm="40"/></actuator>
-  <sensor><framelinvel name="speed" objtype="body" objname="top"/></sensor>
-</mujoco>
-"""
-SPECS = {
-    "stands": "always[0:2](z > 0.25)",
-    "calm": "always[0:1](speed > 1 implies eventually[0:0.1](speed < 0.5))",
-    "touches": "eventually[0:0.5](always[0:0.05](push > 1))",
-}
 SIGNALS: dict[str, Any] = {
-    "z": "qpos[9]",
-    "speed": "sensor:speed[0]",
-    "push": "contact:floor,low.force",
+    **BOXES_SIGNALS,
     "rod": "joint:rod.qpos",  # read by no specification
     "clock": lambda _model, data: data.time,
 }
@@ -47,8 +25,10 @@ FULL = mujoco.mjtState.mjSTATE_INTEGRATION
 def monitored(
     integrator: str = "Euler", view: View = "episode", *, forward: bool = False
 ) -> StepMonitor:
-    model = mujoco.MjModel.from_xml_string(XML.format(integrator=integrator))
-    return StepMonitor(model, mujoco.MjData(model), SPECS, SIGNALS, view=view, forward=forward)
+    model = mujoco.MjModel.from_xml_string(BOXES.format(integrator=integrator))
+    return StepMonitor(
+        model, mujoco.MjData(model), BOXES_SPECS, SIGNALS, view=view, forward=forward
+    )
 
 
 def pushes(model: Any, data: Any) -> None:  # noqa: ANN401
@@ -239,7 +219,7 @@ def test_an_error_in_a_branch_changes_nothing_and_carries_the_branch() -> None:
 
 def test_a_signal_is_read_once_for_a_sample() -> None:
     calls = []
-    model = mujoco.MjModel.from_xml_string(XML.format(integrator="Euler"))
+    model = mujoco.MjModel.from_xml_string(BOXES.format(integrator="Euler"))
 
     def greatest(_model: Any, data: Any) -> float:  # noqa: ANN401
         calls.append(float(data.time))
