@@ -312,10 +312,11 @@ def _costs(
     costs = list(worst)
     if kind in {"latched", "first"}:
         costs = [1.0 * now for now in violated]
-    whole = reduce(np.maximum, costs)
+    greatest: Callable[..., Any] = max if isinstance(costs[0], float) else np.maximum
+    whole = reduce(greatest, costs)
     if kind == "first":
         before = [1.0 * then for then in charged]
-        whole = whole * (1.0 - reduce(np.maximum, before))
+        whole = whole * (1.0 - reduce(greatest, before))
         costs = [cost * (1.0 - then) for cost, then in zip(costs, before, strict=True)]
     return [*costs, whole]
 
