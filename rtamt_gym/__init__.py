@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
+    from rtamt_gym.inputs.ranges import Parameter, Signal
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
@@ -29,7 +30,9 @@ if TYPE_CHECKING:
         "CostEnv",
         "Fmus",
         "ParallelStlMonitor",
+        "Parameter",
         "Run",
+        "Signal",
         "Snapshot",
         "Step",
         "StepMonitor",
@@ -45,7 +48,9 @@ _MODULES = {
     "CostEnv": "rtamt_gym.wrappers.cost",
     "Fmus": "rtamt_gym.simulation.fmi",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
+    "Parameter": "rtamt_gym.inputs.ranges",
     "Run": "rtamt_gym.simulation.run",
+    "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Step": "rtamt_gym.signals.signals",
     "StepMonitor": "rtamt_gym.mujoco.step_monitor",

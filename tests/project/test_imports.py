@@ -27,7 +27,7 @@ FLOORS = {
     ),
     "rtamt_gym": (
         ("checks",),
-        ("shaping", "tables", "drawing"),
+        ("shaping", "tables", "drawing", "inputs"),
         ("signals",),
         ("judges",),
         ("wrappers", "mujoco"),
@@ -141,6 +141,13 @@ def test_rtamt_gym_uses_public_names_only(path: Path) -> None:
         and node.value.id == "rtamt"
     }
     assert used <= set(rtamt.__all__)
+
+
+def test_inputs_are_imported_without_simulators() -> None:
+    code = "import sys; from rtamt_gym import Parameter, Signal\n"
+    code += "print(*{m.split('.')[0] for m in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"antlr4", "gymnasium", "mujoco", "matplotlib", "scipy"} & set(done.stdout.split())
 
 
 def test_import_loads_neither_the_parser_nor_a_simulator() -> None:
