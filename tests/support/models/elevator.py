@@ -1,0 +1,107 @@
+"""One side of the aircraft's elevator written a second time: Taylor series of every 0.01 s.
+
+The aircraft elevator control system of the RTAMT paper. Units: cm, kPa, seconds. An actuator has a
+valve, a pressure and a piston; the outer one obeys a PID law, the inner one a direct link, both on
+the error at the samples. Between samples the right side is a polynomial of second degree, so the
+coefficients of the solution follow one from the other and the series is exact to rounding;
+`solve_stiff` gives the same to SciPy's Radau.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+Floats = NDArray[np.float64]
+
+PERIOD = 0.01
+KP, KI, KD, DIRECT = 0.0012, 5.7e-5, 2.4e-4, 0.000325
+ORDER = 24
+SERVO = {"isolated": 0.0, "off": 0.0, "passive": 0.0, "standby": 1.0, "active": 1.0}
+SPOOL = {"isolated": 0.0, "off": 0.0, "passive": 0.0, "standby": 0.0, "active": 1.0}
+HEALTHY = ("active", "standby")
+
+State = tuple[Floats, Floats, Floats, Floats, Floats]
+"""Valves and their speeds (lanes, 2), pressures (lanes, 2), elevator speed and position (lanes)."""
+Flow = Callable[[State, Floats, Floats, Floats], State]
+
+
+def square(frequency: float, amplitude: float, samples: int) -> Floats:
+    """A wave between -amplitude and amplitude that begins high."""
+    halves = np.floor(2 * frequency * PERIOD * np.arange(samples) + 1e-9)
+    return np.where(halves % 2 == 0, amplitude, -amplitude)
+
+
+def _series(state: State, drive: Floats, supply: Floats, spool: Floats) -> State:
+    """The state a period later, by the Taylor series of its solution."""
+    lanes = state[3].shape
+    s, ds, p = (np.zeros((ORDER + 1, *lanes, 2)) for _ in range(3))
+    v, x = (np.zeros((ORDER + 1, *lanes)) for _ in range(2))
+    s[0], ds[0], p[0], v[0], x[0] = state
+    for k in range(ORDER):
+        push = 200 * drive if k == 0 else 0.0
+        flow = np.einsum("k...,k...->...", p[: k + 1], s[k::-1])
+        s[k + 1] = ds[k] / (k + 1)
+        ds[k + 1] = (push - 10 * ds[k] - 30 * s[k]) / (k + 1)
+        p[k + 1] = 100 * (supply * s[k] - flow - v[k][..., None]) / (k + 1)
+        v[k + 1] = (100 * (p[k] * spool).sum(-1) - 10 * v[k] - 1000 * x[k]) / (k + 1)
+        x[k + 1] = v[k] / (k + 1)
+    powers = PERIOD ** np.arange(ORDER + 1)
+    s, ds, p, v, x = (np.tensordot(powers, c, 1) for c in (s, ds, p, v, x))
+    return s, ds, p, v, x
+
+
+def _radau(state: State, drive: Floats, supply: Floats, spool: Floats) -> State:
+    def slope(_: float, y: Floats) -> Floats:
+        s, ds, p, (v, x) = y[:2], y[2:4], y[4:6], y[6:]
+        force = 100 * (p * spool).sum()
+        return np.concatenate(
+            [
+                ds,
+                200 * drive[0] - 10 * ds - 30 * s,
+                100 * (supply - p) * s - 100 * v,
+                [force - 10 * v - 1000 * x, v],
+            ]
+        )
+
+    y = np.concatenate([part.ravel() for part in state])
+    y = solve_ivp(slope, (0, PERIOD), y, method="Radau", rtol=1e-10, atol=1e-12).y[:, -1]
+    return y[None, :2], y[None, 2:4], y[None, 4:6], y[6:7], y[7:8]
+
+
+def solve(
+    commands: Floats,
+    *,
+    modes: Callable[[int], tuple[str, str]] = lambda _: HEALTHY,
+    supply: Callable[[int], tuple[float, float]] = lambda _: (1000.0, 1000.0),
+    flow: Flow = _series,
+) -> Floats:
+    """Positions (lanes, samples + 1) under commands (lanes, samples), held from sample to sample.
+
+    modes and supply give those of the outer and the inner actuator in the period after a sample.
+    The law's integral is the sum of past errors; its difference takes the error before time 0 as 0.
+    """
+    lanes, samples = commands.shape
+    pair, one = np.zeros((lanes, 2)), np.zeros(lanes)
+    state: State = (pair, pair, pair, one, one)
+    total, before = np.zeros(lanes), np.zeros(lanes)
+    positions = np.zeros((lanes, samples + 1))
+    for k in range(samples):
+        error = commands[:, k] - state[4]
+        law = KP * error + KI * total + KD * (error - before) / PERIOD
+        total, before = total + error * PERIOD, error
+        names = modes(k)
+        servo = np.array([SERVO[name] for name in names])
+        spool = np.array([SPOOL[name] for name in names])
+        drive = np.stack([law, DIRECT * error], -1) * servo
+        state = flow(state, drive, np.array(supply(k)), spool)
+        positions[:, k + 1] = state[4]
+    return positions
+
+
+def solve_stiff(commands: Floats) -> Floats:
+    """Positions of one lane without faults by SciPy's Radau at 1e-10."""
+    return solve(commands, flow=_radau)
