@@ -121,8 +121,13 @@ def test_nanobind_is_included_in_one_folder_only() -> None:
     assert rooms == {"python"}
 
 
+def test_rtamt_gym_loads_no_scenario_before_one_is_asked_for() -> None:
+    above = {module for path in modules("rtamt_gym") for module, _ in imported(path)}
+    assert not {module for module in above if module.startswith("rtamt_envs.")}
+
+
 def test_rtamt_knows_nothing_of_what_uses_it() -> None:
-    above = {"rtamt_gym", "gymnasium", "mujoco", "matplotlib"}
+    above = {"rtamt_gym", "rtamt_envs", "gymnasium", "mujoco", "matplotlib"}
     for path in modules("rtamt"):
         assert not above & {module.split(".")[0] for module, _ in imported(path)}, path
 

@@ -80,7 +80,7 @@ print(json.dumps([
     assert answers == [[3.0, 1.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 2.0]]
 
 
-@pytest.mark.parametrize("package", ["rtamt", "rtamt_gym"])
+@pytest.mark.parametrize("package", ["rtamt", "rtamt_gym", "envs/rtamt_envs"])
 def test_every_file_of_a_package_is_installed_but_the_native_sources(
     site: Path, package: str
 ) -> None:
@@ -91,7 +91,7 @@ def test_every_file_of_a_package_is_installed_but_the_native_sources(
     def left_out(part: str) -> bool:
         return part in {"native", "__pycache__"} or part.startswith(".")
 
-    installed = files(site / package)
+    installed = files(site / Path(package).name)
     assert installed == files(ROOT / package)
     assert Path("py.typed") in installed
 

@@ -1,0 +1,54 @@
+"""Scenarios: models with requirements, as environments of Gymnasium.
+
+Importing the package registers them, as ``rtamt/NAME-v0``:
+
+    >>> import gymnasium as gym, rtamt_envs
+    >>> env = gym.make("rtamt/ChasingCars-v0")
+    >>> sorted(env.unwrapped.requirements)
+    ['CC1', 'CC2', 'CC3', 'CC4', 'CC5', 'CCx']
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+import gymnasium as gym
+
+from rtamt import InputError
+from rtamt_gym.checks.names import listing, nearest
+
+if TYPE_CHECKING:
+    from rtamt_envs.scenario import Scenario
+
+__all__ = ["SCENARIOS", "scenario_of"]
+
+SCENARIOS: dict[str, tuple[str, int]] = {}
+"""The module of each scenario and the steps of its episodes, by name. The modules are imported
+when an environment is made: they import numba."""
+
+
+def scenario_of(name: str) -> Scenario:
+    """Finds a scenario by its name, such as ``"ChasingCars"``.
+
+    Raises:
+        InputError: If there is none of this name; names the nearest.
+    """
+    if name not in SCENARIOS:
+        raise InputError(
+            f"there is no scenario {name!r}{nearest(name, SCENARIOS)}; "
+            f"there are {listing(SCENARIOS)}"
+        )
+    found: Scenario = import_module(f"{__name__}.{SCENARIOS[name][0]}").SCENARIO
+    return found
+
+
+for _name, (_, _steps) in SCENARIOS.items():
+    if f"rtamt/{_name}-v0" not in gym.registry:
+        gym.register(
+            f"rtamt/{_name}-v0",
+            entry_point="rtamt_envs.environment:ScenarioEnv",
+            vector_entry_point="rtamt_envs.vector:ScenarioVectorEnv",
+            kwargs={"scenario": _name},
+            max_episode_steps=_steps,
+        )

@@ -1,0 +1,195 @@
+"""`ScenarioEnv`: the Gymnasium environment of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, cast
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import rtamt
+from rtamt import InputError, InputTypeError
+from rtamt_envs import scenario_of
+from rtamt_envs.lanes import Lanes
+from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+
+__all__ = ["ScenarioEnv", "box", "numbers"]
+
+_ONE = np.ones(1, np.bool_)
+
+
+class ScenarioEnv(gym.Env[Floats, Floats]):
+    """A scenario as an environment: ``gym.make("rtamt/ChasingCars-v0")`` makes one.
+
+    An episode never terminates; ``gym.make`` truncates it after the duration of the scenario, or
+    after ``max_episode_steps=``. The reward is 0: what is wanted stands in the requirements, and
+    `rtamt_gym.StlReward` pays for them. An action out of its bounds acts as the nearest one within.
+    Actions and observations are arrays of float64.
+
+    Attributes:
+        scenario: The declaration, with units and source.
+        dt: Seconds of a step.
+        requirements: The requirements by name, as specifications.
+        signals: What the names of the observation read, for wrappers and `simulate`.
+        parameters: The parameters of the present episode by name.
+        action_names: The names of the components of an action.
+
+    Args:
+        scenario: The name of the scenario; ``gym.make`` gives it.
+        parameters: Values of parameters in all episodes, by name. ``reset(options={...})`` gives
+            those of one episode.
+        render_mode: ``"rgb_array"``: `render` draws the episode up to now. None: no pictures.
+
+    Raises:
+        InputError: If a parameter has no such name, or its value is no number.
+
+    Example:
+        >>> import gymnasium as gym, rtamt_envs
+        >>> from rtamt_gym import simulate
+        >>> env = gym.make("rtamt/AutomaticTransmission-v0")
+        >>> run = simulate(env, env.unwrapped.requirements["AT2"], policy=lambda obs: [100.0, 0.0])
+        >>> run.courses
+        {'AT2': <Course of always[0:10](rpm < 4750): VIOLATED at sample 458, robustness ...>}
+    """
+
+    metadata = {  # noqa: RUF012 - as Gymnasium declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": 30,
+    }
+
+    def __init__(
+        self,
+        scenario: str,
+        parameters: Mapping[str, float] | None = None,
+        render_mode: Literal["rgb_array"] | None = None,
+    ) -> None:
+        self.scenario = scenario_of(scenario)
+        if render_mode not in {None, "rgb_array"}:
+            raise InputError(f"expected render_mode None or 'rgb_array', got {render_mode!r}")
+        self.render_mode = render_mode
+        self.dt = self.scenario.period
+        self.action_space = box(self.scenario.actions)
+        self.observation_space = box(self.scenario.observations)
+        self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
+        self._lanes = Lanes(self.scenario, self._defaults, 1)
+        self._seen: list[Floats] = []
+        self._acted: list[Floats] = []
+
+    @property
+    def requirements(self) -> Mapping[str, rtamt.Specification]:
+        """The requirements by name."""
+        return self.scenario.specifications
+
+    @property
+    def signals(self) -> Mapping[str, str]:
+        """What the names of the observation read."""
+        return self.scenario.signals
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """The names of the components of an action."""
+        return tuple(each.name for each in self.scenario.actions)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters of the present episode by name; a copy."""
+        names = [each.name for each in self.scenario.parameters]
+        return dict(zip(names, self._lanes.parameters[0].tolist(), strict=True))
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begins an episode; ``options`` are values of parameters in it, by name.
+
+        Raises:
+            InputError: If a parameter has no such name, or its value is no number.
+        """
+        row = self.scenario.parameter_row(options or {}, self._defaults)
+        super().reset(seed=seed)
+        self._lanes.start(_ONE, (self.np_random,), row[None])
+        self._seen, self._acted = [], []
+        return self._observed(), {}
+
+    def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        """Makes a step of ``dt`` seconds.
+
+        Raises:
+            InputError: If the action has another shape, or is nan; nothing has happened.
+        """
+        acted = numbers(action, (len(self.scenario.actions),), self.scenario)
+        self._lanes.step(acted[None], _ONE, (self.np_random,))
+        if self.render_mode:
+            self._acted.append(acted.copy())
+        return self._observed(), 0.0, False, False, {}
+
+    def baseline(self, observation: object = None) -> Floats:  # noqa: ARG002 - as any policy
+        """The action of the scenario's baseline at the present sample: a policy for `simulate`."""
+        action: Floats = self._lanes.baseline()[0]
+        return action
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Draws the episode up to now: an array of shape (height, width, 3).
+
+        Needs Matplotlib, the extra ``plot``.
+        """
+        if self.render_mode is None:
+            gym.logger.warn('to draw, make the environment with render_mode="rgb_array"')
+            return None
+        from rtamt_envs.pictures import frame
+
+        return frame(self.scenario, self.episode())
+
+    def episode(self) -> Episode:
+        """The episode up to now, which an environment with a ``render_mode`` keeps.
+
+        Raises:
+            InputError: If the environment has no ``render_mode``, or no episode has begun.
+        """
+        if not self._seen:
+            raise InputError(
+                "expected an episode of an environment with render_mode='rgb_array', got "
+                f"{'none' if self.render_mode else 'render_mode=None'}"
+            )
+        return Episode(
+            np.arange(len(self._seen), dtype=np.float64) * self.dt,
+            np.array(self._seen),
+            np.array(self._acted).reshape(-1, len(self.scenario.actions)),
+            self.parameters,
+        )
+
+    def _observed(self) -> Floats:
+        seen: Floats = self._lanes.observations[0].copy()
+        if self.render_mode:
+            self._seen.append(seen.copy())
+        return seen
+
+
+def box(quantities: tuple[Quantity, ...]) -> gym.Space[Floats]:
+    """The space of float64 vectors of these quantities."""
+    low = np.array([each.low for each in quantities], np.float64)
+    high = np.array([each.high for each in quantities], np.float64)
+    return cast("gym.Space[Floats]", gym.spaces.Box(low, high, dtype=np.float64))
+
+
+def numbers(action: ArrayLike, shape: tuple[int, ...], scenario: Scenario) -> Floats:
+    """An action as an array of float64 of a shape.
+
+    Raises:
+        InputError: If it has another shape.
+        InputTypeError: If it is not made of numbers.
+    """
+    names = ", ".join(each.name for each in scenario.actions)
+    try:
+        given = np.ascontiguousarray(action, np.float64)
+    except (TypeError, ValueError):
+        raise InputTypeError(
+            f"expected an action ({names}) of {scenario.id}, got {action!r}"
+        ) from None
+    if given.shape != shape:
+        raise InputError(
+            f"expected an action ({names}) of shape {shape} for {scenario.id}, got one of shape "
+            f"{given.shape}"
+        )
+    return given

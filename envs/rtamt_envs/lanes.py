@@ -1,0 +1,194 @@
+"""`Lanes`: simulations of one scenario side by side, which its environments share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_envs.compiled import compiled
+from rtamt_envs.scenario import Bools, Floats, Scenario
+
+__all__ = ["Lanes"]
+
+_Generators = Sequence[np.random.Generator]
+
+
+class Lanes:
+    """Simulations of a scenario side by side: their states, parameters and observations.
+
+    One lane is what an environment steps; many are what a vector environment and a search step.
+
+    Attributes:
+        parameters: The parameters of each lane's episode, shape (n, parameters).
+        observations: The last observation of each lane, shape (n, observations).
+        steps: The steps of each lane since its episode began, shape (n,).
+
+    Args:
+        scenario: What is simulated.
+        parameters: The parameters of a lane before its first episode.
+        num: The number of lanes.
+    """
+
+    def __init__(self, scenario: Scenario, parameters: Floats, num: int) -> None:
+        self._scenario = scenario
+        self._start, self._roll, self._follow = _kernels(scenario)
+        self._low = np.array([each.low for each in scenario.actions])
+        self._high = np.array([each.high for each in scenario.actions])
+        self._states = np.zeros((num, scenario.state))
+        self._unkept = np.zeros((0, num, len(scenario.observations)))
+        self.parameters = np.tile(parameters, (num, 1))
+        self.observations = np.zeros((num, len(scenario.observations)))
+        self.steps = np.zeros(num, np.int64)
+
+    def start(self, chosen: Bools, generators: _Generators, parameters: Floats) -> None:
+        """Begins an episode in the lanes that are chosen, with their rows of parameters."""
+        self.parameters[chosen] = parameters[chosen]
+        self.steps[chosen] = 0
+        noise = self._noise(1, chosen, generators)
+        self._start(self.parameters, noise, chosen, self._states, self.observations)
+
+    def step(self, actions: Floats, chosen: Bools, generators: _Generators) -> None:
+        """Makes a step in the lanes that are chosen; actions of shape (n, actions).
+
+        Raises:
+            InputError: If an action is nan; no lane has stepped.
+        """
+        self._act(actions[None], chosen, generators, self._unkept)
+
+    def roll(self, actions: Floats, chosen: Bools, generators: _Generators) -> Floats:
+        """Makes steps in the lanes that are chosen; actions of shape (steps, n, actions).
+
+        Returns:
+            The observations after each step, shape (steps, n, observations); nan in other lanes.
+
+        Raises:
+            InputError: If an action is nan; no lane has stepped.
+        """
+        made = np.full((len(actions), *self.observations.shape), np.nan)
+        self._act(actions, chosen, generators, made)
+        return made
+
+    def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
+        """Makes steps as `roll` does, under the baseline of the scenario."""
+        made = np.full((steps, *self.observations.shape), np.nan)
+        self._follow(
+            self._scenario.period,
+            np.zeros(len(self._low)),
+            self.parameters,
+            self._noise(steps, chosen, generators),
+            chosen,
+            self.steps,
+            self._states,
+            self.observations,
+            made,
+        )
+        return made
+
+    def baseline(self) -> Floats:
+        """The actions of the baseline at the last observations, shape (n, actions)."""
+        actions = np.zeros((len(self.steps), len(self._low)))
+        for lane, action in enumerate(actions):
+            time = int(self.steps[lane]) * self._scenario.period
+            self._scenario.baseline(time, self.observations[lane], self.parameters[lane], action)
+        return actions
+
+    def _act(self, actions: Floats, chosen: Bools, generators: _Generators, made: Floats) -> None:
+        """Makes steps; keeps the observations in ``made`` if that has room for them."""
+        if np.isnan(actions).any():
+            self._refuse_nan(actions, chosen)
+        self._roll(
+            actions,
+            self._low,
+            self._high,
+            self.parameters,
+            self._noise(len(actions), chosen, generators),
+            chosen,
+            self.steps,
+            self._states,
+            self.observations,
+            made,
+        )
+
+    def _refuse_nan(self, actions: Floats, chosen: Bools) -> None:
+        """Raises an `InputError` if an action of a lane that steps is nan."""
+        for step, lane, index in np.argwhere(np.isnan(actions) & chosen[:, None]):
+            where = f" of step {step}" if len(actions) > 1 else ""
+            where += f" in lane {lane}" if len(chosen) > 1 else ""
+            raise InputError(
+                f"expected a number as action {self._scenario.actions[index].name!r}{where}, "
+                "got nan"
+            )
+
+    def _noise(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
+        """Draws the random numbers of steps, shape (steps, n, noise), a lane's from its own."""
+        noise = np.zeros((steps, len(chosen), self._scenario.noise))
+        if self._scenario.noise:
+            for lane in np.flatnonzero(chosen).tolist():
+                noise[:, lane] = generators[lane].standard_normal(noise[:, lane].shape)
+        return noise
+
+
+@cache
+def _kernels(scenario: Scenario) -> tuple[Callable[..., None], ...]:
+    """The functions of a scenario as loops over lanes: start, act, follow the baseline."""
+    start_one, step_one, baseline = scenario.start, scenario.step, scenario.baseline
+
+    @compiled
+    def start(
+        parameters: Floats, noise: Floats, chosen: Bools, states: Floats, observations: Floats
+    ) -> None:
+        for lane in range(len(states)):
+            if chosen[lane]:
+                start_one(parameters[lane], noise[0, lane], states[lane], observations[lane])
+
+    @compiled
+    def roll(
+        actions: Floats,
+        low: Floats,
+        high: Floats,
+        parameters: Floats,
+        noise: Floats,
+        chosen: Bools,
+        steps: NDArray[np.int64],
+        states: Floats,
+        observations: Floats,
+        made: Floats,
+    ) -> None:
+        applied = np.empty(len(low))
+        for lane in range(len(states)):
+            if chosen[lane]:
+                seen = observations[lane]
+                for k in range(len(actions)):
+                    for i in range(len(low)):
+                        applied[i] = min(max(actions[k, lane, i], low[i]), high[i])
+                    step_one(applied, parameters[lane], noise[k, lane], states[lane], seen)
+                    if k < len(made):
+                        made[k, lane] = seen
+                steps[lane] += len(actions)
+
+    @compiled
+    def follow(
+        period: float,
+        action: Floats,
+        parameters: Floats,
+        noise: Floats,
+        chosen: Bools,
+        steps: NDArray[np.int64],
+        states: Floats,
+        observations: Floats,
+        made: Floats,
+    ) -> None:
+        for lane in range(len(states)):
+            if chosen[lane]:
+                seen = observations[lane]
+                for k in range(len(made)):
+                    baseline(steps[lane] * period, seen, parameters[lane], action)
+                    step_one(action, parameters[lane], noise[k, lane], states[lane], seen)
+                    made[k, lane] = seen
+                    steps[lane] += 1
+
+    return start, roll, follow

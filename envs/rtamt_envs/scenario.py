@@ -1,0 +1,164 @@
+"""`Scenario`: what a file of this package declares of its model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt import InputError, InputTypeError
+from rtamt_gym import Parameter, Signal
+from rtamt_gym.checks.names import listing, nearest
+
+if TYPE_CHECKING:  # it is optional
+    from matplotlib.figure import Figure
+
+__all__ = ["Bools", "Episode", "Floats", "Quantity", "Scenario"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Quantity(NamedTuple):
+    """A component of an action or an observation.
+
+    Attributes:
+        name: The name that requirements and search spaces use.
+        unit: The unit; empty for a plain number.
+        low: The least value.
+        high: The greatest value.
+    """
+
+    name: str
+    unit: str = ""
+    low: float = -np.inf
+    high: float = np.inf
+
+
+class Episode(NamedTuple):
+    """What a picture shows: an episode from its start to the present sample.
+
+    Attributes:
+        times: The times of the samples in seconds, shape (k + 1,).
+        observations: The observations, shape (k + 1, observations).
+        actions: The action of each step, shape (k, actions).
+        parameters: The parameters of the episode by name.
+    """
+
+    times: Floats
+    observations: Floats
+    actions: Floats
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """A model with what is required of it: the declaration that its environments are made from.
+
+    The functions work on one-dimensional arrays of float64 and fill their last arguments in place.
+    They are written in the part of Python that numba compiles, see `rtamt_envs.compiled`.
+
+    Attributes:
+        name: The name; the environment is registered as ``rtamt/NAME-v0``.
+        title: What is modelled, in a few words.
+        source: Where equations and figures come from.
+        period: Seconds between samples.
+        duration: Seconds of an episode.
+        actions: The components of an action.
+        observations: The components of an observation.
+        requirements: The text of a ``.stl`` file; each formula that no other uses is a requirement.
+        state: How many numbers a state has. Discrete state is kept as whole numbers.
+        start: ``start(parameters, noise, state, observation)`` begins an episode.
+        step: ``step(action, parameters, noise, state, observation)`` makes a step of a period.
+        baseline: ``baseline(time, observation, parameters, action)`` is a policy.
+        parameters: Free parameters, initial states and times of faults, each with its default.
+        inputs: The waveforms of actions among which a search looks.
+        noise: How many numbers of a standard normal distribution a step takes.
+        draw: Draws an episode into a figure of Matplotlib. None: a course of each observation.
+    """
+
+    name: str
+    title: str
+    source: str
+    period: float
+    duration: float
+    actions: tuple[Quantity, ...]
+    observations: tuple[Quantity, ...]
+    requirements: str = field(repr=False)
+    state: int
+    start: Callable[[Floats, Floats, Floats, Floats], None] = field(repr=False)
+    step: Callable[[Floats, Floats, Floats, Floats, Floats], None] = field(repr=False)
+    baseline: Callable[[float, Floats, Floats, Floats], None] = field(repr=False)
+    parameters: tuple[Parameter, ...] = ()
+    inputs: tuple[Signal, ...] = ()
+    noise: int = 0
+    draw: Callable[[Figure, Episode], None] | None = field(default=None, repr=False)
+
+    @property
+    def id(self) -> str:
+        """The id of the registered environment."""
+        return f"rtamt/{self.name}-v0"
+
+    @cached_property
+    def specifications(self) -> Mapping[str, rtamt.Specification]:
+        """The requirements by name."""
+        return rtamt.parse(self.requirements).requirements
+
+    @cached_property
+    def signals(self) -> Mapping[str, str]:
+        """What the names of the observation read, as wrappers and `simulate` take it."""
+        return {each.name: f"obs[{i}]" for i, each in enumerate(self.observations)}
+
+    @cached_property
+    def defaults(self) -> Floats:
+        """The default of each parameter."""
+        return np.array([each.default for each in self.parameters], np.float64)
+
+    def parameter_row(self, given: Mapping[str, Any], base: Floats) -> Floats:
+        """A copy of ``base`` with the parameters that are given; shape (..., parameters).
+
+        Args:
+            given: A number for each name, or an array with one for each lane.
+            base: Parameters of one lane or of many.
+
+        Raises:
+            InputError: If a name is not that of a parameter, or a value does not fit the lanes or
+                is nan.
+            InputTypeError: If a value is not a number.
+        """
+        row = base.copy()
+        names = [each.name for each in self.parameters]
+        for name, value in given.items():
+            if name not in names:
+                has = f"the parameters are {listing(names)}" if names else "it has none"
+                raise InputError(
+                    f"{self.id} has no parameter {name!r}; {has}{nearest(name, names)}"
+                )
+            try:
+                numbers = np.asarray(value, np.float64)
+            except (TypeError, ValueError):
+                raise InputTypeError(
+                    f"expected a number as parameter {name!r} of {self.id}, got {value!r}"
+                ) from None
+            if numbers.shape not in {(), row.shape[:-1]} or np.isnan(numbers).any():
+                lanes = f" or {row.shape[0]} of them" if row.ndim > 1 else ""
+                raise InputError(
+                    f"expected a number{lanes} as parameter {name!r} of {self.id}, got {value!r}"
+                )
+            row[..., names.index(name)] = numbers
+        return row
+
+    def __deepcopy__(self, memo: object) -> Scenario:
+        """Returns itself: nothing in it changes."""
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles by name: compiled functions stay where they are."""
+        from rtamt_envs import scenario_of
+
+        return scenario_of, (self.name,)

@@ -1,0 +1,209 @@
+"""`ScenarioVectorEnv`: many simulations of a scenario in lockstep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, SupportsIndex
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike
+
+import rtamt
+from rtamt import InputError
+from rtamt_envs import scenario_of
+from rtamt_envs.environment import box, numbers
+from rtamt_envs.lanes import Lanes
+from rtamt_envs.scenario import Bools, Floats
+
+__all__ = ["ScenarioVectorEnv"]
+
+
+class ScenarioVectorEnv(VectorEnv[Floats, Floats, Any]):
+    """Many simulations of a scenario in lockstep: ``gym.make_vec("rtamt/ChasingCars-v0", 100)``.
+
+    Lane i of a vector environment that is reset with seed s is equal to a `ScenarioEnv` that is
+    reset with seed s + i, to the last bit. Rewards are 0, no lane terminates, and all are truncated
+    after ``max_episode_steps``.
+
+    Attributes:
+        scenario: The declaration, with units and source.
+        dt: Seconds of a step.
+        requirements: The requirements by name, as specifications.
+        signals: What the names of the observation read, for wrappers.
+        parameters: The parameters of the present episodes by name, an array of each.
+        action_names: The names of the components of an action.
+
+    Args:
+        num_envs: The number of lanes.
+        scenario: The name of the scenario; ``gym.make_vec`` gives it.
+        max_episode_steps: The steps of an episode; ``gym.make_vec`` gives those of the scenario.
+        parameters: Values of parameters in all episodes, by name.
+        autoreset_mode: When a lane that was truncated begins a new episode, as in Gymnasium.
+        render_mode: None; `ScenarioEnv` draws.
+
+    Raises:
+        InputError: If a parameter has no such name, or its value is no number.
+    """
+
+    def __init__(
+        self,
+        num_envs: int,
+        scenario: str,
+        max_episode_steps: int,
+        parameters: Mapping[str, float] | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        render_mode: None = None,
+    ) -> None:
+        self.scenario = scenario_of(scenario)
+        if render_mode is not None:
+            raise InputError(
+                f"expected render_mode None for many environments, got {render_mode!r}; "
+                f'gym.make({self.scenario.id!r}, render_mode="rgb_array") draws one'
+            )
+        self.num_envs = num_envs
+        self.dt = self.scenario.period
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
+        self.single_action_space = box(self.scenario.actions)
+        self.single_observation_space = box(self.scenario.observations)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._limit = max_episode_steps
+        self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
+        self._lanes = Lanes(self.scenario, self._defaults, num_envs)
+        self._generators = [np.random.default_rng() for _ in range(num_envs)]
+        self._all = np.ones(num_envs, np.bool_)
+        self._ended = np.zeros(num_envs, np.bool_)
+
+    @property
+    def requirements(self) -> Mapping[str, rtamt.Specification]:
+        """The requirements by name."""
+        return self.scenario.specifications
+
+    @property
+    def signals(self) -> Mapping[str, str]:
+        """What the names of the observation read."""
+        return self.scenario.signals
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """The names of the components of an action."""
+        return tuple(each.name for each in self.scenario.actions)
+
+    @property
+    def parameters(self) -> dict[str, Floats]:
+        """The parameters of the present episodes by name; copies of shape (num_envs,)."""
+        names = [each.name for each in self.scenario.parameters]
+        return dict(zip(names, self._lanes.parameters.T.copy(), strict=True))
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Begins an episode in every lane.
+
+        Args:
+            seed: Lane i gets ``seed + i``, or the i-th of a sequence. None: random numbers go on.
+            options: Values of parameters by name, a number for all lanes or an array with one for
+                each; and ``"reset_mask"``, an array of booleans: the lanes that begin an episode.
+
+        Raises:
+            InputError: If seeds, a mask or a parameter do not fit.
+        """
+        given = dict(options or {})
+        chosen = self._mask("options['reset_mask']", given.pop("reset_mask", None))
+        row = self.scenario.parameter_row(given, np.tile(self._defaults, (self.num_envs, 1)))
+        seeds = [None] * self.num_envs if seed is None else seed
+        if isinstance(seeds, SupportsIndex):
+            seeds = [int(seeds) + lane for lane in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise InputError(f"expected a seed for each of {self.num_envs} lanes, got {len(seeds)}")
+        for lane in np.flatnonzero(chosen).tolist():
+            if seeds[lane] is not None:
+                self._generators[lane] = gym.utils.seeding.np_random(seeds[lane])[0]
+        self._lanes.start(chosen, self._generators, row)
+        self._ended[chosen] = False
+        return self._lanes.observations.copy(), {}
+
+    def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Bools, Bools, dict[str, Any]]:
+        """Makes a step of ``dt`` seconds in every lane.
+
+        Args:
+            actions: An array of shape (num_envs, actions).
+
+        Raises:
+            InputError: If actions have another shape, or one is nan; nothing has happened. If a
+                lane has ended, and ``autoreset_mode`` leaves its reset to the caller.
+        """
+        acted = numbers(actions, (self.num_envs, len(self.action_names)), self.scenario)
+        begins = self._ended.copy()
+        if self.autoreset_mode is AutoresetMode.DISABLED and begins.any():
+            raise InputError(
+                f"lane {int(begins.argmax())} has ended; reset it with "
+                "options={'reset_mask': ...} before the next step"
+            )
+        self._lanes.step(acted, ~begins, self._generators)
+        self._begin(begins)
+        truncated = self._lanes.steps >= self._limit
+        self._ended = truncated.copy()
+        info: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
+            final = np.full(self.num_envs, None, object)
+            for lane in np.flatnonzero(truncated):
+                final[lane] = self._lanes.observations[lane].copy()
+            info = {"final_obs": final, "_final_obs": truncated.copy()}
+            info |= {"final_info": {}, "_final_info": truncated.copy()}
+            self._begin(truncated)
+            self._ended[:] = False
+        none = np.zeros(self.num_envs, np.bool_)
+        return self._lanes.observations.copy(), np.zeros(self.num_envs), none, truncated, info
+
+    def rollout(self, actions: ArrayLike | int, active: ArrayLike | None = None) -> Floats:
+        """Makes many steps in one call, without autoreset or time limit: what searches do.
+
+        Args:
+            actions: An array of shape (steps, num_envs, actions); or a number of steps, that the
+                baseline of the scenario makes.
+            active: Booleans of shape (num_envs,): the lanes that step. None: all.
+
+        Returns:
+            The observations after each step, shape (steps, num_envs, observations); nan in lanes
+            that are not active.
+
+        Raises:
+            InputError: If an argument has another shape, or an action of an active lane is nan;
+                nothing has happened.
+        """
+        chosen = self._mask("active", active)
+        if isinstance(actions, SupportsIndex) and not isinstance(actions, np.ndarray):
+            return self._lanes.follow(int(actions), chosen, self._generators)
+        steps = len(np.atleast_1d(np.asarray(actions)))
+        shape = steps, self.num_envs, len(self.action_names)
+        return self._lanes.roll(numbers(actions, shape, self.scenario), chosen, self._generators)
+
+    def baseline(self, observations: object = None) -> Floats:  # noqa: ARG002 - as any policy
+        """The actions of the baseline at the present samples, shape (num_envs, actions)."""
+        return self._lanes.baseline()
+
+    def _begin(self, chosen: Bools) -> None:
+        """Begins episodes with the default parameters, as `ScenarioEnv.reset` without options."""
+        if chosen.any():
+            defaults = np.tile(self._defaults, (self.num_envs, 1))
+            self._lanes.start(chosen, self._generators, defaults)
+
+    def _mask(self, what: str, given: ArrayLike | None) -> Bools:
+        """The lanes that a mask chooses; None chooses all."""
+        if given is None:
+            return self._all
+        mask = np.asarray(given)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise InputError(
+                f"expected {what} as {self.num_envs} booleans, got {mask.dtype} of shape "
+                f"{mask.shape}"
+            )
+        return mask

@@ -1,0 +1,56 @@
+"""Episodes of scenarios for tests. Run as a program, it prints the numbers of `courses` of all."""
+
+import json
+import sys
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from rtamt_envs import SCENARIOS
+from rtamt_envs.environment import ScenarioEnv
+from rtamt_envs.scenario import Scenario
+
+__all__ = ["course", "courses", "made", "middle", "random_actions"]
+
+Floats = NDArray[np.float64]
+
+
+def made(name: str, **options: Any) -> ScenarioEnv:  # noqa: ANN401 - those of gym.make
+    """The bare environment of a scenario."""
+    env = gym.make(f"rtamt/{name}-v0", **options).unwrapped
+    assert isinstance(env, ScenarioEnv)
+    return env
+
+
+def random_actions(scenario: Scenario, shape: tuple[int, ...], seed: int) -> Floats:
+    """Actions within their bounds, shape (*shape, actions)."""
+    low = np.array([each.low for each in scenario.actions])
+    high = np.array([each.high for each in scenario.actions])
+    return np.random.default_rng(seed).uniform(low, high, (*shape, len(low)))
+
+
+def middle(scenario: Scenario) -> dict[str, float]:
+    """The middle of the range of each parameter."""
+    return {each.name: 0.5 * (each.low + each.high) for each in scenario.parameters}
+
+
+def course(
+    env: ScenarioEnv, actions: Floats, seed: int = 0, options: dict[str, Any] | None = None
+) -> Floats:
+    """The observations of an episode under these actions, that at reset first."""
+    first, _ = env.reset(seed=seed, options=options)
+    return np.array([first, *(env.step(action)[0] for action in actions)])
+
+
+def courses(name: str) -> list[str]:
+    """All numbers of two episodes, one of them with other parameters and held actions."""
+    env = made(name)
+    changing = course(env, random_actions(env.scenario, (150,), 6))
+    actions = random_actions(env.scenario, (3,), 7).repeat(100, axis=0)
+    held = course(env, actions, options=middle(env.scenario))
+    return [float(value).hex() for value in (*changing.ravel(), *held.ravel())]
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps({name: courses(name) for name in SCENARIOS}))
