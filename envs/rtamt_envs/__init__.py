@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = ["SCENARIOS", "scenario_of"]
 
-SCENARIOS: dict[str, tuple[str, int]] = {}
+SCENARIOS: dict[str, tuple[str, int]] = {
+    "AutomaticTransmission": ("automatic_transmission", 3500),
+}
 """The module of each scenario and the steps of its episodes, by name. The modules are imported
 when an environment is made: they import numba."""
 
