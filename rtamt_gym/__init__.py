@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
+    from rtamt_gym.inputs.case import Case
     from rtamt_gym.inputs.ranges import Parameter, Signal
+    from rtamt_gym.inputs.space import Space
+    from rtamt_gym.inputs.waveform import Waveform
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
     __all__ = [
+        "Case",
         "CostEnv",
         "Fmus",
         "ParallelStlMonitor",
@@ -34,17 +38,20 @@ if TYPE_CHECKING:
         "Run",
         "Signal",
         "Snapshot",
+        "Space",
         "Step",
         "StepMonitor",
         "StlMonitor",
         "StlReward",
         "VectorStlMonitor",
         "VectorStlReward",
+        "Waveform",
         "evaluate_rollouts",
         "simulate",
     ]
 
 _MODULES = {
+    "Case": "rtamt_gym.inputs.case",
     "CostEnv": "rtamt_gym.wrappers.cost",
     "Fmus": "rtamt_gym.simulation.fmi",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
@@ -52,12 +59,14 @@ _MODULES = {
     "Run": "rtamt_gym.simulation.run",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
+    "Space": "rtamt_gym.inputs.space",
     "Step": "rtamt_gym.signals.signals",
     "StepMonitor": "rtamt_gym.mujoco.step_monitor",
     "StlMonitor": "rtamt_gym.wrappers.monitor",
     "StlReward": "rtamt_gym.wrappers.reward",
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
+    "Waveform": "rtamt_gym.inputs.waveform",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "simulate": "rtamt_gym.simulation.simulate",
 }

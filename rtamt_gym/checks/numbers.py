@@ -1,14 +1,33 @@
-"""Numbers that are written as text: plain decimal text of ASCII, ``inf`` and ``nan``."""
+"""Numbers as they are written: texts of them, and the fractions that floats stand for."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
 
-__all__ = ["read_floats"]
+__all__ = ["exact", "read_floats"]
+
+
+@lru_cache(maxsize=1024)
+def exact(seconds: float | Fraction) -> Fraction:
+    """The fraction that a float stands for, also where its last digits were rounded off.
+
+    That is the nearest one of six digits if it lies beside the float, else the number as written.
+
+    Example:
+        >>> exact(0.1), exact(0.1 + 0.2), exact(1 / 3), exact(1e-9)
+        (Fraction(1, 10), Fraction(3, 10), Fraction(1, 3), Fraction(1, 1000000000))
+    """
+    simple = Fraction(seconds).limit_denominator(10**6)
+    if abs(simple - Fraction(seconds)) <= 4 * Fraction(math.ulp(seconds)):
+        return simple
+    return seconds if isinstance(seconds, Fraction) else Fraction(repr(float(seconds)))
 
 
 def read_floats(texts: Sequence[str]) -> list[float] | None:
-    """The numbers in texts; None if one of them is no number.
+    """The numbers in texts of plain decimal ASCII, ``inf`` or ``nan``; None if one is no number.
 
     `float` alone would read more: ``1_0`` as 10, and the digits of every script.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from numbers import Real
 from typing import Any, Final, Literal, get_args
@@ -11,13 +11,13 @@ from typing import Any, Final, Literal, get_args
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 
-__all__ = ["Interpolation", "Parameter", "Signal", "check_points"]
+__all__ = ["LEAST_POINTS", "Interpolation", "Parameter", "Signal"]
 
 Interpolation = Literal["hold", "linear", "pchip"]
 """How a waveform goes from one control point to the next: it keeps the value, or it runs along a
 straight line, or along a cubic that is monotone between the points."""
 
-_LEAST: Final = {"hold": 1, "linear": 2, "pchip": 2}
+LEAST_POINTS: Final[Mapping[str, int]] = {"hold": 1, "linear": 2, "pchip": 2}
 """The least number of control points of an interpolation."""
 
 
@@ -62,7 +62,7 @@ class Signal:
         _check_name("signal", self.name)
         what = f"signal {self.name!r}"
         _set_range(self, what, self.low, self.high)
-        check_points(what, self.points, self.interpolation)
+        _check_points(what, self.points, self.interpolation)
         if self.duration is not None:
             _set(self, "duration", check_number("duration", self.duration))
 
@@ -146,10 +146,10 @@ class Parameter:
         return (self.name,)
 
 
-def check_points(what: str, points: object, interpolation: object) -> None:
+def _check_points(what: str, points: object, interpolation: object) -> None:
     """Refuses a number of control points that is no whole number, or too small."""
     check_choice("interpolation", interpolation, get_args(Interpolation))
-    least = _LEAST[str(interpolation)]
+    least = LEAST_POINTS[str(interpolation)]
     if isinstance(points, bool) or not isinstance(points, int):
         raise InputTypeError(f"{what}: expected points= as a whole number, got {points!r}")
     if points < least:

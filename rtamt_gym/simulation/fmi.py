@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Any
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.numbers import exact
 from rtamt_gym.simulation.fmi_interrupts import Interrupts
 from rtamt_gym.simulation.fmi_variables import Variable, Variables, fit, kind_of
-from rtamt_gym.simulation.systems import Signals, System, exact, named_signals, whole_steps
+from rtamt_gym.simulation.systems import Signals, System, named_signals, whole_steps
 
 if TYPE_CHECKING:  # it imports FMPy, which is optional
     from rtamt_gym.simulation.fmi_instance import Instance, Reader, Writer

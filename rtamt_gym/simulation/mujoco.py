@@ -9,10 +9,11 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputTypeError, StateError
+from rtamt_gym.checks.numbers import exact
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
-from rtamt_gym.simulation.systems import Policy, Signals, System, exact, whole_steps
+from rtamt_gym.simulation.systems import Policy, Signals, System, whole_steps
 
 __all__ = ["Model", "check_policy", "check_time", "model_name"]
 

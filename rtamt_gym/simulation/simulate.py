@@ -13,6 +13,7 @@ import gymnasium as gym
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.checks.numbers import exact
 from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Panel
@@ -32,7 +33,7 @@ from rtamt_gym.simulation.kinds import as_system
 from rtamt_gym.simulation.record import RunEnd, Stop
 from rtamt_gym.simulation.recorder import Recorder
 from rtamt_gym.simulation.run import Run
-from rtamt_gym.simulation.systems import Environment, Policy, System, exact
+from rtamt_gym.simulation.systems import Environment, Policy, System
 
 if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot

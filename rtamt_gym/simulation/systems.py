@@ -27,7 +27,6 @@ __all__ = [
     "Signals",
     "System",
     "SystemEnd",
-    "exact",
     "named_signals",
     "whole_steps",
 ]
@@ -257,11 +256,6 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
         if not isinstance(read, str):
             raise InputTypeError(f"signal {name!r}: expected a name, got {read!r}")
     return [given.get(name, name) for name in dict.fromkeys([*variables, *given])]
-
-
-def exact(seconds: float) -> Fraction:
-    """The fraction that a float stands for: 1/10 for 0.1."""
-    return Fraction(seconds).limit_denominator(10**12)
 
 
 def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:

@@ -149,7 +149,7 @@ def test_rtamt_gym_uses_public_names_only(path: Path) -> None:
 
 
 def test_inputs_are_imported_without_simulators() -> None:
-    code = "import sys; from rtamt_gym import Parameter, Signal\n"
+    code = "import sys; from rtamt_gym import Case, Parameter, Signal, Space, Waveform\n"
     code += "print(*{m.split('.')[0] for m in sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {"antlr4", "gymnasium", "mujoco", "matplotlib", "scipy"} & set(done.stdout.split())

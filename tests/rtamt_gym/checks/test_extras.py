@@ -22,7 +22,7 @@ def said(code: str, *, without: str = "") -> str:
     return done.stdout.strip()
 
 
-OF_INPUTS = {"Parameter", "Signal"}
+OF_INPUTS = {"Case", "Parameter", "Signal", "Space", "Waveform"}
 OF_MUJOCO = {"Snapshot", "StepMonitor", "evaluate_rollouts"}
 
 

@@ -1,0 +1,231 @@
+"""`Space`: the cases that a search chooses from, as the points of a unit cube."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.names import listing
+from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.waveform import Waveform
+
+__all__ = ["Space", "SpaceLike"]
+
+SpaceLike = Union["Space", Mapping[str, Signal | Parameter], Sequence[Signal | Parameter]]
+"""What a `Space` is made of: several signals and parameters, also by name."""
+
+
+class Space:
+    """The cases that a search chooses from: one for each point of a unit cube.
+
+    Each control point of a signal and each parameter is a coordinate. From 0 to 1 it runs evenly
+    from low to high, over the logarithms where a parameter has ``log``; of several values each gets
+    a part of the same length.
+
+    Args:
+        entries: The signals and parameters, or a mapping from their names to them.
+        duration: The duration of the signals that say none, in seconds.
+
+    Attributes:
+        entries: The signals and parameters, by name.
+        duration: The duration of the signals that say none, or None.
+        columns: The names of the coordinates, in their order.
+
+    Raises:
+        InputError: If two of them have one name, or a mapping gives another name than they do.
+        InputTypeError: If an entry is neither a `Signal` nor a `Parameter`.
+
+    Example:
+        >>> space = Space(
+        ...     [Signal("throttle", 0, 100, points=2), Parameter("mass", 1, 2)], duration=10
+        ... )
+        >>> space.dimension, space.columns
+        (3, ('throttle[0]', 'throttle[1]', 'mass'))
+        >>> case = space.case([1, 0.25, 0.5])
+        >>> case.columns()
+        {'throttle[0]': 100.0, 'throttle[1]': 25.0, 'mass': 1.5}
+        >>> case["throttle"].times
+        (0.0, 5.0)
+        >>> space.point(case)
+        array([1.  , 0.25, 0.5 ])
+    """
+
+    def __init__(self, entries: SpaceLike, *, duration: float | None = None) -> None:
+        self.duration = None if duration is None else check_number("duration", duration)
+        self.entries: Mapping[str, Signal | Parameter] = _by_name(entries)
+        self.columns = tuple(column for each in self.entries.values() for column in each.columns)
+        for column in self.columns:
+            if self.columns.count(column) > 1:
+                raise InputError(f"expected columns of different names, got {column!r} twice")
+
+    def __iter__(self) -> Iterator[Signal | Parameter]:
+        return iter(self.entries.values())
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Space):
+            return NotImplemented
+        return (list(self), self.duration) == (list(other), other.duration)
+
+    def __hash__(self) -> int:
+        return hash((tuple(self), self.duration))
+
+    def __repr__(self) -> str:
+        duration = "" if self.duration is None else f", duration={self.duration!r}"
+        return f"Space({list(self)!r}{duration})"
+
+    @property
+    def dimension(self) -> int:
+        """The number of coordinates."""
+        return len(self.columns)
+
+    def case(self, point: ArrayLike) -> Case:
+        """The case of a point of the unit cube, an array of shape (dimension,).
+
+        Raises:
+            InputError: If the point is not of the unit cube, or a signal has no duration.
+        """
+        left = iter(self._checked(point).tolist())
+        case: dict[str, float | Waveform] = {}
+        for each in self.entries.values():
+            if isinstance(each, Signal):
+                values = [_between(each, next(left)) for _ in range(each.points)]
+                case[each.name] = Waveform(self._times(each), values, each.interpolation)
+            else:
+                case[each.name] = _chosen(each, next(left))
+        return Case(case)
+
+    def point(self, case: Mapping[str, float | Waveform]) -> NDArray[np.float64]:
+        """The point whose case this is, up to rounding; of several values, the middle of a part.
+
+        Raises:
+            InputError: If the case has other names than the space, a number that is out of its
+                range, or a waveform of other control points.
+        """
+        for name in [*self.entries, *case]:
+            if name not in case or name not in self.entries:
+                raise InputError(
+                    f"expected a case of {listing(self.entries)}, got one of {listing(case)}"
+                )
+        point = [
+            coordinate
+            for each in self.entries.values()
+            for coordinate in self._coordinates(each, case[each.name])
+        ]
+        return np.array(point)
+
+    def _checked(self, point: ArrayLike) -> NDArray[np.float64]:
+        numbers = np.asarray(point, np.float64)
+        if numbers.shape != (self.dimension,):
+            raise InputError(
+                f"expected a point of shape ({self.dimension},), got shape {numbers.shape}"
+            )
+        for column, number in zip(self.columns, numbers, strict=True):
+            if not 0 <= number <= 1:
+                raise InputError(f"expected {column!r} of a point from 0 to 1, got {number:g}")
+        return numbers
+
+    def _coordinates(self, each: Signal | Parameter, entry: float | Waveform) -> list[float]:
+        if not isinstance(each, Signal):
+            if isinstance(entry, Waveform):
+                raise InputError(f"expected {each.name!r} of a case as a number, got {entry!r}")
+            return [_coordinate(each, entry)]
+        times = self._times(each)
+        if not isinstance(entry, Waveform) or (
+            (entry.times, entry.interpolation) != (times, each.interpolation)
+        ):
+            raise InputError(
+                f"expected {each.name!r} of a case as a waveform of interpolation "
+                f"{each.interpolation!r} and times {times}, got {entry!r}"
+            )
+        return [_share(each, value) for value in entry.values]
+
+    def _times(self, signal: Signal) -> tuple[float, ...]:
+        """The times of the control points of a signal."""
+        duration = signal.duration or self.duration
+        if duration is None:
+            raise InputError(
+                f"signal {signal.name!r} has no duration; write Signal({signal.name!r}, ..., "
+                "duration=30) or Space(..., duration=30), in seconds"
+            )
+        parts = signal.points if signal.interpolation == "hold" else signal.points - 1
+        return _evenly(duration, parts, signal.points)
+
+
+@lru_cache(maxsize=32)
+def _evenly(duration: float, parts: int, points: int) -> tuple[float, ...]:
+    """The first times of a duration in parts; all cases of a signal share them."""
+    return tuple(float(exact(duration) * i / parts) for i in range(points))
+
+
+def _by_name(entries: Any) -> dict[str, Signal | Parameter]:  # noqa: ANN401 - checked here
+    if isinstance(entries, Signal | Parameter) or not isinstance(entries, Iterable):
+        raise InputTypeError(
+            f"expected several signals and parameters, such as [Parameter('mass', 1, 2)], got "
+            f"{entries!r}"
+        )
+    named = entries.items() if isinstance(entries, Mapping) else [(None, each) for each in entries]
+    found: dict[str, Signal | Parameter] = {}
+    for name, each in named:
+        if not isinstance(each, Signal | Parameter):
+            raise InputTypeError(
+                f"expected signals and parameters, got {each!r} among them; write "
+                "Signal('throttle', 0, 100, points=7) or Parameter('mass', 1, 2)"
+            )
+        if name is not None and name != each.name:
+            raise InputError(f"expected {each.name!r} by its own name, got it as {name!r}")
+        if each.name in found:
+            raise InputError(f"expected entries of different names, got {each.name!r} twice")
+        found[each.name] = each
+    if not found:
+        raise InputError("expected one signal or parameter at least, got none")
+    return found
+
+
+def _between(of: Signal | Parameter, share: float) -> float:
+    """The number that lies at a share of the way from low to high."""
+    return min(of.low + share * (of.high - of.low), of.high)
+
+
+def _share(of: Signal | Parameter, number: float) -> float:
+    """The share of the way from low to high at which a number lies."""
+    if not of.low <= number <= of.high:
+        raise InputError(
+            f"expected {of.name!r} of a case from {of.low:g} to {of.high:g}, got {number:g}"
+        )
+    return (number - of.low) / (of.high - of.low) if of.low < of.high else 0.0
+
+
+def _chosen(of: Parameter, share: float) -> float:
+    """The number of a parameter at a coordinate."""
+    if of.values is not None:
+        count = len(of.values)
+        return of.values[min(int(share * count), count - 1)]
+    if not of.log or share in {0.0, 1.0}:  # the logarithm would round the ends
+        return _between(of, share)
+    return min(max(of.low * math.pow(of.high / of.low, share), of.low), of.high)
+
+
+def _coordinate(of: Parameter, number: float) -> float:
+    """The coordinate at which a parameter has a number."""
+    if of.values is not None:
+        if number not in of.values:
+            raise InputError(
+                f"expected {of.name!r} of a case as one of {listing(of.values)}, got {number:g}"
+            )
+        return (of.values.index(number) + 0.5) / len(of.values)
+    share = _share(of, number)
+    if of.log and of.low < number < of.high:
+        return math.log(number / of.low) / math.log(of.high / of.low)
+    return share
