@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
-__all__ = ["compiled"]
+__all__ = ["compiled", "in_loops"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def compiled(function: _F) -> _F:
-    """Compiles a function with numba, and keeps the machine code beside its file.
+    """Compiles a function with numba when it is first called; keeps the code beside its file.
 
     Without numba (the extra ``cases``), or with ``NUMBA_DISABLE_JIT=1``, the function is left as it
     is: the same numbers, bit for bit, some hundred times as slowly.
@@ -21,3 +21,21 @@ def compiled(function: _F) -> _F:
     except ModuleNotFoundError:
         return function
     return cast("_F", njit(cache=True)(function))
+
+
+def in_loops(function: _F, kind: Literal["start", "step", "baseline"]) -> _F:
+    """A function of a scenario as an argument of compiled loops, which call it by its address.
+
+    The loops are so compiled once for all scenarios.
+    """
+    if not hasattr(function, "py_func"):
+        return function
+    from numba import cfunc, types
+
+    vector = types.float64[::1]
+    arguments = {
+        "start": (vector,) * 4,
+        "step": (vector,) * 5,
+        "baseline": (types.float64, *(vector,) * 3),
+    }
+    return cast("_F", cfunc(types.void(*arguments[kind]), cache=True)(function.py_func))

@@ -119,7 +119,7 @@ class ScenarioEnv(gym.Env[Floats, Floats]):
             InputError: If the action has another shape, or is nan; nothing has happened.
         """
         acted = numbers(action, (len(self.scenario.actions),), self.scenario)
-        self._lanes.step(acted[None], _ONE, (self.np_random,))
+        self._lanes.step_first(acted, self.np_random)
         if self.render_mode:
             self._acted.append(acted.copy())
         return self._observed(), 0.0, False, False, {}

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_envs.compiled import compiled
+from rtamt_envs.compiled import compiled, in_loops
 from rtamt_envs.scenario import Bools, Floats, Scenario
 
 __all__ = ["Lanes"]
+
+_FIRST = np.ones(1, np.bool_)
 
 _Generators = Sequence[np.random.Generator]
 
@@ -35,7 +37,6 @@ class Lanes:
 
     def __init__(self, scenario: Scenario, parameters: Floats, num: int) -> None:
         self._scenario = scenario
-        self._start, self._roll, self._follow = _kernels(scenario)
         self._low = np.array([each.low for each in scenario.actions])
         self._high = np.array([each.high for each in scenario.actions])
         self._states = np.zeros((num, scenario.state))
@@ -49,7 +50,14 @@ class Lanes:
         self.parameters[chosen] = parameters[chosen]
         self.steps[chosen] = 0
         noise = self._noise(1, chosen, generators)
-        self._start(self.parameters, noise, chosen, self._states, self.observations)
+        _start(
+            _functions(self._scenario)[0],
+            self.parameters,
+            noise,
+            chosen,
+            self._states,
+            self.observations,
+        )
 
     def step(self, actions: Floats, chosen: Bools, generators: _Generators) -> None:
         """Makes a step in the lanes that are chosen; actions of shape (n, actions).
@@ -58,6 +66,21 @@ class Lanes:
             InputError: If an action is nan; no lane has stepped.
         """
         self._act(actions[None], chosen, generators, self._unkept)
+
+    def step_first(self, action: Floats, generator: np.random.Generator) -> None:
+        """Makes a step in the first lane, without a loop over lanes; an action of one lane.
+
+        Raises:
+            InputError: If the action is nan; the lane has not stepped.
+        """
+        if np.isnan(action).any():
+            self._refuse_nan(action[None, None], _FIRST)
+        applied = np.minimum(np.maximum(action, self._low), self._high)
+        noise = generator.standard_normal(self._scenario.noise)
+        self._scenario.step(
+            applied, self.parameters[0], noise, self._states[0], self.observations[0]
+        )
+        self.steps[0] += 1
 
     def roll(self, actions: Floats, chosen: Bools, generators: _Generators) -> Floats:
         """Makes steps in the lanes that are chosen; actions of shape (steps, n, actions).
@@ -75,7 +98,8 @@ class Lanes:
     def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
         """Makes steps as `roll` does, under the baseline of the scenario."""
         made = np.full((steps, *self.observations.shape), np.nan)
-        self._follow(
+        _follow(
+            *_functions(self._scenario)[1:],
             self._scenario.period,
             np.zeros(len(self._low)),
             self.parameters,
@@ -100,7 +124,8 @@ class Lanes:
         """Makes steps; keeps the observations in ``made`` if that has room for them."""
         if np.isnan(actions).any():
             self._refuse_nan(actions, chosen)
-        self._roll(
+        _roll(
+            _functions(self._scenario)[1],
             actions,
             self._low,
             self._high,
@@ -133,62 +158,76 @@ class Lanes:
 
 
 @cache
-def _kernels(scenario: Scenario) -> tuple[Callable[..., None], ...]:
-    """The functions of a scenario as loops over lanes: start, act, follow the baseline."""
-    start_one, step_one, baseline = scenario.start, scenario.step, scenario.baseline
+def _functions(scenario: Scenario) -> tuple[Callable[..., None], ...]:
+    """The functions of a scenario for the loops below: start, step, baseline."""
+    return (
+        in_loops(scenario.start, "start"),
+        in_loops(scenario.step, "step"),
+        in_loops(scenario.baseline, "baseline"),
+    )
 
-    @compiled
-    def start(
-        parameters: Floats, noise: Floats, chosen: Bools, states: Floats, observations: Floats
-    ) -> None:
-        for lane in range(len(states)):
-            if chosen[lane]:
-                start_one(parameters[lane], noise[0, lane], states[lane], observations[lane])
 
-    @compiled
-    def roll(
-        actions: Floats,
-        low: Floats,
-        high: Floats,
-        parameters: Floats,
-        noise: Floats,
-        chosen: Bools,
-        steps: NDArray[np.int64],
-        states: Floats,
-        observations: Floats,
-        made: Floats,
-    ) -> None:
-        applied = np.empty(len(low))
-        for lane in range(len(states)):
-            if chosen[lane]:
-                seen = observations[lane]
-                for k in range(len(actions)):
-                    for i in range(len(low)):
-                        applied[i] = min(max(actions[k, lane, i], low[i]), high[i])
-                    step_one(applied, parameters[lane], noise[k, lane], states[lane], seen)
-                    if k < len(made):
-                        made[k, lane] = seen
-                steps[lane] += len(actions)
+@compiled
+def _start(
+    start: Callable[..., None],
+    parameters: Floats,
+    noise: Floats,
+    chosen: Bools,
+    states: Floats,
+    observations: Floats,
+) -> None:
+    for lane in range(len(states)):
+        if chosen[lane]:
+            start(parameters[lane], noise[0, lane], states[lane], observations[lane])
 
-    @compiled
-    def follow(
-        period: float,
-        action: Floats,
-        parameters: Floats,
-        noise: Floats,
-        chosen: Bools,
-        steps: NDArray[np.int64],
-        states: Floats,
-        observations: Floats,
-        made: Floats,
-    ) -> None:
-        for lane in range(len(states)):
-            if chosen[lane]:
-                seen = observations[lane]
-                for k in range(len(made)):
-                    baseline(steps[lane] * period, seen, parameters[lane], action)
-                    step_one(action, parameters[lane], noise[k, lane], states[lane], seen)
+
+@compiled
+def _roll(
+    step: Callable[..., None],
+    actions: Floats,
+    low: Floats,
+    high: Floats,
+    parameters: Floats,
+    noise: Floats,
+    chosen: Bools,
+    steps: NDArray[np.int64],
+    states: Floats,
+    observations: Floats,
+    made: Floats,
+) -> None:
+    """Steps each lane through its actions; keeps the observations if ``made`` has room for them."""
+    applied = np.empty(len(low))
+    for lane in range(len(states)):
+        if chosen[lane]:
+            seen = observations[lane]
+            for k in range(len(actions)):
+                for i in range(len(low)):
+                    applied[i] = min(max(actions[k, lane, i], low[i]), high[i])
+                step(applied, parameters[lane], noise[k, lane], states[lane], seen)
+                if k < len(made):
                     made[k, lane] = seen
-                    steps[lane] += 1
+            steps[lane] += len(actions)
 
-    return start, roll, follow
+
+@compiled
+def _follow(
+    step: Callable[..., None],
+    baseline: Callable[..., None],
+    period: float,
+    action: Floats,
+    parameters: Floats,
+    noise: Floats,
+    chosen: Bools,
+    steps: NDArray[np.int64],
+    states: Floats,
+    observations: Floats,
+    made: Floats,
+) -> None:
+    for lane in range(len(states)):
+        if chosen[lane]:
+            seen = observations[lane]
+            for k in range(len(made)):
+                baseline(steps[lane] * period, seen, parameters[lane], action)
+                step(action, parameters[lane], noise[k, lane], states[lane], seen)
+                made[k, lane] = seen
+                steps[lane] += 1
