@@ -55,6 +55,7 @@ def run(options: argparse.Namespace) -> int:
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, None, kwargs)) as env:
         print(*_described(env), "", *_listed(env, options.seed, everything=options.all), sep="\n")
+        print(*_declared(getattr(env.unwrapped, "scenario", None)), sep="\n", end="")
     return 0
 
 
@@ -65,6 +66,11 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
     from rtamt_gym.wrappers.substeps import read_substep_period
 
     name = env.spec.id if env.spec else str(env)
+    scenario = getattr(env.unwrapped, "scenario", None)
+    if scenario is not None:
+        yield _filled(scenario.title)
+        yield _filled(f"source: {scenario.source}")
+        yield ""
     period, found = read_period(env), find_period(env.unwrapped)
     if period is None or found is None:
         yield f"{name} does not say how long a step lasts;"
@@ -78,6 +84,29 @@ def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
         yield f"an episode has {env.spec.max_episode_steps} steps at most"
     yield _filled(f"obs: {described(env.observation_space)}")
     yield _filled(f"action: {described(env.action_space)}")
+
+
+def _declared(scenario: Any) -> Iterator[str]:  # noqa: ANN401 - of rtamt_envs, which is above
+    """What a scenario declares: names and units, parameters, requirements."""
+    if scenario is None:
+        return
+    rows = [("", "name", "unit", "least", "greatest")]
+    for what, quantities in (("obs", scenario.observations), ("action", scenario.actions)):
+        for i, each in enumerate(quantities):
+            unit = each.unit or "-"
+            rows.append((f"{what}[{i}]", each.name, unit, number(each.low), number(each.high)))
+    yield from ("", *table(rows, "<<<>>"))
+    if scenario.parameters:
+        rows = [("parameter", "default", "unit", "least", "greatest")]
+        rows += [
+            (each.name, number(each.default), each.unit or "-", number(each.low), number(each.high))
+            for each in scenario.parameters
+        ]
+        yield from ("", *table(rows, "<><>>"))
+    yield "\nrequirements"
+    for name, requirement in scenario.specifications.items():
+        yield _filled(f"{name} = {requirement.formula}", "  ")
+    yield ""
 
 
 def _filled(text: str, indent: str = "") -> str:

@@ -18,7 +18,7 @@ __all__ = ["families", "import_highway", "make"]
 def make(
     env_id: str, max_steps: int | None = None, options: Mapping[str, Any] | None = None
 ) -> gym.Env[Any, Any]:
-    """Makes the environment of an id; the user need not import highway-env first.
+    """Makes the environment of an id; the user need not import highway-env or rtamt_envs first.
 
     Args:
         env_id: The id that `gymnasium.make` takes.
@@ -29,7 +29,9 @@ def make(
         InputError: If there is no such environment (names the nearest), or it cannot be made.
     """
     name = env_id.rpartition(":")[2].rpartition("-v")[0]
-    if ":" not in env_id and not _known(name) and find_spec("highway_env"):
+    if env_id.startswith("rtamt/"):
+        import_module("rtamt_envs")
+    elif ":" not in env_id and not _known(name) and find_spec("highway_env"):
         import_highway()
     try:
         return gym.make(
@@ -54,6 +56,7 @@ def make(
 
 def families() -> dict[str, list[str]]:
     """The ids of all registered environments, the newest of each name, by where they come from."""
+    import_module("rtamt_envs")
     if find_spec("highway_env"):
         import_highway()
     newest: dict[tuple[str | None, str], gym.envs.registration.EnvSpec] = {}

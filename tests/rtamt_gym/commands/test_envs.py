@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
+from rtamt_envs import scenario_of
 
 from rtamt_gym import simulate
 from rtamt_gym.__main__ import main
@@ -219,11 +220,33 @@ def test_a_long_space_is_cut_and_counted(n: int, capsys: Output) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["Humanoid-v5"], ["parking-v0"], ["intersection-multi-agent-v2"]]
+    "arguments",
+    [
+        [],
+        ["Humanoid-v5"],
+        ["parking-v0"],
+        ["intersection-multi-agent-v2"],
+        ["rtamt/AutomaticTransmission-v0"],
+    ],
 )
 def test_it_fits_80_columns(arguments: list[str], capsys: Output) -> None:
     assert main(["envs", *arguments]) == 0
     assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_what_a_scenario_declares_is_printed(capsys: Output) -> None:
+    assert main(["envs", "rtamt/AutomaticTransmission-v0"]) == 0
+    out = capsys.readouterr().out
+    declared = scenario_of("AutomaticTransmission")
+    assert out.startswith(f"{declared.title}\nsource: ")
+    words = " ".join(out.split())
+    assert declared.source in words
+    for name, requirement in declared.specifications.items():
+        assert f"{name} = {requirement.formula}" in words
+    rows = [line.split() for line in out.splitlines()]
+    assert ["action[1]", "brake", "lb", "ft", "0", "325"] in rows
+    for parameter in declared.parameters:
+        assert [parameter.name] in [row[:1] for row in rows]
 
 
 def test_without_an_id_the_newest_environments_are_listed_by_where_they_come_from(
