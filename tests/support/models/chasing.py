@@ -63,17 +63,17 @@ def solve(knots: Floats, throttle: Floats, brake: Floats, times: Floats) -> Floa
                 method="DOP853",
                 rtol=1e-12,
                 atol=1e-12,
-                max_step=0.25,
+                max_step=0.5,
                 dense_output=True,
-                events=[_event(guard) for guard in _guards(modes)],
+                events=_event(_guards(modes)),
             )
             inside = (times >= time) & (times <= run.t[-1])
             if inside.any():
                 rows[inside] = run.sol(times[inside])[:5].T
             time, state = float(run.t[-1]), run.y[:, -1]
-            for guard, found in zip(_guards(modes), run.t_events, strict=True):
-                if len(found):
-                    modes[guard.follower - 1] = guard.becomes
+            if run.status == 1:
+                first = min(_guards(modes), key=lambda guard: abs(guard.value(state[:5])))
+                modes[first.follower - 1] = first.becomes
     return rows
 
 
@@ -84,9 +84,15 @@ def _switch(modes: list[str], state: Floats) -> None:
             modes[guard.follower - 1] = guard.becomes
 
 
-def _event(guard: Guard) -> Callable[[float, Floats], float]:
+def _event(guards: list[Guard]) -> Callable[[float, Floats], float]:
+    """The least value of the guards: it passes 0 when the first of them holds."""
+    behind = np.array([guard.follower for guard in guards])
+    signs = np.array([-1.0 if guard.rising else 1.0 for guard in guards])
+    thresholds = np.array([guard.threshold for guard in guards])
+
     def value(_: float, state: Floats) -> float:
-        return guard.value(state[:5])
+        gaps = state[behind] - state[behind - 1]
+        return float((signs * (gaps - thresholds)).min())
 
     value.terminal = True  # type: ignore[attr-defined] # what solve_ivp reads
     value.direction = -1  # type: ignore[attr-defined] # what solve_ivp reads
