@@ -25,6 +25,8 @@ __all__ = ["SCENARIOS", "scenario_of"]
 
 SCENARIOS: dict[str, tuple[str, int]] = {
     "AutomaticTransmission": ("automatic_transmission", 3500),
+    "ChasingCars": ("chasing_cars", 2000),
+    "SteamCondenser": ("steam_condenser", 3500),
 }
 """The module of each scenario and the steps of its episodes, by name. The modules are imported
 when an environment is made: they import numba."""

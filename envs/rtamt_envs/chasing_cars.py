@@ -1,0 +1,340 @@
+"""Five cars in a row, of which the last four each follow the one before (CC).
+
+The positions y1 .. y5 run along one road. The cars drive towards smaller numbers, so that car 1
+leads and the gaps y2 - y1 .. y5 - y4 are positive. Throttle and brake drive car 1:
+
+    v' = -throttle - brake v,   y' = v,   y(0) = v(0) = 0
+
+The others begin at rest, one every 10, and change between three modes with the gap to the car
+before:
+
+    =======  ====  ====  =====================================================
+    mode     v'    y'    ends
+    =======  ====  ====  =====================================================
+    Chasing   1     -v   in Keeping at gap <= 10
+    Keeping   0      v   in Chasing at gap >= 15, in Braking at gap <= 5
+    Braking  -v     -v   in Chasing at gap >= 20
+    =======  ====  ====  =====================================================
+
+They begin in Chasing, which a gap of 10 ends at once. That a car in Keeping drives backwards is as
+the benchmark has it. Its positions have no unit; they are read as metres here.
+
+**Solution.** No solver steps through a period: between two changes of mode each follower has a
+closed solution. Throttle and brake go in a line from the last action to the present one (the first
+step holds its action), and the speed of car 1 is then a power series in time. Its terms are added
+until the rest is below 1e-19 of the speed, at most 17 of them: 0.05 s is short. So a gap within a
+period is one polynomial. The first time at which it reaches a guard is bracketed with a bound of
+its curvature, so that no touch is passed over, and refined by Newton's method until the float no
+longer changes. A period may have several changes of mode: speeds of followers grow to 50, and gaps
+then swing between 10 and 15 ten times a second. Rounding is the only error. Against an
+independent solver of order 8 (tolerances 1e-12) positions differ by less than 2e-11 after 100 s.
+
+Forward Euler does not do: at 0.05 s it makes 57 of 60 random inputs violate CC5, which 1 of them
+does; at 0.01 s the gaps are still up to 6 beside the truth.
+
+**Not validated:** the model is that of the equations above; it was not compared with traces of the
+Simulink model. There the input of the first period goes in a line too, and guards are noticed as
+its solver steps.
+
+Source: J. Hu, J. Lygeros, S. Sastry: Towards a theory of stochastic hybrid systems, HSCC 2000, as
+the benchmark of the competition ARCH-COMP (falsification), from which requirements and inputs come.
+Instance 1 has 10 control points of each input over 100 s, joined by lines: the default search
+space. Instance 2 has 20 pieces of 5 s: ``Signal("throttle", 0, 1, points=20)``, the brake as well.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtamt_envs.compiled import compiled
+from rtamt_envs.crossings import first_crossing
+from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+from rtamt_gym import Parameter, Signal
+
+if TYPE_CHECKING:  # it is optional
+    from matplotlib.figure import Figure
+
+_PERIOD = 0.05  # seconds
+_CARS = 5
+
+# Where the state holds what: positions, speeds, modes (0 of car 1), the last action, whether there
+# was one.
+_SPEED = _CARS
+_MODE = 2 * _CARS
+_THROTTLE = 3 * _CARS
+_BRAKE = _THROTTLE + 1
+_BEGUN = _BRAKE + 1
+_STATE = _BEGUN + 1
+
+# A mode ends when the gap is at most `_LOW` or at least `_HIGH`, in `_CLOSER` or `_FARTHER`.
+_CHASING, _KEEPING, _BRAKING = 0.0, 1.0, 2.0
+_LOW = (10.0, 5.0, -math.inf)
+_HIGH = (math.inf, 15.0, 20.0)
+_CLOSER = (_KEEPING, _BRAKING, _BRAKING)
+_FARTHER = (_CHASING, _CHASING, _CHASING)
+
+# A course: the position of a car, or a gap, over some time ahead as a polynomial in the share of it
+# that is over; lowest power first.
+_LENGTH = 18  # at most; the speed of car 1 needs no power above 16
+_INVERSE = (0.0, *(1.0 / power for power in range(1, _LENGTH)))
+_DECAY_POWERS = 10  # of exp(-t) for t <= 0.05: the next one is below 1e-21
+
+
+@compiled
+def _lead(
+    time: float,
+    throttle: float,
+    throttle_change: float,
+    brake: float,
+    brake_change: float,
+    speed: float,
+    course: Floats,
+) -> tuple[float, float, float, int]:
+    """Fills the course of car 1, but its position, over `time`, in which inputs change by so much.
+
+    Returns:
+        How far it comes, how its speed changes, a bound of how far away it is meanwhile, and the
+        length of the course.
+    """
+    small = 1e-19 * (abs(speed) + time * (abs(throttle) + abs(throttle_change)))
+    earlier, term = 0.0, speed
+    way, change, far, length = 0.0, 0.0, 0.0, _LENGTH
+    for power in range(1, _LENGTH):
+        step = time * term * _INVERSE[power]
+        course[power] = step
+        way += step
+        far += abs(step)
+        push = brake * term + brake_change * earlier
+        if power == 1:
+            push += throttle
+        elif power == 2:
+            push += throttle_change
+        elif abs(earlier) + abs(term) <= small:
+            length = power + 1
+            break
+        earlier, term = term, -time * push * _INVERSE[power]
+        change += term
+    return way, change, far, length
+
+
+@compiled
+def _follow(sign: float, time: float, car: int, state: Floats, course: Floats) -> int:
+    """Adds the course of a follower that keeps its mode, but its position, times the sign.
+
+    Returns:
+        The length of the course.
+    """
+    speed, mode = float(state[_SPEED + car]), state[_MODE + car]
+    if mode == _CHASING:
+        course[1] -= sign * speed * time
+        course[2] -= sign * 0.5 * time * time
+        return 3
+    if mode == _KEEPING:
+        course[1] += sign * speed * time
+        return 2
+    term = sign * speed
+    for power in range(1, _DECAY_POWERS + 1):
+        term *= -time * _INVERSE[power]
+        course[power] += term
+    return _DECAY_POWERS + 1
+
+
+@compiled
+def _advance(time: float, car: int, state: Floats) -> None:
+    """Moves a follower that keeps its mode for `time`."""
+    speed, mode = float(state[_SPEED + car]), state[_MODE + car]
+    if mode == _CHASING:
+        state[car] -= (speed + 0.5 * time) * time
+        state[_SPEED + car] = speed + time
+    elif mode == _KEEPING:
+        state[car] += speed * time
+    else:
+        change, term = 0.0, speed
+        for power in range(1, _DECAY_POWERS + 1):
+            term *= -time * _INVERSE[power]
+            change += term
+        state[car] += change  # y' = v' while braking
+        state[_SPEED + car] = speed + change
+
+
+@compiled
+def _switch(state: Floats) -> None:
+    """Changes the modes whose guards hold now."""
+    for car in range(1, _CARS):
+        gap = state[car] - state[car - 1]
+        changed = True
+        while changed:
+            mode = int(state[_MODE + car])
+            changed = gap <= _LOW[mode] or gap >= _HIGH[mode]
+            if gap <= _LOW[mode]:
+                state[_MODE + car] = _CLOSER[mode]
+            elif gap >= _HIGH[mode]:
+                state[_MODE + car] = _FARTHER[mode]
+
+
+@compiled
+def _next(
+    time: float, car: int, lead: Floats, lead_length: int, far: float, state: Floats
+) -> float:
+    """Finds the share of `time` after which a follower's mode ends, unless another ends before.
+
+    `far` is a bound of how far the car before comes.
+
+    Returns:
+        The share; 2 if the mode lasts.
+    """
+    mode = int(state[_MODE + car])
+    gap = float(state[car]) - float(state[car - 1])
+    reach = far + time * (float(state[_SPEED + car]) + time)
+    if gap - _LOW[mode] > reach and _HIGH[mode] - gap > reach:
+        return 2.0
+    course = np.zeros(_LENGTH)
+    length = _follow(1.0, time, car, state, course)
+    if car == 1:
+        for power in range(1, lead_length):
+            course[power] -= lead[power]
+        length = max(length, lead_length)
+    else:
+        length = max(length, _follow(-1.0, time, car - 1, state, course))
+    course[0] = gap
+    first = 2.0
+    if gap - _LOW[mode] <= reach:
+        first = first_crossing(course, length, _LOW[mode], 1.0)
+    if _HIGH[mode] - gap <= reach:
+        first = min(first, first_crossing(course, length, _HIGH[mode], -1.0))
+    return first
+
+
+@compiled
+def _start(parameters: Floats, noise: Floats, state: Floats, observation: Floats) -> None:  # noqa: ARG001 - as every scenario's
+    state[:] = 0.0
+    for car in range(_CARS):
+        state[car] = car * parameters[0]
+    _switch(state)
+    observation[:] = state[:_CARS]
+
+
+@compiled
+def _step(
+    action: Floats,
+    parameters: Floats,  # noqa: ARG001 - as every scenario's
+    noise: Floats,  # noqa: ARG001 - as every scenario's
+    state: Floats,
+    observation: Floats,
+) -> None:
+    throttle, brake = float(action[0]), float(action[1])
+    throttle_change, brake_change = 0.0, 0.0
+    if state[_BEGUN] == 1.0:
+        throttle_change = throttle - float(state[_THROTTLE])
+        brake_change = brake - float(state[_BRAKE])
+    lead = np.empty(_LENGTH)
+    rest = _PERIOD
+    while rest > 0.0:
+        left = rest / _PERIOD
+        pedals = (
+            throttle - throttle_change * left,
+            throttle_change * left,
+            brake - brake_change * left,
+            brake_change * left,
+        )
+        speed = float(state[_SPEED])
+        way, change, far, length = _lead(rest, *pedals, speed, lead)
+        share, changing = 2.0, 0
+        for car in range(1, _CARS):
+            end = _next(rest, car, lead, length, far, state)
+            if end < share:
+                share, changing = end, car
+            far = rest * (float(state[_SPEED + car]) + rest)
+        time = rest
+        if share < 1.0:
+            time = share * rest
+            way, change, far, length = _lead(
+                time,
+                pedals[0],
+                share * pedals[1],
+                pedals[2],
+                share * pedals[3],
+                speed,
+                lead,
+            )
+        state[0] += way
+        state[_SPEED] = speed + change
+        for car in range(1, _CARS):
+            _advance(time, car, state)
+        if changing > 0:
+            mode = int(state[_MODE + changing])
+            gap = state[changing] - state[changing - 1]
+            near = gap - _LOW[mode] < _HIGH[mode] - gap
+            state[_MODE + changing] = _CLOSER[mode] if near else _FARTHER[mode]
+            _switch(state)
+        rest = rest - time if share < 1.0 else 0.0
+    state[_THROTTLE], state[_BRAKE], state[_BEGUN] = throttle, brake, 1.0
+    observation[:] = state[:_CARS]
+
+
+@compiled
+def _baseline(time: float, observation: Floats, parameters: Floats, action: Floats) -> None:  # noqa: ARG001 - as every scenario's
+    """Brings car 1 to a steady 0.5 m/s, with which all requirements are met."""
+    action[0] = 0.5
+    action[1] = 1.0
+
+
+def _draw(figure: Figure, episode: Episode) -> None:
+    """Draws the gaps with their guards, and the inputs below."""
+    from rtamt_gym.drawing import OPEN, SIGNAL, tidy
+
+    panels = figure.subplots(5, 1, sharex=True)
+    gaps = np.diff(episode.observations, axis=1)
+    for i in range(4):
+        ax = panels[3 - i]
+        tidy(ax, f"y{i + 2} - y{i + 1} [m]")
+        ax.plot(episode.times, gaps[:, i], color=SIGNAL, linewidth=1.0)
+        for guard in (5.0, 10.0, 15.0, 20.0):
+            ax.axhline(guard, color=OPEN, linewidth=0.7, linestyle=(0, (4, 3)))
+    tidy(panels[4], "input")
+    for name, values, colour in zip(
+        ("throttle", "brake"), episode.actions.T, (SIGNAL, "#D55E00"), strict=True
+    ):
+        panels[4].plot(episode.times[1:], values, color=colour, linewidth=1.2, label=name)
+    panels[4].set_ylim(-0.05, 1.05)
+    panels[4].legend(fontsize=8.5, frameon=False, ncols=2, loc="upper right")
+    panels[4].set_xlabel("time [s]", fontsize=9.5)
+
+
+SCENARIO = Scenario(
+    name="ChasingCars",
+    title="Five cars that follow one another",
+    source="J. Hu, J. Lygeros, S. Sastry: Towards a theory of stochastic hybrid systems, HSCC 2000",
+    period=_PERIOD,
+    duration=100.0,
+    actions=(Quantity("throttle", "", 0.0, 1.0), Quantity("brake", "", 0.0, 1.0)),
+    observations=tuple(Quantity(f"y{car + 1}", "m") for car in range(_CARS)),
+    parameters=(
+        Parameter("gap", 6.0, 14.0, default=10.0, unit="m", about="between two cars at the start"),
+    ),
+    inputs=(
+        Signal("throttle", 0.0, 1.0, points=10, interpolation="linear"),
+        Signal("brake", 0.0, 1.0, points=10, interpolation="linear"),
+    ),
+    requirements="""
+CC1 = always[0:100](y5 - y4 <= 40)
+CC2 = always[0:70](eventually[0:30](y5 - y4 >= 15))
+CC3 = always[0:80](always[0:20](y2 - y1 <= 20) or eventually[0:20](y5 - y4 >= 40))
+CC4 = always[0:65](eventually[0:30](always[0:5](y5 - y4 >= 8)))
+CC5 = always[0:72](eventually[0:8](always[0:5](y2 - y1 >= 9) implies always[5:20](y5 - y4 >= 9)))
+CCx = (
+    always[0:50](y2 - y1 > 7.5)
+    and always[0:50](y3 - y2 > 7.5)
+    and always[0:50](y4 - y3 > 7.5)
+    and always[0:50](y5 - y4 > 7.5)
+)
+""",
+    state=_STATE,
+    start=_start,
+    step=_step,
+    baseline=_baseline,
+    draw=_draw,
+)

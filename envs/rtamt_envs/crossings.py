@@ -1,0 +1,92 @@
+"""`first_crossing`: when a polynomial first reaches a level, for the guards of hybrid models."""
+
+from __future__ import annotations
+
+from rtamt_envs.compiled import compiled
+from rtamt_envs.scenario import Floats
+
+__all__ = ["first_crossing"]
+
+_FINEST = 2.0**-30  # beside an extremum, intervals this short differ from their ends by rounding
+
+
+@compiled
+def _at(polynomial: Floats, length: int, at: float) -> tuple[float, float]:
+    """Evaluates a polynomial and its slope."""
+    value, slope = 0.0, 0.0
+    for power in range(length - 1, -1, -1):
+        slope = slope * at + value
+        value = value * at + float(polynomial[power])
+    return value, slope
+
+
+@compiled
+def _root(
+    polynomial: Floats,
+    length: int,
+    level: float,
+    low: float,
+    at_low: float,
+    high: float,
+    at_high: float,
+) -> float:
+    """Finds where a polynomial crosses a level; from low to high it is monotone and crosses it."""
+    rising = at_high > level
+    at = low + (high - low) * (level - at_low) / (at_high - at_low)
+    for _ in range(100):
+        value, slope = _at(polynomial, length, at)
+        if (value > level) == rising:
+            high = at
+        else:
+            low = at
+        better = at - (value - level) / slope if slope != 0.0 else at
+        if better == at:
+            break
+        if not low < better < high:
+            better = 0.5 * (low + high)
+            if not low < better < high:
+                break
+        at = better
+    return at
+
+
+@compiled
+def first_crossing(polynomial: Floats, length: int, level: float, sign: float) -> float:
+    """Finds the first argument from 0 to 1 at which a polynomial reaches a level.
+
+    A bound of the curvature tells where a crossing is possible, so that none is passed over, not
+    even a touch; Newton's method within a bracket then finds it to the rounding of floats.
+
+    Args:
+        polynomial: The coefficients, lowest power first.
+        length: The number of coefficients that count.
+        level: The level.
+        sign: 1 if the level is reached from above, -1 if from below.
+
+    Returns:
+        The argument; 0 if the polynomial begins there or beyond, 2 if it does not get there.
+    """
+    bend = 0.0  # the greatest curvature
+    for power in range(2, length):
+        bend += power * (power - 1) * abs(float(polynomial[power]))
+    low, width = 0.0, 1.0
+    at_low = float(polynomial[0])
+    if sign * (at_low - level) <= 0.0:
+        return 0.0
+    while low < 1.0:
+        high = min(low + width, 1.0)
+        at_high, slope = _at(polynomial, length, high)
+        if min(sign * (at_low - level), sign * (at_high - level)) > bend * width * width / 8.0:
+            low, at_low = high, at_high  # between its ends it is that much beyond its chord at most
+            width *= 2.0
+        elif abs(slope) > bend * width:  # monotone
+            if sign * (at_high - level) <= 0.0:
+                return _root(polynomial, length, level, low, at_low, high, at_high)
+            low, at_low = high, at_high
+        elif width > _FINEST:
+            width *= 0.5
+        elif sign * (at_high - level) <= 0.0:
+            return high
+        else:
+            low, at_low = high, at_high
+    return 2.0
