@@ -13,7 +13,7 @@ import pytest
 import scenario_courses
 from gymnasium.utils.env_checker import check_env
 from rtamt_envs import SCENARIOS, scenario_of
-from scenario_courses import course, courses, made, middle, random_actions
+from scenario_courses import course, courses, made, middle, random_actions, read_signals
 
 import rtamt
 from rtamt_gym import StlMonitor, simulate
@@ -169,7 +169,8 @@ def test_the_baseline_runs_under_the_requirements(name: str) -> None:
     assert run.steps == SCENARIOS[name][1]
     assert set(run.courses) == set(bare.requirements)
     assert all(np.isfinite(values).all() for values in run.signals.values())
-    monitored = StlMonitor(gym.make(f"rtamt/{name}-v0"), bare.requirements, bare.signals)
+    signals = read_signals(bare.scenario)
+    monitored = StlMonitor(gym.make(f"rtamt/{name}-v0"), bare.requirements, signals)
     _, info = monitored.reset(seed=0)
     for _ in range(30):
         _, _, terminated, _, info = monitored.step(monitored.unwrapped.baseline())  # type: ignore[attr-defined]

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from rtamt_envs import SCENARIOS, scenario_of
 from rtamt_envs.vector import ScenarioVectorEnv
-from scenario_courses import random_actions
+from scenario_courses import random_actions, read_signals
 
 import rtamt
 from rtamt_gym import StlMonitor, VectorStlMonitor
@@ -161,8 +161,9 @@ def test_wrong_calls_change_nothing(name: str) -> None:
 @each_scenario
 def test_requirements_are_monitored_in_every_lane(name: str) -> None:
     lanes = many(name)
-    many_monitored = VectorStlMonitor(lanes, lanes.requirements, lanes.signals)
-    one = StlMonitor(gym.make(f"rtamt/{name}-v0"), lanes.requirements, lanes.signals)
+    signals = read_signals(lanes.scenario)
+    many_monitored = VectorStlMonitor(lanes, lanes.requirements, signals)
+    one = StlMonitor(gym.make(f"rtamt/{name}-v0"), lanes.requirements, signals)
     _, infos = many_monitored.reset(seed=0)
     _, info = one.reset(seed=1)
     for _ in range(30):

@@ -11,7 +11,7 @@ from rtamt_envs import SCENARIOS
 from rtamt_envs.environment import ScenarioEnv
 from rtamt_envs.scenario import Scenario
 
-__all__ = ["course", "courses", "made", "middle", "random_actions"]
+__all__ = ["course", "courses", "made", "middle", "random_actions", "read_signals"]
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +28,12 @@ def random_actions(scenario: Scenario, shape: tuple[int, ...], seed: int) -> Flo
     low = np.array([each.low for each in scenario.actions])
     high = np.array([each.high for each in scenario.actions])
     return np.random.default_rng(seed).uniform(low, high, (*shape, len(low)))
+
+
+def read_signals(scenario: Scenario) -> dict[str, str]:
+    """The signals that a requirement reads: wrappers refuse others."""
+    read = {name for each in scenario.specifications.values() for name in each.variables}
+    return {name: signal for name, signal in scenario.signals.items() if name in read}
 
 
 def middle(scenario: Scenario) -> dict[str, float]:
