@@ -15,7 +15,7 @@ import numpy as np
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Number, Signal
+from rtamt_gym.signals.signals import Number, Reading
 
 __all__ = ["StepSignal", "bind_signal", "bind_simulation", "check_pair", "derive", "fields_of"]
 
@@ -32,7 +32,7 @@ def check_pair(model: object, data: object) -> None:
         )
 
 
-def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN401
+def bind_signal(signal: Reading, model: Any, data: Any) -> Number:  # noqa: ANN401
     """Makes the function that reads a signal, a selector or a callable, from ``data``.
 
     Raises:
@@ -44,7 +44,7 @@ def bind_signal(signal: Signal, model: Any, data: Any) -> Number:  # noqa: ANN40
     return lambda *_: signal.number(signal.call(model, data))
 
 
-def bind_simulation(signal: Signal, simulation: Any) -> Number:  # noqa: ANN401
+def bind_simulation(signal: Reading, simulation: Any) -> Number:  # noqa: ANN401
     """Makes the function that reads a signal from ``simulation.data``, also if that is built anew.
 
     Raises:

@@ -40,7 +40,7 @@ __all__ = [
     "Env",
     "Number",
     "Read",
-    "Signal",
+    "Reading",
     "SignalLike",
     "Source",
     "Step",
@@ -105,7 +105,7 @@ class Source(Syntax):
         at_reset: Whether there is a value at reset; ``"maybe"``: it raises `AbsentError` where not.
     """
 
-    bind: Callable[[Signal, Env], Read]
+    bind: Callable[[Reading, Env], Read]
     at_reset: bool | Literal["maybe"] = True
 
 
@@ -114,7 +114,7 @@ class AbsentError(InputError):
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class Reading:
     """One named number of a simulation.
 
     Attributes:
@@ -136,7 +136,7 @@ class Signal:
         value: SignalLike,
         sources: Mapping[str, Source],
         agents: Collection[str] = (),
-    ) -> Signal:
+    ) -> Reading:
         """Parses one entry of ``signals=``; ``sources`` are the words selectors may begin with.
 
         Where there are agents, one of them stands in front of a selector.
@@ -274,7 +274,7 @@ def parse_signals(
     *,
     agents: Collection[str] = (),
     extra: bool = False,
-) -> tuple[Signal, ...]:
+) -> tuple[Reading, ...]:
     """Parses ``signals=``: the signals of the variables in their order, then all others.
 
     Args:
@@ -310,7 +310,7 @@ def parse_signals(
         )
     if extra:
         names += others
-    return tuple(Signal.parse(name, signals[name], sources, agents) for name in names)
+    return tuple(Reading.parse(name, signals[name], sources, agents) for name in names)
 
 
 def _default(name: str, value: object) -> float:

@@ -10,14 +10,14 @@ from gymnasium import spaces
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.signals.signals import Signal
+from rtamt_gym.signals.signals import Reading
 
 __all__ = ["described", "fit"]
 
-Space = spaces.Space[Any]
+AnySpace = spaces.Space[Any]
 
 
-def fit(signal: Signal, space: Space, what: str) -> tuple[Any, ...]:
+def fit(signal: Reading, space: AnySpace, what: str) -> tuple[Any, ...]:
     """Turns the path of a selector into the indices of one number in the values of a space.
 
     Args:
@@ -60,7 +60,7 @@ def _check_range(part: int | str, size: int, refuse: Callable[[str], NoReturn]) 
         refuse(f"has {_count(size, 'element')} there, 0 to {size - 1}")
 
 
-def _refuse(signal: Signal, space: Space, what: str, reason: str, way_out: str = "") -> NoReturn:
+def _refuse(signal: Reading, space: AnySpace, what: str, reason: str, way_out: str = "") -> NoReturn:
     raise InputError(
         f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
         f"{described(space)}{way_out}"
@@ -72,7 +72,7 @@ def _count(number: int, noun: str) -> str:
     return f"{number or 'no'} {noun if number == 1 else plural}"
 
 
-def described(space: Space) -> str:
+def described(space: AnySpace) -> str:
     """Describes a space without its bounds, which fill a page for a robot."""
     match space:
         case spaces.Dict():

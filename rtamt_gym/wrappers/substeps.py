@@ -16,7 +16,7 @@ from rtamt import InputError, Specification, SpecificationError, StateError
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.panel import Assessment, Panel
 from rtamt_gym.judges.specs import View
-from rtamt_gym.signals.signals import Env, Read, Signal
+from rtamt_gym.signals.signals import Env, Read, Reading
 from rtamt_gym.signals.sources import STEP
 
 __all__ = ["Inside", "SubSteps", "fits", "read_substep_period"]
@@ -33,7 +33,7 @@ class Inside:
             what only a whole step gives.
     """
 
-    def __init__(self, env: Env, signals: Sequence[Signal]) -> None:
+    def __init__(self, env: Env, signals: Sequence[Reading]) -> None:
         self._env = env
         self._follow = _follower(env.unwrapped)
         self.reads = [self._bind(signal) for signal in signals]
@@ -67,7 +67,7 @@ class Inside:
             )
         return result
 
-    def _bind(self, signal: Signal) -> Read:
+    def _bind(self, signal: Reading) -> Read:
         if signal.source in STEP and signal.source != "action":
             raise InputError(
                 f"signal {signal.name!r}: {signal} is not known inside of a step, and "
@@ -84,7 +84,7 @@ class SubSteps:
         InputError: As `Inside` does.
     """
 
-    def __init__(self, env: Env, signals: Sequence[Signal], panel: Panel) -> None:
+    def __init__(self, env: Env, signals: Sequence[Reading], panel: Panel) -> None:
         self._panel = panel
         self._inside = Inside(env, signals)
         names = [signal.name for signal in signals]
