@@ -44,6 +44,7 @@ __all__ = [
     "SignalLike",
     "Source",
     "Step",
+    "own_signals",
     "parse_signals",
 ]
 
@@ -274,6 +275,7 @@ def parse_signals(
     *,
     agents: Collection[str] = (),
     extra: bool = False,
+    own: Mapping[str, Any] | None = None,
 ) -> tuple[Reading, ...]:
     """Parses ``signals=``: the signals of the variables in their order, then all others.
 
@@ -284,6 +286,7 @@ def parse_signals(
         sources: The words that selectors may begin with.
         agents: The agents, one of which stands in front of every selector, if there are any.
         extra: Whether signals that no specification reads are allowed; they are recorded.
+        own: The signals that the environment names itself, for variables without another.
 
     Raises:
         InputError: If a variable has no signal or a signal no variable; names the nearest.
@@ -298,10 +301,12 @@ def parse_signals(
         "obs[0]" if "obs" in sources else "qpos[0]"
     )
     others = [name for name in signals if name not in names]
+    known = {**(own or {}), **signals}
     for name in names:
-        if name not in signals:
-            given = f"; the signals are {listing(signals)}" if signals else ""
-            way_out = nearest(name, others) or f'; give one: "{name}": "{example}"'
+        if name not in known:
+            given = f"; the signals are {listing(known)}" if known else ""
+            meant = nearest(name, [*others, *(own or {})])
+            way_out = meant or f'; give one: "{name}": "{example}"'
             raise InputError(f"variable {name!r} has no signal{given}{way_out}")
     for name in () if extra else others:
         raise InputError(
@@ -310,7 +315,16 @@ def parse_signals(
         )
     if extra:
         names += others
-    return tuple(Reading.parse(name, signals[name], sources, agents) for name in names)
+    return tuple(Reading.parse(name, known[name], sources, agents) for name in names)
+
+
+def own_signals(env: Any) -> Mapping[str, Any]:  # noqa: ANN401 - an environment, or many
+    """The signals that an environment names itself: its attribute ``signals``, if it is a mapping.
+
+    A scenario of `rtamt_envs` has one, and any environment may: ``{"speed": "obs[0]"}``.
+    """
+    own = getattr(getattr(env, "unwrapped", env), "signals", None)
+    return own if isinstance(own, Mapping) else {}
 
 
 def _default(name: str, value: object) -> float:

@@ -60,7 +60,9 @@ def _check_range(part: int | str, size: int, refuse: Callable[[str], NoReturn]) 
         refuse(f"has {_count(size, 'element')} there, 0 to {size - 1}")
 
 
-def _refuse(signal: Reading, space: AnySpace, what: str, reason: str, way_out: str = "") -> NoReturn:
+def _refuse(
+    signal: Reading, space: AnySpace, what: str, reason: str, way_out: str = ""
+) -> NoReturn:
     raise InputError(
         f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "
         f"{described(space)}{way_out}"

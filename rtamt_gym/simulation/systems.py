@@ -15,7 +15,7 @@ import gymnasium as gym
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.judges.specs import read_period
-from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
@@ -123,7 +123,8 @@ class Environment(System):
         signals: Signals,
         period: Fraction | None,  # noqa: ARG002 - an environment's step has a length of its own
     ) -> None:
-        parsed = parse_signals(signals or {}, variables, SOURCES, extra=True)
+        own = own_signals(self._env)
+        parsed = parse_signals(signals or {}, variables, SOURCES, extra=True, own=own)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
         if self._substeps:
             self._inside = Inside(self._env, parsed)

@@ -129,7 +129,7 @@ class StlMonitor(
         self,
         env: gym.Env[ObsType, ActType],
         specs: SpecsLike,
-        signals: Mapping[str, SignalLike],
+        signals: Mapping[str, SignalLike] | None = None,
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "terminate",
@@ -158,7 +158,8 @@ class StlMonitor(
             signals: For every variable of the specifications a selector such as ``"obs[2]"``,
                 ``"obs['goal'][0]"``, ``"action[0]"``, ``"reward"``, ``"info['speed']"`` or
                 ``"qpos[1]"``, or a callable of a :class:`rtamt_gym.Step`, or a pair of one of them
-                and its value at reset, which action, reward and info need
+                and its value at reset, which action, reward and info need; a variable that is not
+                among them reads what the environment says in its own ``signals``, as scenarios do
             period: Time between two samples, in seconds or as text with a unit; ``None`` reads
                 it from the environment; ``1`` with bounds in the default unit counts steps
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the

@@ -29,7 +29,7 @@ from rtamt_gym.judges.specs import (
 )
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_panel import VectorPanel
-from rtamt_gym.signals.signals import SignalLike, Source, parse_signals
+from rtamt_gym.signals.signals import SignalLike, Source, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.observing import Observing
 
@@ -89,7 +89,7 @@ class Monitoring(Observing):
         self,
         env: Any,  # noqa: ANN401 - an environment, or many
         specs: SpecsLike,
-        signals: Mapping[str, SignalLike],
+        signals: Mapping[str, SignalLike] | None,
         options: MonitorOptions,
         read_period: Callable[[Any], float | None],
         sources: Mapping[str, Source] = SOURCES,
@@ -112,7 +112,10 @@ class Monitoring(Observing):
         self._cost = options["cost"]
         loaded = load_specs(specs)
         variables = [name for spec in loaded.values() for name in spec.variables]
-        self._signals = parse_signals(signals, variables, sources, agents=agents)
+        given = {} if signals is None else signals
+        self._signals = parse_signals(
+            given, variables, sources, agents=agents, own=own_signals(env)
+        )
         timed = any(spec.timed for spec in loaded.values())
         self._read_period = read_period
         self._period = options["period"]

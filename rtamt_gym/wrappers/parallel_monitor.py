@@ -127,7 +127,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         self,
         env: Any,  # noqa: ANN401 - of PettingZoo's form
         specs: SpecsLike,
-        signals: Mapping[str, SignalLike],
+        signals: Mapping[str, SignalLike] | None = None,
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "terminate",
@@ -152,7 +152,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             signals: For every variable of the specifications a selector with its agent in front,
                 such as ``"agent_0: obs[2]"`` or ``"'agent 0': info['speed']"``, or a callable of a
                 :class:`rtamt_gym.Step` of all agents, or a pair of one of them and its value at
-                reset, which action, reward and info need
+                reset, which action, reward and info need; or in the environment's own ``signals``
             period: As for :class:`StlMonitor`
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode of all agents, or only ``"report"`` it

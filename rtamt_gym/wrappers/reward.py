@@ -140,7 +140,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         Args:
             env: The environment to apply the wrapper
             specs: As for :class:`StlMonitor`; ``None`` if the environment has one
-            signals: As for :class:`StlMonitor`; ``None`` if the environment has one
+            signals: As for :class:`StlMonitor`; ``None`` if the environment has one, or has
+                ``signals`` of its own
             mode: How robustness becomes reward, see above
             weight: Factor of the robustness beside the reward of the environment; not for
                 ``"replace"`` and ``"hierarchical"``

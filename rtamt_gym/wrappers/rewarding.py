@@ -14,7 +14,7 @@ from rtamt import InputError
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping
-from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.signals.signals import SignalLike, own_signals
 from rtamt_gym.wrappers.clipping import ClipWatch
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import MonitorOptions
@@ -86,7 +86,8 @@ def find_or_make(
         kind: `StlMonitor` or `VectorStlMonitor`.
         env: The environment.
         specs: The argument of the monitor to make; None if the environment has a monitor.
-        signals: The argument of the monitor to make; None if the environment has a monitor.
+        signals: The argument of the monitor to make; None if the environment has a monitor, or
+            names its signals itself.
         options: The other arguments of the monitor to make.
 
     Returns:
@@ -110,7 +111,7 @@ def find_or_make(
             return env, within
         within = within.env
     for name, value in given.items():
-        if value is None:
+        if value is None and not (name == "signals" and own_signals(env)):
             raise InputError(
                 f"expected {name}=, or an environment with {what}, got neither; such as "
                 'specs="always(x > 0)", signals={"x": "obs[0]"}'

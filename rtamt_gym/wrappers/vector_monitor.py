@@ -111,7 +111,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self,
         env: Batch,
         specs: SpecsLike,
-        signals: Mapping[str, SignalLike],
+        signals: Mapping[str, SignalLike] | None = None,
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "report",
