@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["SCENARIOS", "scenario_of"]
 
 SCENARIOS: dict[str, tuple[str, int]] = {
+    "AircraftElevator": ("aircraft_elevator", 1000),
     "AutomaticTransmission": ("automatic_transmission", 3500),
     "ChasingCars": ("chasing_cars", 2000),
     "SteamCondenser": ("steam_condenser", 3500),
