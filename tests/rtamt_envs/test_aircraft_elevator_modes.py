@@ -108,7 +108,7 @@ class Logic:
 
     def sample(self, low: Sequence[float], failed: Sequence[float]) -> list[float]:
         decide(self.modes, self.returns, np.array(low), np.array(failed))
-        return self.modes.tolist()
+        return [float(mode) for mode in self.modes]
 
 
 def _histories() -> Iterator[list[tuple[Sequence[float], Sequence[float]]]]:
