@@ -26,6 +26,7 @@ from rtamt.inputs.frames import unit_of_times
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
+from rtamt.language.scaling import predicates, scaled
 from rtamt.language.specification import Specification
 from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
@@ -81,6 +82,8 @@ __all__ = [
     "load",
     "number",
     "parse",
+    "predicates",
+    "scaled",
     "unit_of_times",
     "variable",
 ]
