@@ -28,6 +28,9 @@ SCENARIOS: dict[str, tuple[str, int]] = {
     "AutomaticTransmission": ("automatic_transmission", 3500),
     "ChasingCars": ("chasing_cars", 2000),
     "SteamCondenser": ("steam_condenser", 3500),
+    "MobileRobot": ("mobile_robot", 600),
+    "RequestGrant": ("request_grant", 150),
+    "TwoServiceRobots": ("two_service_robots", 600),
 }
 """The module of each scenario and the steps of its episodes, by name. The modules are imported
 when an environment is made: they import numba."""

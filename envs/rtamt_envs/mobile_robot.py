@@ -1,0 +1,254 @@
+"""A robot on two wheels that follows velocity commands through two rooms.
+
+The robot is a disc. Every 0.1 s its twist, a speed ahead and a turn rate, follows the command: at
+once, or with a first-order ``lag`` in seconds, and with Gaussian ``noise``, whose standard
+deviation is this fraction of the twist. The pose is integrated exactly for a twist that is
+constant over the step: the robot drives an arc of a circle. A step that would end within a wall
+is not taken: the pose stays, and the twist is still that of the command. Odometry is the pose and
+the twist at the end of the step. Wheels, inertia and range sensors are not modelled.
+
+This is how the simulator STDR moves a robot, and the requirement ``follows`` is that of the paper's
+first robot, driven by hand: it follows its commands within 0.5 m/s. The lag, the rooms, the
+other requirements and the baseline, which drives through the door to a desk and on to a dock, are
+made up here. No robot and no run of STDR were compared with it; its noise is that of the usual
+velocity model (S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005) without cross terms.
+
+:func:`unicycle` and :func:`clearance` are the model without its bookkeeping.
+
+Sources: D. Nickovic, T. Yamaguchi: RTAMT: Online Robustness Monitors from STL, ATVA 2020; the
+motion controller of the STDR simulator, 0.3.2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rtamt_envs.compiled import compiled
+from rtamt_envs.scenario import Episode, Quantity, Scenario
+from rtamt_gym import Parameter, Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["SCENARIO", "clearance", "unicycle"]
+
+PERIOD = 0.1
+RADIUS = 0.2
+"""Radius of the robot, in metres."""
+WIDTH, HEIGHT = 10.0, 7.0
+"""The outer walls are at 0 and WIDTH, 0 and HEIGHT, in metres."""
+OBSTACLES = np.array(
+    [
+        [4.9, 0.0, 5.1, 2.6],  # the wall between the rooms, with a door of 1.8 m
+        [4.9, 4.4, 5.1, 7.0],
+        [0.0, 6.2, 3.2, 7.0],  # shelf
+        [1.4, 3.6, 2.4, 4.4],  # table
+        [6.4, 2.2, 7.8, 3.2],  # table
+        [9.2, 0.0, 10.0, 1.6],  # cupboard
+    ]
+)
+"""What stands in the rooms: rectangles (least x, least y, greatest x, greatest y), in metres."""
+ROUTE = np.array([[4.2, 3.5], [5.8, 3.6], [8.8, 5.6], [8.8, 2.6], [7.6, 1.2], [6.2, 1.0]])
+"""Where the baseline drives, one point after the other."""
+DESK, DOCK = ROUTE[2], ROUTE[5]
+REACHED = 0.2
+"""A point is reached at this distance, in metres."""
+
+COMMAND, GOAL = "#D55E00", "#009E73"
+"""Colours of the picture."""
+
+LAG, NOISE, START_X, START_Y, START_HEADING = range(5)
+X, Y, TURNED, SPEED, TURN, POINT = range(6)  # of the state; speed and turn are without noise
+
+
+@compiled
+def unicycle(
+    x: float, y: float, heading: float, v: float, w: float, seconds: float
+) -> tuple[float, float, float]:
+    """The pose after some seconds of a constant twist, exactly: an arc of a circle.
+
+    Args:
+        x: Metres.
+        y: Metres.
+        heading: Radians, 0 towards x, counter-clockwise.
+        v: Speed ahead, in m/s.
+        w: Turn rate, in rad/s.
+        seconds: How long.
+
+    Returns:
+        x, y, and the heading in (-pi, pi] if the given one is and the robot turns less than once.
+    """
+    half = 0.5 * w * seconds
+    # The chord of the arc; the series is exact to the last bit for such a small angle.
+    chord = v * seconds * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+    turned = heading + w * seconds
+    if turned > math.pi:
+        turned -= 2.0 * math.pi
+    elif turned <= -math.pi:
+        turned += 2.0 * math.pi
+    return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), turned
+
+
+@compiled
+def clearance(x: float, y: float) -> float:
+    """Metres from the robot at (x, y) to the nearest wall or obstacle; at most 0 if it hits one."""
+    nearest = x
+    for gap in (WIDTH - x, y, HEIGHT - y):
+        nearest = min(nearest, gap)
+    for i in range(OBSTACLES.shape[0]):
+        across = max(OBSTACLES[i, 0] - x, x - OBSTACLES[i, 2], 0.0)
+        along = max(OBSTACLES[i, 1] - y, y - OBSTACLES[i, 3], 0.0)
+        gap = math.sqrt(across * across + along * along)
+        nearest = min(nearest, gap)
+    return nearest - RADIUS
+
+
+@compiled
+def _observe(v: float, w: float, state: Array, observation: Array) -> None:
+    """Odometry, clearance, and the point that is next."""
+    observation[0] = state[X]
+    observation[1] = state[Y]
+    observation[2] = state[TURNED]
+    observation[3] = v
+    observation[4] = w
+    observation[7] = clearance(state[X], state[Y])
+    point = int(state[POINT])
+    observation[8] = ROUTE[point, 0]
+    observation[9] = ROUTE[point, 1]
+
+
+@compiled
+def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - a robot at rest has none
+    """The robot stands; no command was given."""
+    state[X] = parameters[START_X]
+    state[Y] = parameters[START_Y]
+    state[TURNED] = parameters[START_HEADING]
+    state[SPEED] = 0.0
+    state[TURN] = 0.0
+    state[POINT] = 0.0
+    observation[5] = 0.0
+    observation[6] = 0.0
+    _observe(0.0, 0.0, state, observation)
+
+
+@compiled
+def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
+    """The twist follows the command; the robot moves with it unless a wall is there."""
+    fade = math.exp(-PERIOD / parameters[LAG]) if parameters[LAG] > 0.0 else 0.0
+    state[SPEED] = action[0] + fade * (state[SPEED] - action[0])
+    state[TURN] = action[1] + fade * (state[TURN] - action[1])
+    v = state[SPEED] * (1.0 + parameters[NOISE] * noise[0])
+    w = state[TURN] * (1.0 + parameters[NOISE] * noise[1])
+    x, y, heading = unicycle(state[X], state[Y], state[TURNED], v, w, PERIOD)
+    if clearance(x, y) > 0.0:
+        state[X] = x
+        state[Y] = y
+        state[TURNED] = heading
+    point = int(state[POINT])
+    ahead, left = ROUTE[point, 0] - state[X], ROUTE[point, 1] - state[Y]
+    if ahead * ahead + left * left <= REACHED * REACHED and point < ROUTE.shape[0] - 1:
+        state[POINT] = point + 1
+    observation[5] = action[0]
+    observation[6] = action[1]
+    _observe(v, w, state, observation)
+
+
+@compiled
+def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
+    """Turns to the next point and drives there, slower where it has to turn."""
+    ahead, left = observation[8] - observation[0], observation[9] - observation[1]
+    distance = math.sqrt(ahead * ahead + left * left)
+    if distance <= REACHED:
+        action[0] = 0.0
+        action[1] = 0.0
+    else:
+        error = math.atan2(left, ahead) - observation[2]
+        error = math.atan2(math.sin(error), math.cos(error))
+        action[0] = 0.8 * max(0.0, math.cos(error)) * min(1.0, distance)
+        action[1] = max(-1.5, min(1.5, 2.0 * error))
+
+
+def _draw(figure: Figure, episode: Episode) -> None:
+    """Draws the rooms from above with the way of the robot, and commanded and true speed."""
+    from matplotlib.patches import Circle, Rectangle
+
+    from rtamt_gym.drawing import SIGNAL, tidy
+
+    rooms, speed = figure.subplots(2, 1, height_ratios=[2.6, 1.0])
+    tidy(rooms, "y [m]")
+    rooms.set(xlabel="x [m]", aspect="equal", xlim=(0, WIDTH), ylim=(0, HEIGHT))
+    for left, low, right, high in OBSTACLES:
+        rooms.add_patch(Rectangle((left, low), right - left, high - low, color="0.75"))
+    for name, place in (("desk", DESK), ("dock", DOCK)):
+        rooms.plot(*place, "s", color=GOAL, markersize=6)
+        rooms.annotate(name, place, (0, 8), textcoords="offset points", ha="center")
+    x, y, heading, v = episode.observations[:, :4].T
+    rooms.plot(x, y, color=SIGNAL)
+    rooms.add_patch(Circle((x[-1], y[-1]), RADIUS, color=SIGNAL, alpha=0.6))
+    nose = RADIUS * np.cos(heading[-1]), RADIUS * np.sin(heading[-1])
+    rooms.plot([x[-1], x[-1] + nose[0]], [y[-1], y[-1] + nose[1]], color="k", linewidth=1)
+    tidy(speed, "speed [m/s]")
+    command = episode.observations[:, 5]
+    speed.plot(episode.times, command, color=COMMAND, linewidth=1.0, label="command")
+    speed.plot(episode.times, v, color=SIGNAL, linewidth=1.0, label="robot")
+    speed.set(xlabel="time [s]", xlim=(0, SCENARIO.duration))
+    speed.legend(loc="upper right", fontsize=8.5, frameon=False, ncols=2)
+
+
+def _to(place: Array) -> str:
+    """The distance of the robot to a place, as a term."""
+    return f"sqrt(pow(x - {place[0]:g}, 2) + pow(y - {place[1]:g}, 2))"
+
+
+SCENARIO = Scenario(
+    name="MobileRobot",
+    title="A mobile robot that follows commands",
+    source=(
+        "D. Nickovic, T. Yamaguchi: RTAMT: Online Robustness Monitors from STL, ATVA 2020; "
+        "the STDR simulator"
+    ),
+    period=PERIOD,
+    duration=60.0,
+    actions=(Quantity("linear", "m/s", -1.0, 1.0), Quantity("angular", "rad/s", -2.0, 2.0)),
+    observations=(
+        Quantity("x", "m", 0.0, WIDTH),
+        Quantity("y", "m", 0.0, HEIGHT),
+        Quantity("heading", "rad", -math.pi, math.pi),
+        Quantity("v", "m/s", -math.inf, math.inf),
+        Quantity("w", "rad/s", -math.inf, math.inf),
+        Quantity("cmd_v", "m/s", -1.0, 1.0),
+        Quantity("cmd_w", "rad/s", -2.0, 2.0),
+        Quantity("clearance", "m", 0.0, WIDTH),
+        Quantity("next_x", "m", 0.0, WIDTH),
+        Quantity("next_y", "m", 0.0, HEIGHT),
+    ),
+    parameters=(
+        Parameter("lag", 0.0, 2.0, default=0.0, unit="s", about="time constant of the twist"),
+        Parameter(
+            "noise", 0.0, 0.5, default=0.05, about="standard deviation, relative to the twist"
+        ),
+        Parameter("start_x", 0.6, 2.4, default=1.2, unit="m", about="where the robot begins"),
+        Parameter("start_y", 0.6, 2.4, default=1.2, unit="m", about="where the robot begins"),
+        Parameter("start_heading", -3.1, 3.1, default=0.0, unit="rad", about="where it looks then"),
+    ),
+    inputs=(Signal("linear", -1.0, 1.0, points=12), Signal("angular", -2.0, 2.0, points=12)),
+    requirements=f"""
+        follows = always(abs(cmd_v - v) <= 0.5)
+        clear = always(clearance >= 0.1)
+        desk = {_to(DESK)}  // metres
+        dock = {_to(DOCK)}
+        visits = eventually[0:30s](desk <= 0.3 and eventually[0:30s](dock <= 0.3))
+    """,
+    state=6,
+    noise=2,
+    start=_start,
+    step=_step,
+    baseline=_baseline,
+    draw=_draw,
+)

@@ -1,0 +1,392 @@
+"""Two service robots that carry things between stations of one room, and keep apart.
+
+The robots are discs that roll in any direction. The velocity of each follows its command as a
+first-order system with time constant ``lag``, solved exactly for a command that is constant over
+the step; Gaussian ``noise`` with that standard deviation, in m/s, is added to the commands. Walls
+stop a robot. The robots do not stop each other: where they overlap, the requirement ``apart`` has
+seen it. The first robot goes between kitchen and desk, the second between shelf and door, so that
+their ways cross in the middle of the room. The positions are what a requirement reads.
+
+The baseline goes straight to the next station, and within ``caution`` metres of the other robot
+it gives way to the right.
+
+:func:`parallel_env` is the same as a parallel environment of PettingZoo, with one agent a robot.
+
+Source: two robots in one room are the second case study of D. Nickovic, T. Yamaguchi: RTAMT: Online
+Robustness Monitors from STL, ATVA 2020. The room, the dynamics, the numbers and the baseline
+are made up here; nothing of them is validated against a robot.
+"""
+
+from __future__ import annotations
+
+import math
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from rtamt import InputError, StateError
+from rtamt_envs.compiled import compiled
+from rtamt_envs.scenario import Episode, Quantity, Scenario
+from rtamt_gym import Parameter, Signal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+if TYPE_CHECKING or find_spec("pettingzoo"):
+    from pettingzoo.utils import ParallelEnv
+else:
+
+    class ParallelEnv:
+        """Stands for the class of PettingZoo, whose form is enough where it is not installed."""
+
+
+__all__ = ["SCENARIO", "ParallelRobots", "parallel_env"]
+
+PERIOD = 0.1
+RADIUS = 0.3
+"""Radius of a robot, in metres."""
+WIDTH, HEIGHT = 8.0, 6.0
+"""The walls are at 0 and WIDTH, 0 and HEIGHT, in metres."""
+NAMES = ("kitchen", "desk", "shelf", "door")
+STATIONS = np.array([[1.0, 1.0], [7.0, 5.0], [1.0, 5.0], [7.0, 1.0]])
+"""The first robot goes between the first two, the second between the others; in metres."""
+REACHED = 0.2
+"""A station is reached at this distance, in metres."""
+
+APART = 0.8
+"""What the requirement asks for between the centres of the robots, in metres."""
+
+OTHER = "#D55E00"
+"""The colour of the second robot."""
+
+LAG, NOISE, SPEED, CAUTION, START = range(5)  # START is the first of four
+VELOCITY, STATION = 4, 8  # of the state, after the positions; the station is the first or second
+
+
+@compiled
+def _observe(state: Array, observation: Array) -> None:
+    """The positions, then where each robot goes."""
+    for i in range(4):
+        observation[i] = state[i]
+    for robot in range(2):
+        station = 2 * robot + int(state[STATION + robot])
+        observation[4 + 2 * robot] = STATIONS[station, 0]
+        observation[5 + 2 * robot] = STATIONS[station, 1]
+
+
+@compiled
+def _start(parameters: Array, noise: Array, state: Array, observation: Array) -> None:  # noqa: ARG001 - robots at rest have none
+    """The robots stand; each goes to its second station first."""
+    for i in range(4):
+        state[i] = parameters[START + i]
+        state[VELOCITY + i] = 0.0
+    state[STATION] = 1.0
+    state[STATION + 1] = 1.0
+    _observe(state, observation)
+
+
+@compiled
+def _step(action: Array, parameters: Array, noise: Array, state: Array, observation: Array) -> None:
+    """Every velocity follows its command, exactly; a wall stops it."""
+    lag = parameters[LAG]
+    fade = math.exp(-PERIOD / lag) if lag > 0.0 else 0.0
+    for i in range(4):
+        command = action[i] + parameters[NOISE] * noise[i]
+        lacking = state[VELOCITY + i] - command
+        place = state[i] + command * PERIOD + lacking * lag * (1.0 - fade)
+        velocity = command + lacking * fade
+        end = (WIDTH if i % 2 == 0 else HEIGHT) - RADIUS
+        if place < RADIUS:
+            place, velocity = RADIUS, 0.0
+        elif place > end:
+            place, velocity = end, 0.0
+        state[i] = place
+        state[VELOCITY + i] = velocity
+    for robot in range(2):
+        station = 2 * robot + int(state[STATION + robot])
+        right = STATIONS[station, 0] - state[2 * robot]
+        up = STATIONS[station, 1] - state[2 * robot + 1]
+        if right * right + up * up <= REACHED * REACHED:
+            state[STATION + robot] = 1.0 - state[STATION + robot]
+    _observe(state, observation)
+
+
+@compiled
+def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
+    """Straight to the station; near the other robot away from it, and to the right of it."""
+    for robot in range(2):
+        x, y = observation[2 * robot], observation[2 * robot + 1]
+        right, up = observation[4 + 2 * robot] - x, observation[5 + 2 * robot] - y
+        distance = math.sqrt(right * right + up * up)
+        speed = min(parameters[SPEED], distance) / max(distance, 1e-9)
+        right, up = speed * right, speed * up
+        to_x, to_y = observation[2 - 2 * robot] - x, observation[3 - 2 * robot] - y
+        gap = math.sqrt(to_x * to_x + to_y * to_y)
+        if 0.0 < gap < parameters[CAUTION]:
+            urge = parameters[SPEED] * (1.0 - gap / parameters[CAUTION]) / gap
+            right += urge * (2.0 * to_y - 1.5 * to_x)
+            up += urge * (-2.0 * to_x - 1.5 * to_y)
+        action[2 * robot] = max(-1.0, min(1.0, right))
+        action[2 * robot + 1] = max(-1.0, min(1.0, up))
+
+
+def _draw(figure: Figure, episode: Episode) -> None:
+    """Draws the room from above with the ways of both robots, and their distance over time."""
+    from matplotlib.patches import Circle
+
+    from rtamt_gym.drawing import SIGNAL, tidy
+
+    room, over = figure.subplots(2, 1, height_ratios=[2.6, 1.0])
+    tidy(room, "y [m]")
+    room.set(xlabel="x [m]", aspect="equal", xlim=(0, WIDTH), ylim=(0, HEIGHT))
+    for name, (x, y) in zip(NAMES, STATIONS, strict=True):
+        room.plot(x, y, "s", color="0.7", markersize=9)
+        below = -17 if y < HEIGHT / 2 else 9
+        room.annotate(name, (x, y), (0, below), textcoords="offset points", ha="center")
+    places = episode.observations[:, :4]
+    for robot, colour in enumerate((SIGNAL, OTHER)):
+        x, y = places[:, 2 * robot : 2 * robot + 2].T
+        room.plot(x, y, color=colour, linewidth=1.0, label=f"robot {robot + 1}")
+        room.add_patch(Circle((x[-1], y[-1]), RADIUS, color=colour, alpha=0.6))
+    room.legend(loc="upper center", fontsize=8.5, frameon=False, ncols=2)
+    tidy(over, "distance [m]")
+    gaps = np.hypot(places[:, 0] - places[:, 2], places[:, 1] - places[:, 3])
+    over.plot(episode.times, gaps, color="k", linewidth=1.0)
+    over.axhline(APART, color="0.5", linestyle="--", linewidth=0.8)
+    over.set(xlabel="time [s]", xlim=(0, SCENARIO.duration), ylim=(0, None))
+
+
+def _to(robot: int, station: int) -> str:
+    """The distance of a robot to a station, as a term."""
+    x, y = STATIONS[station]
+    return f"sqrt(pow(x{robot} - {x:g}, 2) + pow(y{robot} - {y:g}, 2))"
+
+
+SCENARIO = Scenario(
+    name="TwoServiceRobots",
+    title="Two service robots in a room",
+    source=(
+        "D. Nickovic, T. Yamaguchi: RTAMT: Online Robustness Monitors from STL, ATVA 2020 "
+        "(two robots in a room; the model is made up)"
+    ),
+    period=PERIOD,
+    duration=60.0,
+    actions=(
+        Quantity("vx1", "m/s", -1.0, 1.0),
+        Quantity("vy1", "m/s", -1.0, 1.0),
+        Quantity("vx2", "m/s", -1.0, 1.0),
+        Quantity("vy2", "m/s", -1.0, 1.0),
+    ),
+    observations=(
+        Quantity("x1", "m", 0.0, WIDTH),
+        Quantity("y1", "m", 0.0, HEIGHT),
+        Quantity("x2", "m", 0.0, WIDTH),
+        Quantity("y2", "m", 0.0, HEIGHT),
+        Quantity("next_x1", "m", 0.0, WIDTH),
+        Quantity("next_y1", "m", 0.0, HEIGHT),
+        Quantity("next_x2", "m", 0.0, WIDTH),
+        Quantity("next_y2", "m", 0.0, HEIGHT),
+    ),
+    parameters=(
+        Parameter("lag", 0.0, 1.0, default=0.2, unit="s", about="time constant of the velocities"),
+        Parameter(
+            "noise", 0.0, 0.3, default=0.02, unit="m/s", about="standard deviation of the commands"
+        ),
+        Parameter("speed", 0.2, 1.0, default=0.8, unit="m/s", about="of the baseline"),
+        Parameter(
+            "caution",
+            0.0,
+            2.5,
+            default=1.5,
+            unit="m",
+            about="where the baseline begins to give way",
+        ),
+        Parameter("start_x1", 0.5, 2.0, default=1.0, unit="m", about="where robot 1 begins"),
+        Parameter("start_y1", 0.5, 2.0, default=1.0, unit="m", about="where robot 1 begins"),
+        Parameter("start_x2", 0.5, 2.0, default=1.0, unit="m", about="where robot 2 begins"),
+        Parameter("start_y2", 4.0, 5.5, default=5.0, unit="m", about="where robot 2 begins"),
+    ),
+    inputs=(
+        Signal("vx1", -1.0, 1.0, points=12),
+        Signal("vy1", -1.0, 1.0, points=12),
+        Signal("vx2", -1.0, 1.0, points=12),
+        Signal("vy2", -1.0, 1.0, points=12),
+    ),
+    requirements=f"""
+        separation = sqrt(pow(x1 - x2, 2) + pow(y1 - y2, 2))  // metres
+        apart = always(separation >= {APART})
+        kitchen = {_to(1, 0)}
+        desk = {_to(1, 1)}
+        shelf = {_to(2, 2)}
+        door = {_to(2, 3)}
+        serves1 = eventually[0:30s](desk <= 0.3 and eventually[0:30s](kitchen <= 0.3))
+        serves2 = eventually[0:30s](door <= 0.3 and eventually[0:30s](shelf <= 0.3))
+    """,
+    state=10,
+    noise=4,
+    start=_start,
+    step=_step,
+    baseline=_baseline,
+    draw=_draw,
+)
+
+
+class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
+    """The two robots as agents of a parallel environment, in the form of PettingZoo.
+
+    The agents are ``"robot_1"`` and ``"robot_2"``. An action is the commanded velocity (vx, vy) in
+    m/s; an observation is where the agent is, where its next station is, and where the other robot
+    is: (x, y, next x, next y, other x, other y) in metres. Rewards are 0; the episode of both is
+    truncated at the time limit. PettingZoo need not be installed.
+
+    Attributes:
+        requirements: The requirements of the scenario by name, for ``ParallelStlMonitor``.
+        signals: What their variables read: ``{"x1": "robot_1: obs[0]", ...}``.
+        dt: Seconds between two observations.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - PettingZoo's own, a dict of the class
+        "name": "two_service_robots_v0",
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1 / PERIOD),
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self, parameters: Mapping[str, float] | None = None, render_mode: str | None = None
+    ) -> None:
+        self._env = gym.make(
+            f"rtamt/{SCENARIO.name}-v0", parameters=parameters, render_mode=render_mode
+        )
+        self.render_mode = render_mode
+        self.possible_agents = ["robot_1", "robot_2"]
+        self.agents: list[str] = []
+        self.requirements = SCENARIO.specifications
+        self.signals = {
+            f"{axis}{robot}": f"robot_{robot}: obs[{at}]"
+            for robot in (1, 2)
+            for at, axis in enumerate(("x", "y", "next_x", "next_y"))
+        }
+        self.dt = PERIOD
+        far = np.array([WIDTH, HEIGHT])
+        self._seen = {
+            agent: spaces.Box(np.zeros(6), np.tile(far, 3), dtype=np.float64)
+            for agent in self.possible_agents
+        }
+        self._done = {
+            agent: spaces.Box(-1.0, 1.0, (2,), np.float64) for agent in self.possible_agents
+        }
+
+    @property
+    def unwrapped(self) -> ParallelRobots:
+        """The environment itself."""
+        return self
+
+    def observation_space(self, agent: str) -> spaces.Box:
+        """Metres: where the agent is, where it goes, where the other robot is."""
+        return self._seen[agent]
+
+    def action_space(self, agent: str) -> spaces.Box:
+        """Metres per second, along x and y."""
+        return self._done[agent]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Array], dict[str, dict[str, Any]]]:
+        """Begins an episode.
+
+        Args:
+            seed: Of the noise, as for the scenario.
+            options: ``{"parameters": {"lag": 0.5}}`` sets parameters of this episode. Other
+                options are left to others: PettingZoo hands the same to every layer.
+
+        Raises:
+            InputError: If a parameter has no such name, or its value is no number.
+        """
+        parameters = (options or {}).get("parameters")
+        joint, info = self._env.reset(seed=seed, options=parameters)
+        self.agents = [*self.possible_agents]
+        return self._split(joint), {agent: dict(info) for agent in self.agents}
+
+    def step(
+        self, actions: Mapping[str, Array]
+    ) -> tuple[
+        dict[str, Array],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """Moves both robots for one period.
+
+        Raises:
+            StateError: Before :meth:`reset`, and after the end of an episode.
+            InputError: If an agent has no action, or one that the scenario refuses.
+        """
+        here = self.agents
+        if not here:
+            raise StateError("no episode runs; call reset() first")
+        if set(actions) != set(here):
+            raise InputError(
+                f"expected an action of {' and '.join(here)}, got those of "
+                f"{', '.join(map(str, actions)) or 'none'}"
+            )
+        action = np.concatenate([actions[agent] for agent in here])
+        joint, reward, terminated, truncated, info = self._env.step(action)
+        if terminated or truncated:
+            self.agents = []
+        return (
+            self._split(joint),
+            dict.fromkeys(here, float(reward)),
+            dict.fromkeys(here, terminated),
+            dict.fromkeys(here, truncated),
+            {agent: dict(info) for agent in here},
+        )
+
+    def state(self) -> Array:
+        """The joint observation, as the scenario gives it."""
+        return self._joint.copy()
+
+    def render(self) -> Any:  # noqa: ANN401 - as the environment has it
+        """The picture of the episode so far."""
+        return self._env.render()
+
+    def close(self) -> None:
+        """Closes the environment."""
+        self._env.close()
+
+    def _split(self, joint: Array) -> dict[str, Array]:
+        self._joint = joint
+        return {
+            "robot_1": joint[[0, 1, 4, 5, 2, 3]],
+            "robot_2": joint[[2, 3, 6, 7, 0, 1]],
+        }
+
+
+def parallel_env(
+    parameters: Mapping[str, float] | None = None, render_mode: str | None = None
+) -> ParallelRobots:
+    """Makes the two robots as a parallel environment, as modules of PettingZoo do.
+
+    Example:
+        >>> import numpy as np
+        >>> from rtamt_envs.two_service_robots import parallel_env
+        >>> from rtamt_gym import ParallelStlMonitor
+        >>> env = parallel_env()
+        >>> env = ParallelStlMonitor(env, env.requirements)
+        >>> observations, infos = env.reset(seed=0)
+        >>> while env.agents:
+        ...     right = {agent: np.array([1.0, 0.0]) for agent in env.agents}
+        ...     observations, _, _, _, infos = env.step(right)
+        >>> infos["robot_1"]["stl_violated_by"], infos["robot_1"]["stl_violated_at"]
+        ('serves1', 300)
+    """
+    return ParallelRobots(parameters, render_mode)
