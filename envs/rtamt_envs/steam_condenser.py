@@ -10,16 +10,17 @@ flow. With the volume V = 3, the mass of water Mcw = 500 and its temperature Tcw
     Fc = Q / lambda(P)                            condensate [kg/s]
 
 Tables over 50 .. 110 kPa, with lines between their points, give the temperature of condensation Tc
-[deg C] and the heat of evaporation lambda [kJ/kg]. A sensor with a lag of 0.5 s measures P. The
-controller reads what it measures less the setpoint (90 kPa, from 2 s on the parameter
-``setpoint``): a layer of three neurons, whose outputs return through two lags 1 / (s + 10) in a
-row. Its command, limited to 0 .. 200 kg/s, is followed by Fcw with a lag of 1 s. At the start the
-sensor reads 90 kPa, Fcw is 107.888 kg/s and the lags of the layer are 0.
+[deg C] and the heat of evaporation lambda [kJ/kg]. A sensor with a lag of 0.5 s reads p; the
+requirement is about this reading, which is the fourth output of the original. The controller takes
+p less the setpoint (90 kPa, from 2 s on the parameter ``setpoint``): a layer of three neurons,
+whose outputs return through two lags 1 / (s + 10) in a row. Its command, limited to 0 .. 200 kg/s,
+is followed by Fcw with a lag of 1 s. At the start p is 90 kPa, Fcw is 107.888 kg/s and the lags of
+the layer are 0.
 
 **Solver.** The classical method of Runge and Kutta in steps of a period, 0.01 s. The action is held
 over a period and the setpoint changes at a sample, so nothing jumps within a step; only the slopes
 of the tables do, where P passes 90 kPa. Against a solver of order 8 with tolerances of 1e-12 the
-pressure differs by less than 1e-8 kPa over the whole run.
+pressure differs by less than 4e-8 kPa over the whole run.
 
 **Not validated:** the Simulink model was not run, nor is the physics more than the benchmark's:
 volume, masses and tables are taken as they stand.
@@ -144,11 +145,12 @@ def _setpoint(parameters: Floats, state: Floats) -> float:
 
 @compiled
 def _observe(parameters: Floats, state: Floats, observation: Floats) -> None:
-    observation[0] = state[_P]
+    observation[0] = state[_MEASURED]
     observation[1] = _setpoint(parameters, state)
     observation[2] = state[_T]
     observation[3] = state[_FCW]
     observation[4] = _heat(float(state[_P]), float(state[_T]), float(state[_FCW]))
+    observation[5] = state[_P]
 
 
 @compiled
@@ -227,6 +229,7 @@ SCENARIO = Scenario(
         Quantity("T", "deg C", 60.0, 102.2923),
         Quantity("Fcw", "kg/s", 0.0, 200.0),
         Quantity("Q", "kW", 0.0, 100_000.0),
+        Quantity("P", "kPa", 50.0, 110.0),
     ),
     parameters=(Parameter("setpoint", 85.0, 89.0, default=87.0, unit="kPa", about="from 2 s on"),),
     inputs=(Signal("Fs", 3.99, 4.01, points=20),),
