@@ -1,5 +1,8 @@
 """The aircraft elevator under its faults: modes, positions, requirements, and the paper's map."""
 
+import os
+import subprocess
+import sys
 from typing import Any
 
 import gymnasium as gym
@@ -76,12 +79,37 @@ def test_with_h1_and_h2_lost_the_left_side_isolates() -> None:
     assert _violated(at_once) == {"driven_left"}
 
 
+def test_the_requirement_is_what_the_paper_says_at_the_end_of_an_episode() -> None:
+    paper = "historically(rise(pc >= 0.9) implies eventually[0:1](always[0:1](abs(pc - {}) <= 3)))"
+    for frequency, amplitude in ((0.2, 1.25), (0.6, 1.75), (0.8, 1.0)):
+        seen = _fly(frequency=frequency, amplitude=amplitude, H1=2.0, H2=6.0)[:, 0]
+        judged = _judged(seen)
+        for side, elevator, column in (("left", "lep", 1), ("right", "rep", 2)):
+            monitor = rtamt.Monitor(paper.format(elevator), period=0.01)
+            told = [
+                monitor.update({"pc": pc, elevator: position})
+                for pc, position in seen[:, [0, column]].tolist()
+            ]
+            assert told[-1] == judged[f"follows_{side}"].robustness
+
+
 def test_a_small_command_is_followed_in_the_sense_of_the_paper_by_an_elevator_at_rest() -> None:
     """The requirement of the paper cannot tell: 3 cm are more than the command."""
     seen = _fly(H1=0.0, H2=0.0)[:, 0]
     np.testing.assert_array_equal(seen[:, 1], 0.0)
     assert _violated(seen) == {"driven_left"}
     assert _judged(seen)["follows_left"].robustness == pytest.approx(2.0)
+
+
+def test_a_jump_beyond_10_cm_is_taken_for_a_failure() -> None:
+    seen = _fly(H1=4.0, H2=5.0, amplitude=1.5)[:, 0]
+    isolated = int((seen[:, 6] == ISOLATED).argmax())
+    assert 500 < isolated < 520
+    assert np.abs(seen[:isolated, 2]).max() <= 10 < abs(seen[isolated, 2])
+    np.testing.assert_array_equal(seen[isolated:, 3:7], 0.0)
+    assert {"driven_left", "driven_right"} <= _violated(seen)
+    small = _fly(H1=4.0, H2=5.0, amplitude=1.0)[:, 0]
+    np.testing.assert_array_equal(small[500:, 3:7], [[ISOLATED, ISOLATED, OFF, ACTIVE]] * 501)
 
 
 FAULTS = ("LO", "LI", "RI", "RO", "H1", "H2", "H3")
@@ -114,6 +142,30 @@ def test_pairs_of_faults_isolate_a_side_only_where_both_its_actuators_fail() -> 
             assert ("driven_left" in violated) == ({"LO", "LI"} <= lost), (first, second)
             assert ("driven_right" in violated) == ({"RI", "RO"} <= lost), (first, second)
             assert not violated & {"alone_left", "alone_right", "isolates_left"}
+
+
+def test_faults_give_the_same_numbers_without_numba() -> None:
+    program = (
+        "import sys, gymnasium as gym, numpy as np, rtamt_envs\n"
+        "env = gym.make_vec('rtamt/AircraftElevator-v0', 2).unwrapped\n"
+        "options = dict(H1=[0.5, 9.0], H2=[1.0, 9.0], LI=[9.0, 0.5], RO=[9.0, 1.0], noise=40.0)\n"
+        "first = env.reset(seed=0, options=options)[0]\n"
+        "seen = np.concatenate([first[None], env.rollout(150)])\n"
+        "sys.stdout.write(seen.tobytes().hex())\n"
+    )
+    outcomes = [
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | {"NUMBA_DISABLE_JIT": disabled},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for disabled in ("0", "1")
+    ]
+    seen = np.frombuffer(bytes.fromhex(outcomes[0])).reshape(151, 2, 10)
+    assert (seen[-1, :, 3:7] == ISOLATED).any(axis=1).all()
+    assert outcomes[0] == outcomes[1]
 
 
 def test_sides_are_mirrors() -> None:
