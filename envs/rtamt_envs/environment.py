@@ -49,9 +49,9 @@ class ScenarioEnv(gym.Env[Floats, Floats]):
         >>> import gymnasium as gym, rtamt_envs
         >>> from rtamt_gym import simulate
         >>> env = gym.make("rtamt/AutomaticTransmission-v0")
-        >>> run = simulate(env, env.unwrapped.requirements["AT2"], policy=lambda obs: [100.0, 0.0])
+        >>> run = simulate(env, env.unwrapped.requirements["AT2"], policy=lambda obs: [100, 0])
         >>> run.courses
-        {'AT2': <Course of always[0:10](rpm < 4750): VIOLATED at sample 458, robustness ...>}
+        {'AT2': <Course of always[0:10](rpm < 4750): VIOLATED at sample 611, robustness -1.41>}
     """
 
     metadata = {  # noqa: RUF012 - as Gymnasium declares it
