@@ -310,7 +310,7 @@ def _draw(figure: Figure, episode: Episode) -> None:
 
 SCENARIO = Scenario(
     name="AutomaticTransmission",
-    title="a car with an automatic transmission",
+    title="Automatic transmission of a car",
     source="B. Hoxha, H. Abbas, G. Fainekos: Benchmarks for temporal logic requirements for "
     "automotive systems, ARCH 2014; instances and requirements of ARCH-COMP",
     period=_PERIOD,

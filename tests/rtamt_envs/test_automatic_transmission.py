@@ -77,30 +77,57 @@ def test_torque_and_converter_are_their_tables_and_the_lines_between_them() -> N
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_a_gear_changes_after_three_comparisons_beyond_its_threshold() -> None:
+_UP = [[10, 10, 15, 23, 40, 40], [30, 30, 30, 41, 70, 70], [50, 50, 50, 60, 100, 100]]
+_DOWN = [[5, 5, 5, 5, 30, 30], [20, 20, 25, 30, 50, 50], [35, 35, 40, 50, 80, 80]]
+
+
+def _beyond(gear: int, throttle: float, speed: float) -> int:
+    """1 above the threshold of a gear, -1 below it, else 0."""
+    if gear < 4 and speed > np.interp(throttle, [0, 25, 35, 50, 90, 100], _UP[gear - 1]):
+        return 1
+    if gear > 1 and speed < np.interp(throttle, [0, 5, 40, 50, 90, 100], _DOWN[gear - 2]):
+        return -1
+    return 0
+
+
+def _gears(throttles: Floats, speeds: Floats) -> list[int]:
+    """The gear after each comparison: it changes at the third in a row beyond one threshold.
+
+    One that breaks the row begins none of its own, as in the chart of the original.
+    """
+    gear, run, gears = 1, 0, []
+    for throttle, speed in zip(throttles, speeds, strict=True):
+        beyond = _beyond(gear, throttle, speed)
+        run = run + beyond if run * beyond > 0 or run == 0 else 0
+        if abs(run) == 3:
+            gear, run = gear + beyond, 0
+        gears.append(gear)
+    return gears
+
+
+def test_a_gear_changes_at_the_third_comparison_in_a_row_beyond_its_threshold() -> None:
+    rng = np.random.default_rng(1)
+    throttles = rng.uniform(0.0, 100.0, 800).repeat(25)
+    speeds = np.abs(rng.uniform(-5.0, 105.0, 2000).repeat(10) + rng.normal(0.0, 3.0, 20000))
+    state = np.zeros(SCENARIO.state)
+    SCENARIO.start(SCENARIO.defaults, np.zeros(0), state, np.zeros(3))
+    found = []
+    for throttle, speed in zip(throttles, speeds, strict=True):
+        state[transmission._WHEEL] = speed / transmission._MPH
+        transmission._compare(throttle, state)
+        found.append(state[transmission._GEAR])
+    np.testing.assert_array_equal(found, _gears(throttles, speeds))
+    shifts = np.diff(found)
+    assert min((shifts > 0).sum(), (shifts < 0).sum()) > 500
+
+
+def test_speeds_are_compared_every_four_steps_with_the_throttle_of_the_step() -> None:
     actions = _pieces(40, 1)
     courses = _drive(actions)
-    found = np.diff(courses[..., 2], axis=0)
-    assert {-1.0, 1.0} <= set(found.ravel())
-    up = [[10, 10, 15, 23, 40, 40], [30, 30, 30, 41, 70, 70], [50, 50, 50, 60, 100, 100]]
-    down = [[5, 5, 5, 5, 30, 30], [20, 20, 25, 30, 50, 50], [35, 35, 40, 50, 80, 80]]
+    assert {-1.0, 1.0} <= set(np.diff(courses[..., 2], axis=0).ravel())
     for lane in range(actions.shape[1]):
-        gear, run, gears = 1, 0, [1]
-        for k in range(_STEPS):
-            throttle, speed = actions[k, lane, 0], courses[k, lane, 0]
-            if k % 4 == 0:
-                beyond = 0
-                if gear < 4 and speed > np.interp(throttle, [0, 25, 35, 50, 90, 100], up[gear - 1]):
-                    beyond = 1
-                if gear > 1 and speed < np.interp(
-                    throttle, [0, 5, 40, 50, 90, 100], down[gear - 2]
-                ):
-                    beyond = -1
-                run = run + beyond if beyond * run >= 0 and beyond else beyond
-                if abs(run) == 3:
-                    gear, run = gear + beyond, 0
-            gears.append(gear)
-        np.testing.assert_array_equal(courses[:, lane, 2], gears)
+        gears = _gears(actions[::4, lane, 0], courses[:-1:4, lane, 0])
+        np.testing.assert_array_equal(courses[1:, lane, 2], np.repeat(gears, 4))
 
 
 def test_the_engine_stays_within_its_limits() -> None:
@@ -111,6 +138,13 @@ def test_the_engine_stays_within_its_limits() -> None:
     coasting = _drive(_pieces(40, 2))
     assert coasting[..., 1].min() == 600.0
     assert coasting[..., 1].max() < 6000.0
+    for rpm, throttle, row, wheel, sign in ((600, 0, 0, 0, -1), (6000, 100, 8, 1000, 1)):
+        at_limit, near = (
+            transmission._rates(each, wheel, throttle, row, 0.0, 0.0, 7.2, 1.0)[0]
+            for each in (float(rpm), rpm - sign * 1e-6)
+        )
+        assert at_limit == 0.0
+        assert near * sign > 1000.0
 
 
 def test_parameters_slow_the_car_down() -> None:
