@@ -9,7 +9,7 @@ coefficients of the solution follow one from the other and the series is exact t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,13 +75,14 @@ def _radau(state: State, drive: Floats, supply: Floats, spool: Floats) -> State:
 def solve(
     commands: Floats,
     *,
-    modes: Callable[[int], tuple[str, str]] = lambda _: HEALTHY,
-    supply: Callable[[int], tuple[float, float]] = lambda _: (1000.0, 1000.0),
+    modes: Sequence[tuple[str, str]] = (),
+    supply: Sequence[Sequence[float]] = (),
     flow: Flow = _series,
 ) -> Floats:
     """Positions (lanes, samples + 1) under commands (lanes, samples), held from sample to sample.
 
-    modes and supply give those of the outer and the inner actuator in the period after a sample.
+    modes and supply hold those of the outer and the inner actuator in the period after each
+    sample; empty ones say that nothing has failed.
     The law's integral is the sum of past errors; its difference takes the error before time 0 as 0.
     """
     lanes, samples = commands.shape
@@ -93,11 +94,11 @@ def solve(
         error = commands[:, k] - state[4]
         law = KP * error + KI * total + KD * (error - before) / PERIOD
         total, before = total + error * PERIOD, error
-        names = modes(k)
+        names = modes[k] if modes else HEALTHY
         servo = np.array([SERVO[name] for name in names])
         spool = np.array([SPOOL[name] for name in names])
         drive = np.stack([law, DIRECT * error], -1) * servo
-        state = flow(state, drive, np.array(supply(k)), spool)
+        state = flow(state, drive, np.array(supply[k] if supply else (1000.0, 1000.0)), spool)
         positions[:, k + 1] = state[4]
     return positions
 
