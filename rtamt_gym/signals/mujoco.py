@@ -17,7 +17,16 @@ from rtamt_gym.checks.names import nearest
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Number, Reading
 
-__all__ = ["StepSignal", "bind_signal", "bind_simulation", "check_pair", "derive", "fields_of"]
+__all__ = [
+    "StepSignal",
+    "bind_signal",
+    "bind_simulation",
+    "check_pair",
+    "derive",
+    "field_of",
+    "fields_of",
+    "index_in",
+]
 
 StepSignal = str | Callable[[Any, Any], float]
 """A selector, or a callable of model and data."""
@@ -40,7 +49,7 @@ def bind_signal(signal: Reading, model: Any, data: Any) -> Number:  # noqa: ANN4
             index; with those that there are.
     """
     if isinstance(signal.reads, Selector):
-        return _bind_selector(signal.name, signal.reads, model, data)
+        return _bind_selector(f"signal {signal.name!r}", signal.reads, model, data)
     return lambda *_: signal.number(signal.call(model, data))
 
 
@@ -70,45 +79,52 @@ def derive(model: Any, data: Any) -> None:  # noqa: ANN401
     data.qacc_warmstart[:] = warmstart
 
 
-def _bind_selector(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+def _bind_selector(what: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
     if selector.source == "time":
-        _index(name, selector, 1)
+        index_in(what, selector, 1)
         return lambda *_: float(data.time)
     if selector.source == "contact":
-        return _contact(name, selector, model, data)
-    array = _field(name, selector, data) if selector.names else getattr(data, selector.source)
+        return _contact(what, selector, model, data)
+    array = field_of(what, selector, data) if selector.names else getattr(data, selector.source)
     # Reading a memoryview takes half the time of reading an array, and gives a float at once.
     view = memoryview(array.reshape(-1))
-    index = _index(name, selector, len(view))
+    index = index_in(what, selector, len(view))
     if view.format == "d":
         return lambda *_: view[index]
     return lambda *_: float(view[index])
 
 
-def _index(name: str, selector: Selector, size: int) -> int:
+def index_in(what: str, selector: Selector, size: int) -> int:
+    """The index of a selector in an array of a size.
+
+    Raises:
+        InputError: If it has another number of indices than one, or the array no such index; one
+            number alone needs none.
+    """
     path = selector.path
     if not path and size == 1:
         return 0
     if len(path) != 1 or not isinstance(path[0], int):
-        raise InputError(
-            f"signal {name!r}: expected one index, {selector.whole}[0], got {selector}"
-        )
+        raise InputError(f"{what}: expected one index, {selector.whole}[0], got {selector}")
     if not -size <= path[0] < size:
         held = "1 element, [0]" if size == 1 else f"{size or 'no'} elements"
         more = f", 0 to {size - 1}" if size > 1 else ""
-        raise InputError(
-            f"signal {name!r}: {selector} does not fit: {selector.whole} has {held}{more}"
-        )
+        raise InputError(f"{what}: {selector} does not fit: {selector.whole} has {held}{more}")
     return path[0]
 
 
-def _field(name: str, selector: Selector, data: Any) -> Any:  # noqa: ANN401
-    named = _named(name, selector, selector.source, selector.names[0], data)
+def field_of(what: str, selector: Selector, of: Any) -> Any:  # noqa: ANN401
+    """The array of a named object's field, of a model or of its data.
+
+    Raises:
+        InputError: If there is no such object, or it has no such field.
+    """
+    named = _named(what, selector, selector.source, selector.names[0], of)
     fields = fields_of(named)
     field = selector.field or "data"
     if field not in fields:
         raise InputError(
-            f"signal {name!r}: {selector} does not fit: expected one of the fields "
+            f"{what}: {selector} does not fit: expected one of the fields "
             f"{', '.join(fields)}, got {field!r}{nearest(field, fields)}"
         )
     return getattr(named, field)
@@ -127,21 +143,21 @@ def _held(named: Any, field: str) -> bool:  # noqa: ANN401
     )
 
 
-def _named(name: str, selector: Selector, kind: str, wanted: str, of: Any) -> Any:  # noqa: ANN401
+def _named(what: str, selector: Selector, kind: str, wanted: str, of: Any) -> Any:  # noqa: ANN401
     try:
         return getattr(of, kind)(wanted)
     except KeyError as error:
-        raise InputError(f"signal {name!r}: {selector} names no {kind}: {error.args[0]}") from None
+        raise InputError(f"{what}: {selector} names no {kind}: {error.args[0]}") from None
 
 
-def _contact(name: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
+def _contact(what: str, selector: Selector, model: Any, data: Any) -> Number:  # noqa: ANN401
     if selector.field not in {"", "force"} or selector.path:
         raise InputError(
-            f"signal {name!r}: {selector} reads nothing of a contact; write "
+            f"{what}: {selector} reads nothing of a contact; write "
             f"{Selector('contact', selector.names)}, which is 1 or 0, or "
             f"{Selector('contact', selector.names, 'force')}"
         )
-    first, *rest = (_geoms(name, selector, each, model) for each in selector.names)
+    first, *rest = (_geoms(what, selector, each, model) for each in selector.names)
     second = rest[0] if rest else frozenset(range(model.ngeom))
     pairs = {pair for a in first for b in second for pair in ((a, b), (b, a))}
 
@@ -166,12 +182,12 @@ def _contact(name: str, selector: Selector, model: Any, data: Any) -> Number:  #
     return lambda *_: 1.0 if touching() else 0.0
 
 
-def _geoms(name: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:  # noqa: ANN401
+def _geoms(what: str, selector: Selector, wanted: str, model: Any) -> frozenset[int]:  # noqa: ANN401
     geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, wanted)
     if geom >= 0:
         return frozenset([geom])
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, wanted)
     if body < 0:
-        _named(name, selector, "geom", wanted, model)
+        _named(what, selector, "geom", wanted, model)
     start = int(model.body_geomadr[body])
     return frozenset(range(start, start + int(model.body_geomnum[body])))

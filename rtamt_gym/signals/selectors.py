@@ -71,16 +71,22 @@ class Selector:
 
 
 def parse_selector(
-    name: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
+    what: str, text: str, sources: Mapping[str, Syntax], agents: Collection[str] = ()
 ) -> Selector:
-    """Parses the selector of the signal ``name``, which begins with one of the sources.
+    """Parses a selector, which begins with one of the sources.
 
     Where there are agents, one of them stands in front.
+
+    Args:
+        what: Whose selector it is, for messages, such as ``"signal 'x'"``.
+        text: The selector.
+        sources: The words that it may begin with.
+        agents: The agents, if there are any.
 
     Raises:
         InputError: With the column, what was expected there, and a caret.
     """
-    scan = _Scanner(name, text, sources)
+    scan = _Scanner(what, text, sources)
     agent = _agent(scan, agents) if agents else ""
     source = scan.peek()
     if source not in sources:
@@ -143,8 +149,8 @@ _NAME: Final = re.compile(r"\s*([^\s.,:\[\]'\"]+|'[^']*'|\"[^\"]*\"|.|$)")
 class _Scanner:
     """Reads a text token by token; an empty token is its end."""
 
-    def __init__(self, signal: str, text: str, sources: Mapping[str, Syntax]) -> None:
-        self._signal = signal
+    def __init__(self, what: str, text: str, sources: Mapping[str, Syntax]) -> None:
+        self._what = what
         self._text = text
         self._sources = sources
         self._at = 0
@@ -191,7 +197,7 @@ class _Scanner:
         column = len(self._text.rstrip()) - len(self._text.rstrip()[self._at :].lstrip())
         got = repr(token) if token else "the end of the selector"
         raise InputError(
-            f"signal {self._signal!r}, column {column + 1}: expected {expected}, got {got}\n"
+            f"{self._what}, column {column + 1}: expected {expected}, got {got}\n"
             f"  {self._text}\n"
             f"  {' ' * column}^\n"
             f"  hint: write {hint(self._sources)}"
@@ -203,6 +209,7 @@ def _unquoted(token: str) -> str:
 
 
 def _written(name: str) -> str:
-    if (match := _NAME.fullmatch(name)) and match[1] == name and name not in {*".,:[]'\""}:
+    plain = name[:1] not in {*".,:[]'\""}  # a quote would be taken for the end of one
+    if plain and (match := _NAME.fullmatch(name)) and match[1] == name:
         return name
     return f'"{name}"' if "'" in name else f"'{name}'"

@@ -159,7 +159,7 @@ class Reading:
                 f"signal {name!r}: expected a selector, a callable, or a pair of one of them and "
                 f"its value at reset, got {value!r}; a selector is {hint(sources)}"
             )
-        selector = parse_selector(name, value, sources, agents)
+        selector = parse_selector(f"signal {name!r}", value, sources, agents)
         row = sources[selector.source]
         if default is None and row.at_reset is not True:
             may_have = "may have" if row.at_reset else "has"

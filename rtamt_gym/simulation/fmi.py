@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import shutil
 import tempfile
@@ -18,6 +19,9 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.simulation.entries import as_number
 from rtamt_gym.simulation.fmi_interrupts import Interrupts
 from rtamt_gym.simulation.fmi_variables import Variable, Variables, fit, kind_of
 from rtamt_gym.simulation.systems import Signals, System, named_signals, whole_steps
@@ -107,12 +111,34 @@ class Fmus(System):
         for name, value in (parameters or {}).items():
             variable = self._variables.parameter(name)
             self._start_values.append((variable, fit(variable, value)))
-        self._wires: list[tuple[Variable, Variable | Callable[[float], float]]] = []
+        self._wires: list[tuple[Variable, Variable | Waveform | Callable[[float], float]]] = []
         for name, source in (inputs or {}).items():
             self._connect(self._variables.input(name), source)
         self._folders: list[Path] = []
         self._instances: list[Instance] = []
         self._interrupts = Interrupts()
+
+    def driven(self, case: Case) -> Fmus:
+        """The FMUs with what a case says of their inputs and parameters, in place of their own."""
+        self._unpack()  # once for all runs
+        given = {self._variables.find(name): name for name in case}
+        wires = [wire for wire in self._wires if wire[0] not in given]
+        starts = [start for start in self._start_values if start[0] not in given]
+        for variable, name in given.items():
+            entry = case[name]
+            if variable.entry.causality != "input":
+                number = as_number(name, entry, "inputs")
+                starts.append((self._variables.parameter(name), fit(variable, number)))
+            elif isinstance(entry, Waveform):
+                _check_driven(variable, entry)
+                wires.append((variable, entry))
+            else:
+                starts.append((variable, fit(variable, entry)))
+        made = copy.copy(self)
+        made.__dict__ |= {"_wires": wires, "_start_values": starts, "_interrupts": Interrupts()}
+        # This one removes the folders when it is not used any more.
+        made.__dict__ |= {"_folders": self._folders, "_unpacked_by": self}
+        return made
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Finds the variables and counts the communication steps in a period."""
@@ -219,11 +245,20 @@ class Fmus(System):
             if mine:
                 write = instance.writer([target for target, _ in mine])
                 sources = [
-                    outputs.index(source) if isinstance(source, Variable) else source
-                    for _, source in mine
+                    outputs.index(source)
+                    if isinstance(source, Variable)
+                    else self._stepped(target, source)
+                    if isinstance(source, Waveform)
+                    else source
+                    for target, source in mine
                 ]
                 connections.append((write, sources))
         return connections
+
+    def _stepped(self, target: Variable, waveform: Waveform) -> Callable[[float], float]:
+        """The function that gives an input its value for the communication step that begins now."""
+        value, whole = waveform.stepper(self._h), kind_of(target.entry) is int
+        return lambda _: int(value(self._count)) if whole else value(self._count)
 
     def _exchange(self) -> None:
         """Copies outputs to the inputs that they are connected to."""
@@ -249,6 +284,17 @@ class Fmus(System):
                 f"input {target.name!r}: expected the name of a variable, a number or a function "
                 f"of time, got {source!r}"
             )
+
+
+def _check_driven(target: Variable, waveform: Waveform) -> None:
+    """Refuses a waveform with values that an input does not take."""
+    for value in waveform.values:
+        fit(target, value)
+    if kind_of(target.entry) is int and waveform.interpolation != "hold":
+        raise InputError(
+            f"input {target.name!r} takes whole numbers: expected a waveform with "
+            f"interpolation='hold', got {waveform!r}"
+        )
 
 
 def _named(fmus: object) -> dict[str, Path]:

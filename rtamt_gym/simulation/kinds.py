@@ -10,8 +10,9 @@ import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 from rtamt import InputError, InputTypeError
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.mujoco.values import PanelValues
-from rtamt_gym.simulation.systems import Environment, Policy, SampleSource, System
+from rtamt_gym.simulation.systems import Drivable, Environment, Policy, SampleSource, System
 
 if TYPE_CHECKING:  # it imports MuJoCo, which is optional
     from rtamt_gym.mujoco.snapshots import Snapshot
@@ -25,10 +26,30 @@ def as_system(
     policy: Policy | None,
     seed: int | None,
     start: Snapshot | None,
+    case: Case | None,
     *,
     substeps: bool,
 ) -> System:
-    """The caller's simulation as a `System`."""
+    """The caller's simulation as a `System`, with what a case gives it."""
+    ran = _as_kind(system, policy, seed, start, substeps=substeps)
+    if case is None:
+        return ran
+    if not isinstance(ran, Drivable):
+        raise InputError(
+            f"{ran.name} takes no case, got {case!r}; environments, pairs (model, data) of MuJoCo, "
+            "Fmus, functions of time and generator functions take one"
+        )
+    return ran.driven(case)
+
+
+def _as_kind(
+    system: Any,  # noqa: ANN401
+    policy: Policy | None,
+    seed: int | None,
+    start: Snapshot | None,
+    *,
+    substeps: bool,
+) -> System:
     of_mujoco = _of_mujoco(system, policy, seed, start)
     if of_mujoco is not None:
         return of_mujoco

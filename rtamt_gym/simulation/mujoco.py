@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -10,9 +10,11 @@ import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputTypeError, StateError
 from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.signals.mujoco import bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
 from rtamt_gym.signals.sources import MUJOCO
+from rtamt_gym.simulation.mujoco_case import Driven, drive
 from rtamt_gym.simulation.systems import Policy, Signals, System, whole_steps
 
 __all__ = ["Model", "check_policy", "check_time", "model_name"]
@@ -27,7 +29,13 @@ class Model(System):
     needs_period = True
     endless = True
 
-    def __init__(self, model: Any, data: Any, policy: Policy | None) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        model: Any,  # noqa: ANN401
+        data: Any,  # noqa: ANN401
+        policy: Policy | None,
+        driven: Driven | None = None,
+    ) -> None:
         check_pair(model, data)
         check_policy(policy)
         self.name = model_name(model)
@@ -35,6 +43,13 @@ class Model(System):
         self._model = model
         self._data = data
         self._policy = policy
+        self._driven = driven
+        self._set_inputs: Callable[[], None] | None = None
+
+    def driven(self, case: Case) -> Model:
+        """A copy of model and data with what a case says of them."""
+        driven = drive(self._model, self._data, case, self.name)
+        return Model(driven.model, driven.data, self._policy, driven)
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Binds the selectors and counts the steps in a period."""
@@ -46,6 +61,8 @@ class Model(System):
 
     def start(self) -> list[float]:
         """Derives everything that depends on the state."""
+        if self._driven is not None and self._driven.inputs:
+            self._set_inputs = self._driven.setter()
         derive(self._model, self._data)
         return [read() for read in self._reads]
 
@@ -55,6 +72,8 @@ class Model(System):
         for _ in range(self._steps):
             if self._policy is not None:
                 self._policy(model, data)
+            if self._set_inputs is not None:
+                self._set_inputs()
             due = data.time + model.opt.timestep
             mujoco.mj_step(model, data)
             check_time(data, due, self.name)

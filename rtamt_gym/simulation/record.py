@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import Specification, Verdict, parse
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.judges.interface import InterfaceOptions, Semantics, robustness_text
 from rtamt_gym.judges.specs import Align, View
 from rtamt_gym.tables import sample_text
@@ -131,6 +132,7 @@ class RunRecord(_ComparesArrays):
     wall_time: float = field(compare=False)
     align: Align | None = None
     first_sample: int = 0
+    case: Case | None = None
 
     def columns(self) -> dict[str, Floats]:
         """The run as a table: ``time``, the signals, and three columns for every specification.

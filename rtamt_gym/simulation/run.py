@@ -46,6 +46,7 @@ class Run(RunRecord):
         first_sample: The number of the first recorded sample in its episode. It is 0, unless the
             run went on from a `StepMonitor`: then robustness, bounds and verdicts are those of the
             whole episode, of which the run has the samples from this one on.
+        case: The `Case` that it was given, or None.
 
     Example:
         >>> from rtamt_gym import simulate

@@ -14,6 +14,8 @@ import gymnasium as gym
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.panel import Panel
@@ -47,6 +49,7 @@ def simulate(
     specs: SpecsLike | None = None,
     signals: Mapping[str, SignalLike] | None = None,
     *,
+    case: Mapping[str, float | Waveform] | None = None,
     start: Snapshot | None = None,
     policy: Policy | None = None,
     seed: int | None = None,
@@ -66,17 +69,27 @@ def simulate(
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
 
-    | system | ``signals`` | ``policy`` |
-    |---|---|---|
-    | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation |
-    | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; optional |
-    | a `StepMonitor`, from its present state on | its own | sets ``data.ctrl``; optional |
-    | `Fmus`: FMUs connected | names of their variables | |
-    | a function from time to sample | keys of the sample | |
-    | an iterable of samples, or a generator function | keys of the sample | |
+    | system | ``signals`` | ``policy`` | ``case`` |
+    |---|---|---|---|
+    | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation | \
+actions, parameters, attributes |
+    | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; \
+optional | controls, states, constants |
+    | a `StepMonitor`, from its present state on | its own | sets ``data.ctrl``; optional | |
+    | `Fmus`: FMUs connected | names of their variables | | inputs, parameters |
+    | a function from time to sample | keys of the sample | | keyword arguments |
+    | a generator function | keys of the sample | | keyword arguments |
+    | an iterable of samples | keys of the sample | | |
 
-    A sample is a mapping from names to numbers. For the last three systems, a variable that is not
-    in ``signals`` reads the value of its own name.
+    A sample is a mapping from names to numbers. For the last four systems, a variable that is not
+    in ``signals`` reads the value of its own name; for an environment that has ``signals`` of its
+    own, as scenarios do, what that says.
+
+    A ``case`` is what this run is given, by name: numbers, and waveforms for what changes. A step
+    of the simulation gets the value of a waveform at its start with ``"hold"``, at its end with
+    ``"linear"`` and ``"pchip"``; functions get the waveform itself, which is a function of time.
+    Afterwards the system is as it was. What the names are, system by system, is said in
+    docs/simulations.md.
 
     Sample 0 is the state before the first step: an environment's observation at reset, the present
     state of a MuJoCo model's data, an FMU's outputs after its initialization.
@@ -104,9 +117,11 @@ def simulate(
             one by itself. None for a `StepMonitor`, which has its own.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
+        case: Numbers and waveforms by name, such as a `Case`, for this run.
         start: Where a `StepMonitor` branches off. None: it runs on from its present state.
         policy: The function that acts. Its arguments are the observation, or model and data. For
-            more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``.
+            more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``. What a case
+            drives, the policy does not. None: the ``baseline`` of an environment that has one.
         seed: The seed of an environment's reset.
         period: Time between samples, in seconds or as text with a unit. None: the system's own. For
             a system without one, ``1`` makes bounds in the default unit count steps.
@@ -177,7 +192,8 @@ def simulate(
             f"substeps=True is for environments, whose step makes several, got {system!r}; give a "
             "smaller period= where the system takes one"
         )
-    ran = as_system(system, policy, seed, start, substeps=substeps)
+    given = None if case is None else Case(case)
+    ran = as_system(system, policy, seed, start, given, substeps=substeps)
     monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
     if monitor is not None:
         _refuse_options(
@@ -233,6 +249,7 @@ def simulate(
             wall_time=time.perf_counter() - begin,
             align=align,
             first_sample=record.first_sample,
+            case=given,
         )
 
     run: Run | None = None

@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rtamt import InputError, Verdict
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
 
 __all__ = ["load", "save"]
@@ -42,6 +43,7 @@ def save(run: RunRecord, path: Path) -> None:
             for name, course in run.courses.items()
         },
         "period": None if run.period is None else str(run.period),
+        "case": None if run.case is None else run.case.to_json(),
     }
     metadata = {_KEY: json.dumps(kept, allow_nan=False)}
     table = pa.table({name: np.asarray(values) for name, values in run.columns().items()})
@@ -79,4 +81,5 @@ def load(path: Path) -> dict[str, Any]:
             for name, course in kept["courses"].items()
         },
         "period": None if kept["period"] is None else Fraction(kept["period"]),
+        "case": Case.from_json(kept["case"]) if kept.get("case") else None,
     }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from fractions import Fraction
 from inspect import isgeneratorfunction
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -14,12 +16,17 @@ import gymnasium as gym
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.numbers import exact
+from rtamt_gym.inputs.case import Case
 from rtamt_gym.judges.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.simulation.entries import refuse_unknown
+from rtamt_gym.simulation.environment_case import EnvironmentCase, baseline_of
 from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
 __all__ = [
+    "Drivable",
     "Environment",
     "Policy",
     "Sample",
@@ -82,6 +89,18 @@ class System(Protocol):
         """Releases what `start` has taken; called after an error too."""
 
 
+@runtime_checkable
+class Drivable(Protocol):
+    """A system that takes a case."""
+
+    def driven(self, case: Case) -> System:
+        """The system with what a case gives it, for one run; this one stays as it is.
+
+        Raises:
+            RtamtError: If it has nothing of a name, or an entry does not fit.
+        """
+
+
 class Environment(System):
     """A Gymnasium environment and the policy that acts in it."""
 
@@ -92,13 +111,9 @@ class Environment(System):
         seed: int | None,
         *,
         substeps: bool = False,
+        case: EnvironmentCase | None = None,
     ) -> None:
-        if policy is None:
-            raise InputError(
-                "an environment needs a policy, a function from observation to action; "
-                "policy=lambda obs: env.action_space.sample() acts at random"
-            )
-        if not callable(policy):
+        if policy is not None and not callable(policy):
             way_out = "lambda obs: model.predict(obs)[0]" if hasattr(policy, "predict") else ""
             raise InputTypeError(
                 f"expected a policy, a function from observation to action, got {policy!r}; "
@@ -116,13 +131,23 @@ class Environment(System):
         self._policy = policy
         self._seed = seed
         self._obs: Any = None
+        self._case = case
+        self._ends = ExitStack()
 
-    def bind(
-        self,
-        variables: Sequence[str],
-        signals: Signals,
-        period: Fraction | None,  # noqa: ARG002 - an environment's step has a length of its own
-    ) -> None:
+    def driven(self, case: Case) -> Environment:
+        """The environment with a case: options, attributes, and waveforms for its actions."""
+        bound = EnvironmentCase(self._env, case, self.name)
+        with bound.attributes():  # one of them may be the period
+            return Environment(
+                self._env, self._policy, self._seed, substeps=self._substeps, case=bound
+            )
+
+    def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
+        """Binds the selectors and finds who acts."""
+        self._step_period = period or Fraction(1)
+        if self._substeps:
+            self._step_period = exact(read_period(self._env) or 1)
+        self._find_policy()
         own = own_signals(self._env)
         parsed = parse_signals(signals or {}, variables, SOURCES, extra=True, own=own)
         self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
@@ -135,7 +160,13 @@ class Environment(System):
         self.ended = ""
         self._rest.clear()
         self._end: SystemEnd = ""
-        self._obs, info = self._env.reset(seed=self._seed)
+        self._act = self._find_policy()
+        if self._case is None:
+            self._obs, info = self._env.reset(seed=self._seed)
+        else:
+            self._ends.enter_context(self._case.attributes())
+            self._obs, info = self._env.reset(seed=self._seed, options=self._case.options)
+            self._case.check()
         return [read(self._obs, None, None, info) for read in self._reads_at_reset]
 
     def advance(self) -> list[float]:
@@ -148,7 +179,7 @@ class Environment(System):
 
     def _step(self) -> None:
         """Steps the environment; its samples, one or with ``substeps`` several, are the rest."""
-        action = self._policy(self._obs)
+        action = self._act(self._obs)
         if self._substeps:
             result = self._inside.step(action, self._keep, self._rest.__len__)
         else:
@@ -162,8 +193,22 @@ class Environment(System):
     def _keep(self, *step: Any) -> None:  # noqa: ANN401 - the arguments of a `Read`
         self._rest.append([read(*step) for read in self._inside.reads])
 
+    def _find_policy(self) -> Policy:
+        """Who acts in an episode that begins now: the case, the policy or the baseline."""
+        baseline = baseline_of(self._env)
+        if self._case is not None and self._case.drives:
+            return self._case.policy(self._policy, baseline, self._step_period)
+        policy = self._policy or baseline
+        if policy is None:
+            raise InputError(
+                "an environment needs a policy, a function from observation to action; "
+                "policy=lambda obs: env.action_space.sample() acts at random"
+            )
+        return policy
+
     def close(self) -> None:
-        """Leaves the environment open: it belongs to the caller."""
+        """Leaves the environment open, for it belongs to the caller, with its own attributes."""
+        self._ends.close()
 
 
 class SampleSource(System):
@@ -174,13 +219,28 @@ class SampleSource(System):
         source: Callable[[float], Sample | None]
         | Callable[[], Iterator[Sample]]
         | Iterable[Sample],
+        case: Mapping[str, Any] | None = None,
     ) -> None:
         self.needs_period = self.endless = callable(source) and not isgeneratorfunction(source)
         name = getattr(source, "__name__", "function").replace("<lambda>", "function")
         self.name = name if callable(source) else "samples"
         self._source: Any = source
+        self._case = case or {}
         self._samples: Iterator[Sample | None] = iter(())
         self._count = 0
+
+    def driven(self, case: Case) -> System:
+        """The function with the entries of a case as keyword arguments."""
+        if not callable(self._source):
+            raise InputError(
+                "samples that are there already take no case; give a generator function, whose "
+                f"keyword arguments are the names {listing(case)}"
+            )
+        known, open_ = _keywords(self._source, 1 if self.endless else 0)
+        for name in case:
+            if name not in known and not open_:
+                refuse_unknown(self.name, name, known, "" if known else "no keyword arguments")
+        return SampleSource(self._source, case)
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         self._reads = named_signals(variables, signals)
@@ -191,9 +251,9 @@ class SampleSource(System):
         source = self._source
         if self.endless:
             period = self._period or Fraction(1)
-            self._samples = (source(float(i * period)) for i in itertools.count())
+            self._samples = (source(float(i * period), **self._case) for i in itertools.count())
         else:
-            self._samples = iter(source() if callable(source) else source)
+            self._samples = iter(source(**self._case) if callable(source) else source)
         self._count = 0
         first = self.advance()
         if first is None:
@@ -225,6 +285,25 @@ class SampleSource(System):
         """Closes a generator, which may hold open files."""
         if isinstance(self._samples, Generator):
             self._samples.close()
+
+
+def _keywords(function: Callable[..., object], skip: int) -> tuple[list[str], bool]:
+    """The keyword arguments that a function takes, and whether it takes any name.
+
+    Args:
+        function: The function.
+        skip: How many arguments it is given by their place.
+    """
+    try:
+        parameters = [*inspect.signature(function).parameters.values()]
+    except ValueError:  # as of some functions that are not written in Python
+        return [], True
+    named = [
+        each.name
+        for each in parameters[skip:]
+        if each.kind in {each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY}
+    ]
+    return named, any(each.kind is each.VAR_KEYWORD for each in parameters)
 
 
 def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -> list[str]:

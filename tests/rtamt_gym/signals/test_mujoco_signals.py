@@ -124,16 +124,16 @@ NAMES = st.text(min_size=1, max_size=12).filter(
 @given(NAMES, st.sampled_from(["xpos", "xmat"]), st.integers(-9, 9))
 def test_any_printable_name_can_be_selected(name: str, field: str, index: int) -> None:
     selector = Selector("body", (name,), field, (index,))
-    assert parse_selector("x", str(selector), MUJOCO) == selector
+    assert parse_selector("signal 'x'", str(selector), MUJOCO) == selector
 
 
 @given(st.text(alphabet="bodysitecnajqp:.,[]0123456789'\"k -+/é", max_size=24))
 def test_any_text_is_a_selector_that_prints_itself_or_an_error(text: str) -> None:
     try:
-        selector = parse_selector("x", text, MUJOCO)
+        selector = parse_selector("signal 'x'", text, MUJOCO)
     except InputError:
         return
-    assert parse_selector("x", str(selector), MUJOCO) == selector
+    assert parse_selector("signal 'x'", str(selector), MUJOCO) == selector
 
 
 FIELDS = "force, length, moment, velocity"
@@ -266,7 +266,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
     selector: str, column: int, wrong: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        parse_selector("x", selector, MUJOCO)
+        parse_selector("signal 'x'", selector, MUJOCO)
     caret = " " * (column - 1) + "^"
     assert (
         str(caught.value)
