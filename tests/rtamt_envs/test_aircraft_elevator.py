@@ -201,6 +201,10 @@ def test_the_baseline_is_the_square_wave_of_the_paper() -> None:
         ticks = np.arange(1000) * round(frequency * 10)  # exact halves: 500 ticks
         wave = np.where(ticks // 500 % 2 == 0, 1.25, -1.25)
         np.testing.assert_array_equal(command[1:], wave)
+    for half in (63, 69, 71):  # samples; the products of frequency and time are not whole
+        command = _fly(frequency=50 / half)[:, 0, 0]
+        wave = np.where(np.arange(1000) // half % 2 == 0, 1.0, -1.0)
+        np.testing.assert_array_equal(command[1:], wave)
 
 
 def test_the_map_of_the_paper() -> None:

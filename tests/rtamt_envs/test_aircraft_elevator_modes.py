@@ -197,5 +197,9 @@ def test_the_monitors_know_range_and_rate() -> None:
     bad = [(499, 500), (2001, 2001), (1000, 899), (899, 1000)]
     assert [pressure_failed(*map(float, each)) for each in good] == [False] * 4
     assert [pressure_failed(*map(float, each)) for each in bad] == [True] * 4
-    assert [position_failed(*each) for each in [(10.0, 9.0), (-10.0, 9.9)]] == [False, False]
-    assert [position_failed(*each) for each in [(10.1, 9.0), (10.0, -10.0)]] == [True, True]
+    assert [position_failed(each) for each in (-10.1, -10.0, 10.0, 10.1)] == [
+        True,
+        False,
+        False,
+        True,
+    ]
