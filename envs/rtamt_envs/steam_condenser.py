@@ -19,8 +19,9 @@ the layer are 0.
 
 **Solver.** The classical method of Runge and Kutta in steps of a period, 0.01 s. The action is held
 over a period and the setpoint changes at a sample, so nothing jumps within a step; only the slopes
-of the tables do, where P passes 90 kPa. Against a solver of order 8 with tolerances of 1e-12 the
-pressure differs by less than 4e-8 kPa over the whole run.
+of the tables do, where P passes 90 kPa. From a solver of order 8 (tolerances 1e-13) the pressure
+differs, at every quarter second of ten random runs, by at most 1.2e-6 kPa with steps of 0.05 s,
+7.7e-8 with 0.025 s, 1.4e-8 with 0.01 s and 1.8e-9 with 0.005 s; at no sample by more than 4e-8.
 
 **Not validated:** the Simulink model was not run, nor is the physics more than the benchmark's:
 volume, masses and tables are taken as they stand.
@@ -29,6 +30,13 @@ Source: S. Yaghoubi, G. Fainekos: Gray-box adversarial testing for control syste
 learning components, HSCC 2019, as the benchmark of the competition ARCH-COMP (falsification), from
 which requirement and inputs come: 20 even pieces over 35 s within 3.99 .. 4.01 kg/s. No input that
 violates the requirement is known.
+
+    >>> import gymnasium as gym, rtamt_envs
+    >>> condenser = gym.make_vec("rtamt/SteamCondenser-v0", num_envs=1)
+    >>> observation, _ = condenser.reset()
+    >>> p = condenser.unwrapped.rollout([[[4.0]]] * 3500)[2999:, 0, 0]  # kPa, from 30 s on
+    >>> print(f"{p.min():.3f} .. {p.max():.3f} kPa")
+    87.293 .. 87.294 kPa
 """
 
 from __future__ import annotations
@@ -211,7 +219,7 @@ def _draw(figure: Figure, episode: Episode) -> None:
     tidy(water, "Fcw [kg/s]")
     water.plot(episode.times, episode.observations[:, 3], color=SIGNAL, linewidth=1.2)
     tidy(steam, "Fs [kg/s]")
-    steam.plot(episode.times[1:], episode.actions[:, 0], color=SIGNAL, linewidth=1.2)
+    steam.stairs(episode.actions[:, 0], episode.times, baseline=None, color=SIGNAL, linewidth=1.2)
     steam.set_xlabel("time [s]", fontsize=9.5)
 
 
