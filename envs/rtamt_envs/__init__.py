@@ -59,4 +59,5 @@ for _name, (_, _steps) in SCENARIOS.items():
             vector_entry_point="rtamt_envs.vector:ScenarioVectorEnv",
             kwargs={"scenario": _name},
             max_episode_steps=_steps,
+            disable_env_checker=True,  # an error of the first reset would leave it unusable
         )

@@ -14,13 +14,14 @@ def compiled(function: _F) -> _F:
     """Compiles a function with numba when it is first called; keeps the code beside its file.
 
     Without numba (the extra ``cases``), or with ``NUMBA_DISABLE_JIT=1``, the function is left as it
-    is: the same numbers, bit for bit, some hundred times as slowly.
+    is: the same numbers, bit for bit, some hundred times as slowly. A division by zero gives inf or
+    nan, as of numbers of NumPy: an exception would be lost where loops call the function.
     """
     try:
         from numba import njit
     except ModuleNotFoundError:
         return function
-    return cast("_F", njit(cache=True)(function))
+    return cast("_F", njit(cache=True, error_model="numpy")(function))
 
 
 def in_loops(function: _F, kind: Literal["start", "step", "baseline"]) -> _F:
@@ -38,4 +39,5 @@ def in_loops(function: _F, kind: Literal["start", "step", "baseline"]) -> _F:
         "step": (vector,) * 5,
         "baseline": (types.float64, *(vector,) * 3),
     }
-    return cast("_F", cfunc(types.void(*arguments[kind]), cache=True)(function.py_func))
+    make = cfunc(types.void(*arguments[kind]), cache=True, error_model="numpy")
+    return cast("_F", make(function.py_func))

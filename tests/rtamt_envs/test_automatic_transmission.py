@@ -157,6 +157,16 @@ def test_parameters_slow_the_car_down() -> None:
     assert again[-1, 0, 0] == plain
 
 
+def test_a_division_by_zero_gives_nan_alone_and_in_lanes() -> None:
+    env = gym.make(_ID)
+    env.reset(options={"inertia": 0.0})
+    with np.errstate(all="ignore"):
+        alone = env.step(np.array([50.0, 0.0]))[0]
+        lanes = _drive(_held(50.0, 0.0, 1), inertia=0.0)[1, 0]
+    np.testing.assert_array_equal(np.isnan(alone), [True, True, False])
+    np.testing.assert_array_equal(lanes, alone)
+
+
 def test_the_baseline_drives_at_half_throttle() -> None:
     cars = gym.make_vec(_ID, num_envs=2).unwrapped
     cars.reset()

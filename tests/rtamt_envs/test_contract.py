@@ -79,6 +79,16 @@ def test_the_time_limit_ends_an_episode(name: str) -> None:
 
 
 @each_scenario
+def test_an_error_of_the_first_reset_changes_nothing(name: str) -> None:
+    env = gym.make(f"rtamt/{name}-v0")
+    with pytest.raises(rtamt.InputError, match="no parameter 'colour'"):
+        env.reset(options={"colour": 1.0})
+    first, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(first, made(name).reset(seed=0)[0])
+    env.step(env.action_space.low)  # type: ignore[attr-defined]
+
+
+@each_scenario
 def test_a_seed_gives_an_episode_again(name: str) -> None:
     env, other = made(name), made(name)
     actions = random_actions(env.scenario, (40,), 1)
