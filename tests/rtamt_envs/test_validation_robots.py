@@ -1,4 +1,4 @@
-"""The robots against the exponential of a twist and SciPy's solver; requests against numpy."""
+"""The robots against the integral of their velocity and SciPy's solver; requests against numpy."""
 
 import itertools
 import math
@@ -28,7 +28,7 @@ def room(x: float, y: float) -> float:
     return min(near) - 0.2
 
 
-def test_the_mobile_robot_drives_the_exponential_of_its_twist_and_stops_at_walls() -> None:
+def test_the_mobile_robot_drives_the_integral_of_its_twist_and_stops_at_walls() -> None:
     actions = commands("MobileRobot", 4, 15, 20)
     stopped = 0
     for rows in observed("MobileRobot", actions, noise=0.2, lag=0.3):
