@@ -9,18 +9,17 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_envs import scenario_of
 from rtamt_envs.lanes import Lanes
-from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+from rtamt_envs.scenario import Declared, Episode, Floats, Quantity, Scenario
 
 __all__ = ["ScenarioEnv", "box", "numbers"]
 
 _ONE = np.ones(1, np.bool_)
 
 
-class ScenarioEnv(gym.Env[Floats, Floats]):
+class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
     """A scenario as an environment: ``gym.make("rtamt/ChasingCars-v0")`` makes one.
 
     An episode never terminates; ``gym.make`` truncates it after the duration of the scenario, or
@@ -69,28 +68,12 @@ class ScenarioEnv(gym.Env[Floats, Floats]):
         if render_mode not in {None, "rgb_array"}:
             raise InputError(f"expected render_mode None or 'rgb_array', got {render_mode!r}")
         self.render_mode = render_mode
-        self.dt = self.scenario.period
         self.action_space = box(self.scenario.actions)
         self.observation_space = box(self.scenario.observations)
         self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
         self._lanes = Lanes(self.scenario, self._defaults, 1)
         self._seen: list[Floats] = []
         self._acted: list[Floats] = []
-
-    @property
-    def requirements(self) -> Mapping[str, rtamt.Specification]:
-        """The requirements by name."""
-        return self.scenario.specifications
-
-    @property
-    def signals(self) -> Mapping[str, str]:
-        """What the names of the observation read."""
-        return self.scenario.signals
-
-    @property
-    def action_names(self) -> tuple[str, ...]:
-        """The names of the components of an action."""
-        return tuple(each.name for each in self.scenario.actions)
 
     @property
     def parameters(self) -> dict[str, float]:

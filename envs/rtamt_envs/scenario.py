@@ -18,7 +18,7 @@ from rtamt_gym.checks.names import listing, nearest
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure
 
-__all__ = ["Bools", "Episode", "Floats", "Quantity", "Scenario"]
+__all__ = ["Bools", "Declared", "Episode", "Floats", "Quantity", "Scenario"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -162,3 +162,33 @@ class Scenario:
         from rtamt_envs import scenario_of
 
         return scenario_of, (self.name,)
+
+
+class Declared:
+    """What an environment and its vector twin have of their scenario.
+
+    Attributes:
+        scenario: The declaration, with units and source.
+    """
+
+    scenario: Scenario
+
+    @property
+    def dt(self) -> float:
+        """Seconds of a step."""
+        return self.scenario.period
+
+    @property
+    def requirements(self) -> Mapping[str, rtamt.Specification]:
+        """The requirements by name."""
+        return self.scenario.specifications
+
+    @property
+    def signals(self) -> Mapping[str, str]:
+        """What the names of the observation read, for wrappers and `simulate`."""
+        return self.scenario.signals
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """The names of the components of an action."""
+        return tuple(each.name for each in self.scenario.actions)

@@ -11,17 +11,16 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
-import rtamt
 from rtamt import InputError
 from rtamt_envs import scenario_of
 from rtamt_envs.environment import box, numbers
 from rtamt_envs.lanes import Lanes
-from rtamt_envs.scenario import Bools, Floats
+from rtamt_envs.scenario import Bools, Declared, Floats
 
 __all__ = ["ScenarioVectorEnv"]
 
 
-class ScenarioVectorEnv(VectorEnv[Floats, Floats, Any]):
+class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     """Many simulations of a scenario in lockstep: ``gym.make_vec("rtamt/ChasingCars-v0", 100)``.
 
     Lane i of a vector environment that is reset with seed s is equal to a `ScenarioEnv` that is
@@ -64,7 +63,6 @@ class ScenarioVectorEnv(VectorEnv[Floats, Floats, Any]):
                 f'gym.make({self.scenario.id!r}, render_mode="rgb_array") draws one'
             )
         self.num_envs = num_envs
-        self.dt = self.scenario.period
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
         self.single_action_space = box(self.scenario.actions)
@@ -77,21 +75,6 @@ class ScenarioVectorEnv(VectorEnv[Floats, Floats, Any]):
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         self._all = np.ones(num_envs, np.bool_)
         self._ended = np.zeros(num_envs, np.bool_)
-
-    @property
-    def requirements(self) -> Mapping[str, rtamt.Specification]:
-        """The requirements by name."""
-        return self.scenario.specifications
-
-    @property
-    def signals(self) -> Mapping[str, str]:
-        """What the names of the observation read."""
-        return self.scenario.signals
-
-    @property
-    def action_names(self) -> tuple[str, ...]:
-        """The names of the components of an action."""
-        return tuple(each.name for each in self.scenario.actions)
 
     @property
     def parameters(self) -> dict[str, Floats]:
