@@ -98,8 +98,10 @@ class Lanes:
     def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
         """Makes steps as `roll` does, under the baseline of the scenario."""
         made = np.full((steps, *self.observations.shape), np.nan)
+        _, step, baseline = _functions(self._scenario)
         _follow(
-            *_functions(self._scenario)[1:],
+            step,
+            baseline,
             self._scenario.period,
             np.zeros(len(self._low)),
             self.parameters,
