@@ -29,13 +29,18 @@ def test_velocities_follow_their_commands_as_first_order_systems_do(lag: float) 
 
 
 def test_walls_stop_a_robot_and_the_other_robot_does_not() -> None:
-    towards = np.tile([-1.0, 1.0, -1.0, 1.0], (100, 1))
-    seen = course(made("TwoServiceRobots", parameters=QUIET), towards)
-    corner = [RADIUS, HEIGHT - RADIUS]
-    np.testing.assert_array_equal(seen[-1, :4], corner * 2)
-    away = np.tile([1.0, 0.0, 1.0, -1.0], (100, 1))
-    seen = course(made("TwoServiceRobots", parameters=QUIET), np.concatenate([towards, away]))
-    assert seen[-1, :4] == pytest.approx([WIDTH - RADIUS, corner[1], WIDTH - RADIUS, RADIUS])
+    env = made("TwoServiceRobots", parameters={"lag": 0.4, **QUIET})
+    towards, away = [-1.0, 1.0, -1.0, 1.0], np.array([0.5, -0.4, 0.3, -0.2])
+    seen = course(env, np.repeat([towards, away], [100, 40], axis=0))
+    corner = np.array([RADIUS, HEIGHT - RADIUS] * 2)
+    np.testing.assert_array_equal(seen[100, :4], corner)
+    times = np.arange(41)[:, None] / 10  # from rest, as from the start
+    late = 0.4 * (1 - np.exp(-times / 0.4))
+    np.testing.assert_allclose(seen[100:, :4], corner + away * (times - late), rtol=1e-12)
+    towards, away = [1.0, -1.0, 1.0, -1.0], -away
+    seen = course(env, np.repeat([towards, away], [100, 40], axis=0))
+    corner = np.array([WIDTH - RADIUS, RADIUS] * 2)
+    np.testing.assert_allclose(seen[100:, :4], corner + away * (times - late), rtol=1e-12)
 
 
 def test_a_station_is_served_within_20_cm_and_then_the_other_is_next() -> None:
