@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
+    from rtamt_gym.search.record import Record
+    from rtamt_gym.search.runner import Runner
+    from rtamt_gym.search.sweep import Sweep, sweep
     from rtamt_gym.signals.signals import Step
     from rtamt_gym.simulation.fmi import Fmus
     from rtamt_gym.simulation.run import Run
@@ -35,7 +38,9 @@ if TYPE_CHECKING:
         "Fmus",
         "ParallelStlMonitor",
         "Parameter",
+        "Record",
         "Run",
+        "Runner",
         "Signal",
         "Snapshot",
         "Space",
@@ -43,11 +48,13 @@ if TYPE_CHECKING:
         "StepMonitor",
         "StlMonitor",
         "StlReward",
+        "Sweep",
         "VectorStlMonitor",
         "VectorStlReward",
         "Waveform",
         "evaluate_rollouts",
         "simulate",
+        "sweep",
     ]
 
 _MODULES = {
@@ -56,7 +63,9 @@ _MODULES = {
     "Fmus": "rtamt_gym.simulation.fmi",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
+    "Record": "rtamt_gym.search.record",
     "Run": "rtamt_gym.simulation.run",
+    "Runner": "rtamt_gym.search.runner",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Space": "rtamt_gym.inputs.space",
@@ -64,11 +73,13 @@ _MODULES = {
     "StepMonitor": "rtamt_gym.mujoco.step_monitor",
     "StlMonitor": "rtamt_gym.wrappers.monitor",
     "StlReward": "rtamt_gym.wrappers.reward",
+    "Sweep": "rtamt_gym.search.sweep",
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "simulate": "rtamt_gym.simulation.simulate",
+    "sweep": "rtamt_gym.search.sweep",
 }
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from numbers import Real
+from numbers import Integral, Real
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 
-__all__ = ["check_choice", "check_known", "check_number"]
+__all__ = ["check_choice", "check_count", "check_known", "check_number"]
 
 
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
@@ -25,6 +25,15 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
     raise InputError(f"expected {name}= as a finite number above 0{most}, got {value!r}")
+
+
+def check_count(what: str, count: object) -> int:
+    """Converts a whole number above 0 to an int; refuses any other."""
+    if isinstance(count, bool) or not isinstance(count, Integral):
+        raise InputTypeError(f"expected {what} as a whole number, got {count!r}")
+    if count < 1:
+        raise InputError(f"expected {what} as 1 or more, got {count}")
+    return int(count)
 
 
 def check_known(name: str, given: Iterable[str], known: Collection[str]) -> None:

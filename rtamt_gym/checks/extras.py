@@ -17,6 +17,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "asammdf": "mdf",
     "pandas": "pandas",
     "fmpy": "fmi",
+    "SALib": "search",
 }
 """The extra that installs each optional package."""
 

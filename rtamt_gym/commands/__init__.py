@@ -6,6 +6,7 @@ COMMANDS = {
     "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",
     "envs": "list what can be read from a Gymnasium environment",
     "run": "watch episodes of a Gymnasium environment",
+    "sweep": "run a scenario on many points of a space",
     "monitor": "judge recorded traces",
     "explain": "say which samples of recorded traces decided",
 }

@@ -6,10 +6,14 @@ import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from rtamt import InputError
+from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.judges.interface import Semantics
+
+if TYPE_CHECKING:
+    from rtamt_gym.signals.signals import SignalLike
 
 __all__ = [
     "add_align",
@@ -19,6 +23,7 @@ __all__ = [
     "check_outputs",
     "positive",
     "read_options",
+    "read_signals",
     "whole",
 ]
 
@@ -76,6 +81,34 @@ def _read_value(text: str) -> Any:  # noqa: ANN401 - what JSON holds
                 f"--env-kwarg: expected JSON, such as '{{\"duration\": 20}}', got {text!r}: {error}"
             ) from error
         return text
+
+
+def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
+    """Reads ``--signal NAME=SELECTOR``, with the value at reset behind a comma.
+
+    Raises:
+        InputError: If an argument is not of this form, or a name comes twice.
+    """
+    signals: dict[str, SignalLike] = {}
+    for argument in arguments:
+        name, _, selector = (part.strip() for part in argument.partition("="))
+        if not (name and selector):
+            raise InputError(
+                f"--signal: expected NAME=SELECTOR, such as angle=obs[2], got {argument!r}"
+            )
+        if name in signals:
+            raise InputError(f"--signal: expected one signal {name!r}, got two")
+        signals[name] = selector
+        value, comma, reset = selector.rpartition(",")
+        if comma and "]" not in reset:  # a comma before a bracket belongs to a key
+            at_reset = read_floats([reset])
+            if at_reset is None:
+                raise InputError(
+                    "--signal: expected a number behind the comma, the value at reset, "
+                    f"got {argument!r}"
+                )
+            signals[name] = (value, *at_reset)
+    return signals
 
 
 def add_reading(parser: argparse.ArgumentParser, default: str) -> None:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
-from rtamt import InputError
-from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands.arguments import (
     add_align,
     add_environment,
@@ -18,13 +16,11 @@ from rtamt_gym.commands.arguments import (
     check_outputs,
     positive,
     read_options,
+    read_signals,
     whole,
 )
 from rtamt_gym.commands.specs import read_requirements
 from rtamt_gym.judges.ends import AtTermination, AtTruncation, OpenEndWarning
-
-if TYPE_CHECKING:
-    from rtamt_gym.signals.signals import SignalLike
 
 __all__ = ["add_arguments", "run"]
 
@@ -122,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.simulation.simulate import simulate
 
     specs = read_requirements(options.spec)
-    signals = _read_signals(options.signal)
+    signals = read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, _noted_ends() as notes:
@@ -189,26 +185,3 @@ _OPEN_END = [
     "counts as satisfied. --at-termination says what its end means: complete for this,",
     "failure for a fall or a crash, cut where the episode could have gone on.",
 ]
-
-
-def _read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
-    signals: dict[str, SignalLike] = {}
-    for argument in arguments:
-        name, _, selector = (part.strip() for part in argument.partition("="))
-        if not (name and selector):
-            raise InputError(
-                f"--signal: expected NAME=SELECTOR, such as angle=obs[2], got {argument!r}"
-            )
-        if name in signals:
-            raise InputError(f"--signal: expected one signal {name!r}, got two")
-        signals[name] = selector
-        value, comma, reset = selector.rpartition(",")
-        if comma and "]" not in reset:  # a comma before a bracket belongs to a key
-            at_reset = read_floats([reset])
-            if at_reset is None:
-                raise InputError(
-                    "--signal: expected a number behind the comma, the value at reset, "
-                    f"got {argument!r}"
-                )
-            signals[name] = (value, *at_reset)
-    return signals

@@ -32,6 +32,7 @@ FLOORS = {
         ("judges",),
         ("wrappers", "mujoco"),
         ("simulation", "recorded"),
+        ("search",),
         ("demo",),
         ("commands",),
         ("__init__", "__main__"),

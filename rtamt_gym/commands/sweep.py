@@ -1,0 +1,236 @@
+"""`rtamt sweep`: runs an environment on many points of a space."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+from rtamt import InputError
+from rtamt_gym.commands.arguments import (
+    add_environment,
+    add_output,
+    check_outputs,
+    read_options,
+    read_signals,
+    whole,
+)
+from rtamt_gym.commands.specs import read_requirements
+from rtamt_gym.commands.varied import add_varied, read_varied
+from rtamt_gym.tables import shorten
+
+if TYPE_CHECKING:
+    import rtamt
+    from rtamt_gym.search.sweep import Sweep
+
+__all__ = ["add_arguments", "run"]
+
+_SAMPLERS = ("sobol", "grid", "lhs", "random", "morris", "saltelli")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Runs a scenario, or another registered environment, on many points of a space; prints the "
+        "robustness and the verdicts of its requirements. Exits 0 whatever the verdicts are."
+    )
+    parser.epilog = (
+        "example: rtamt sweep rtamt/AutomaticTransmission-v0 --requirement AT2 --samples 100"
+    )
+    add_environment(parser)
+    parser.add_argument(
+        "--requirement",
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="the name of one of the scenario's requirements, such as AT6a; a formula, name = "
+        "formula, or the path of a .stl file; may be repeated (default: all of the scenario)",
+    )
+    parser.add_argument(
+        "--signal",
+        action="append",
+        default=[],
+        metavar="NAME=SELECTOR",
+        help="what a variable reads, as for rtamt run; those of a scenario read what they name",
+    )
+    add_varied(parser)
+    parser.add_argument(
+        "--samples",
+        required=True,
+        metavar="N",
+        help="how many points; of a grid, the values of each column: 4, or by name "
+        "frequency=4,amplitude=3; of morris, trajectories; of saltelli, a power of two",
+    )
+    parser.add_argument(
+        "--sampler",
+        choices=_SAMPLERS,
+        default="sobol",
+        help="how points are chosen; morris and saltelli print what moves the robustness "
+        "(default: sobol)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=whole,
+        default=0,
+        metavar="S",
+        help="seed of the points and of the first simulation, one more for each further one "
+        "(default: 0)",
+    )
+    parser.add_argument(
+        "--policy",
+        metavar="POLICY",
+        help="how to act where no signal does: random, zero, sb3:FILE.zip or module:function "
+        "(default: the scenario's own)",
+    )
+    parser.add_argument(
+        "--period",
+        metavar="TIME",
+        help="time between samples: 0.1 (seconds) or 100ms (default: the environment's own)",
+    )
+    parser.add_argument(
+        "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
+    )
+    parser.add_argument(
+        "--stop",
+        choices=("end", "violation", "decided"),
+        default="end",
+        help="when to stop a simulation (default: end)",
+    )
+    add_output(parser, "--save", "write the record as a Parquet file, a row for each simulation")
+    add_output(parser, "--json", "write the record as strict JSON")
+    add_output(parser, "--heat-map", "draw the robustness over two columns, see --x and --y")
+    add_output(parser, "--scatter", "draw the robustness over each column")
+    parser.add_argument("--x", metavar="NAME", help="the column to the right in the heat map")
+    parser.add_argument("--y", metavar="NAME", help="the column upwards in the heat map")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Runs the sweep, prints what came of it and writes the files asked for; returns 0."""
+    from rtamt_gym.search.sweep import FailedSimulationWarning, sweep
+    from rtamt_gym.simulation.environments import make
+    from rtamt_gym.simulation.policies import policy_of
+
+    check_outputs(options.save, options.json, picture=options.heat_map)
+    check_outputs(options.save, options.json, options.heat_map, picture=options.scatter)
+    samples = _read_samples(options.samples)
+    signals = read_signals(options.signal)
+    if options.policy == "random":
+        raise InputError(
+            "--policy random: expected a policy that acts alike each time; vary what acts with "
+            "--vary NAME=LOW:HIGH,points=N"
+        )
+    with closing(make(options.env_id, None, read_options(options.env_kwarg))) as env:
+        simulation: Any = env.unwrapped
+        entries, numbers = read_varied(
+            options.vary, options.set, getattr(simulation, "scenario", None)
+        )
+        own = getattr(simulation, "requirements", {})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary says it
+            done = sweep(
+                env,
+                _read_requirements(options.requirement, own, options.env_id),
+                entries,
+                fixed=numbers,
+                samples=samples,
+                sampler=options.sampler,
+                seed=options.seed,
+                signals=signals or None,
+                policy=policy_of(options.policy, env)(options.seed) if options.policy else None,
+                duration=options.duration,
+                period=options.period,
+                stop=options.stop,
+            )
+    for name, formula in done.requirements.items():
+        print(f"{name}: {formula}")
+    print("", done, "", *_worst(done), sep="\n")
+    if options.sampler in {"morris", "saltelli"}:
+        for name in done.requirements:
+            print("", _moved(done, name), sep="\n")
+    _write(done, options)
+    return 0
+
+
+def _read_samples(text: str) -> int | dict[str, int]:
+    if "=" not in text:
+        return _count(text, text)
+    counts: dict[str, int] = {}
+    for part in text.split(","):
+        name, _, count = (each.strip() for each in part.partition("="))
+        counts[name] = _count(count, text)
+    return counts
+
+
+def _count(count: str, text: str) -> int:
+    if not (count.isascii() and count.isdecimal()) or int(count) == 0:
+        raise InputError(
+            f"--samples: expected a whole number above 0, or NAME=N,NAME=N, got {text!r}"
+        )
+    return int(count)
+
+
+def _read_requirements(
+    arguments: Sequence[str], own: Mapping[str, rtamt.Specification], env_id: str
+) -> dict[str, rtamt.Specification] | None:
+    """The requirements that the arguments name or write; None: all of the environment's own."""
+    from rtamt_gym.search.requirements import load_requirements
+
+    if not arguments:
+        if not own:
+            raise InputError(
+                f"{env_id} has no requirements of its own; write --requirement 'always(x < 1)'"
+            )
+        return None
+    loaded: dict[str, rtamt.Specification] = {}
+    for argument in arguments:
+        named = argument.isidentifier()  # a file or a formula has other characters
+        found = load_requirements(argument, own, env_id) if named else read_requirements([argument])
+        for name, spec in found.items():
+            new = f"spec{len(loaded) + 1}" if name == "spec" and loaded else name
+            if new in loaded:
+                raise InputError(f"expected one requirement {new!r}, got two; name one of them")
+            loaded[new] = spec
+    return loaded
+
+
+def _worst(done: Sweep) -> Iterator[str]:
+    """A line for each requirement: its least robustness, and where that is."""
+    for name in done.requirements:
+        found = [i for i, row in enumerate(done.record) if name in row.outcomes]
+        if not found:
+            continue
+        worst = done.worst(name)
+        number = next(i for i in found if done.record[i] is worst)
+        columns = worst.case.columns()
+        where = ", ".join(f"{key}={value:.4g}" for key, value in columns.items())
+        height = f"{worst.outcomes[name].robustness:.6g}"
+        yield shorten(f"worst of {name}: {height} in simulation {number}: {where}", 80)
+
+
+def _moved(done: Sweep, name: str) -> str:
+    """What moves a requirement, or why that is not known."""
+    try:
+        return str(done.indices(name))
+    except InputError as error:
+        return "\n".join(textwrap.wrap(f"no indices of {name}: {error}", 80))
+
+
+def _write(done: Sweep, options: argparse.Namespace) -> None:
+    """Writes the files that were asked for."""
+    from rtamt_gym.search.report import to_json
+
+    if options.save:
+        done.save(options.save)
+        print(f"record: {options.save}")
+    if options.json:
+        kept = {key: getattr(options, key) for key in ("sampler", "seed", "stop")}
+        options.json.write_text(to_json(done.record, kept) + "\n", encoding="utf-8")
+        print(f"record: {options.json}")
+    if options.heat_map:
+        done.heat_map(options.heat_map, options.x, options.y)
+        print(f"heat map: {options.heat_map}")
+    if options.scatter:
+        done.scatter(options.scatter)
+        print(f"scatter: {options.scatter}")

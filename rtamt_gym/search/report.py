@@ -1,0 +1,84 @@
+"""The outcomes of a record as lines for the terminal and as JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+import rtamt
+from rtamt import Verdict
+from rtamt_gym.search.record import Record
+from rtamt_gym.tables import counted, number, shorten, table
+
+__all__ = ["failures", "summary", "to_json"]
+
+
+def summary(record: Record) -> list[str]:
+    """A table with a row for every requirement: its robustness over the record, and its verdicts.
+
+    Below it stand what the simulations took and how many failed.
+    """
+    head = ("requirement", "least", "median", "greatest", "violated", "satisfied", "open")
+    rows: list[tuple[str, ...]] = [head]
+    for name in record.requirements:
+        found = [row.outcomes[name] for row in record if name in row.outcomes]
+        counts = Counter(outcome.verdict for outcome in found)
+        heights = sorted(outcome.robustness for outcome in found)
+        # The middle one, or the lower of two: infinities have no mean.
+        three = [heights[0], heights[(len(heights) - 1) // 2], heights[-1]] if heights else []
+        texts = [number(height) for height in three] or ["-", "-", "-"]
+        verdicts = (Verdict.VIOLATED, Verdict.SATISFIED, Verdict.UNDECIDED)
+        rows.append((shorten(name, 24), *texts, *(str(counts[each]) for each in verdicts)))
+    simulated = math.fsum(row.simulated for row in record)
+    wall = math.fsum(row.wall for row in record)
+    each = f" ({1000 * wall / len(record):.3g} ms each)" if len(record) else ""
+    runs = counted(len(record), "simulation")
+    took = f"{runs}, {simulated:.6g} simulated seconds in {wall:.3g} s{each}"
+    return [*table(rows, "<>>>>>>"), "", took, *failures(record)]
+
+
+def failures(record: Record) -> list[str]:
+    """How many simulations failed, with the error that most had; no lines if none did."""
+    failed = record.failed()
+    if not len(failed):
+        return []
+    (error, times), *others = Counter(row.error for row in failed).most_common()
+    more = f" (and {counted(len(others), 'other error')})" if others else ""
+    return [
+        f"{counted(len(failed), 'simulation')} of {len(record)} failed, {times} with{more}:",
+        f"  {shorten(error, 200)}",
+    ]
+
+
+def to_json(record: Record, options: Mapping[str, Any]) -> str:
+    """The record as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
+
+    Args:
+        record: The simulations.
+        options: How they were chosen and run.
+    """
+    columns = record.columns()
+    names = list(columns)
+    rows = zip(*columns.values(), strict=True)
+    return json.dumps(
+        {
+            "rtamt": rtamt.__version__,
+            "system": record.system,
+            **options,
+            "requirements": dict(record.requirements),
+            "simulations": [
+                {name: _finite(cell) for name, cell in zip(names, row, strict=True)} for row in rows
+            ],
+        },
+        indent=2,
+        allow_nan=False,
+    )
+
+
+def _finite(cell: Any) -> Any:  # noqa: ANN401 - a cell of a table
+    return str(cell) if isinstance(cell, float) and not np.isfinite(cell) else cell

@@ -1,0 +1,194 @@
+"""Samplers: which points of a space are run, from their number and a seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_choice, check_count
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.inputs.ranges import Parameter
+from rtamt_gym.inputs.space import Space
+
+__all__ = ["LEVELS", "Sampler", "Samples", "problem_of", "sample"]
+
+Sampler = Literal["grid", "sobol", "lhs", "random", "morris", "saltelli"]
+"""How the points of a sweep are chosen; `sample` says what each does."""
+
+Samples = int | Mapping[str, int]
+"""How many points; for a grid also by the name of what is varied."""
+
+Points = NDArray[np.float64]
+
+LEVELS: Final = 4
+"""The levels of the grid on which Morris's trajectories run."""
+
+_MOST: Final = 10_000_000
+"""The points of more would take gigabytes before the first simulation."""
+
+
+def sample(space: Space, samples: Samples, sampler: Sampler = "sobol", seed: int = 0) -> Points:
+    """Chooses points of the unit cube of a space: an array of shape (points, dimension).
+
+    | sampler | points | ``samples`` |
+    |---|---|---|
+    | ``"grid"`` | all combinations of evenly spaced values, the last column running fastest | the \
+values of each column, both ends among them; a mapping gives each its own number |
+    | ``"sobol"`` | a scrambled Sobol sequence, which fills the space evenly | all |
+    | ``"lhs"`` | a Latin hypercube: each column takes each of its shares once | all |
+    | ``"random"`` | independent and uniform | all |
+    | ``"morris"`` | Morris's trajectories, which change one column at a time | trajectories, each \
+of dimension + 1 points |
+    | ``"saltelli"`` | what Sobol's indices are made of | a power of two; dimension + 2 times as \
+many points |
+
+    On a grid a parameter with ``values`` takes all of them, whatever the number is. The points of a
+    seed are always the same, and with ``"sobol"`` the first of more are those of fewer.
+
+    Raises:
+        InputError: If the number does not fit the sampler.
+        InputTypeError: If it is no whole number.
+        ModuleNotFoundError: If the sampler needs SciPy or SALib, which the extra ``search``
+            installs.
+
+    Example:
+        >>> from rtamt_gym.inputs.space import Space
+        >>> space = Space([Parameter("mass", 1, 2), Parameter("gear", values=(1, 2))])
+        >>> [space.case(point).columns() for point in sample(space, 3, "grid")][1:3]
+        [{'mass': 1.0, 'gear': 2.0}, {'mass': 1.5, 'gear': 1.0}]
+        >>> len(sample(space, 4, "saltelli")), len(sample(space, 4, "morris"))
+        (16, 12)
+
+    Source: M. D. Morris, Technometrics 33(2), 1991; A. Saltelli et al., Computer Physics
+    Communications 181(2), 2010; both as SALib makes them.
+    """
+    check_choice("sampler", sampler, get_args(Sampler))
+    if sampler == "grid":
+        return _grid(space, samples)
+    if isinstance(samples, Mapping):
+        raise InputError(f"expected samples= as one number with sampler={sampler!r}, got {samples}")
+    count = check_count("samples=", samples)
+    if sampler == "saltelli" and count & (count - 1):
+        less = 1 << (count.bit_length() - 1)
+        raise InputError(
+            f"expected samples= as a power of two with sampler='saltelli', got {count}; "
+            f"use {less} or {2 * less}"
+        )
+    if count * space.dimension > _MOST:
+        raise InputError(f"expected fewer samples, got {count} in {space.dimension} columns")
+    try:
+        return _SAMPLERS[sampler](space, count, seed)
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, f"sampler={sampler!r}") from error
+
+
+def problem_of(space: Space) -> dict[str, Any]:
+    """The unit cube of a space as SALib describes it."""
+    return {
+        "num_vars": space.dimension,
+        "names": list(space.columns),
+        "bounds": [[0.0, 1.0]] * space.dimension,
+    }
+
+
+def _grid(space: Space, samples: Samples) -> Points:
+    axes = [
+        _shares(len(each.values))
+        if isinstance(each, Parameter) and each.values is not None
+        else _ticks(count)
+        for each, counts in zip(space, _counts(space, samples), strict=True)
+        for count in counts
+    ]
+    total = math.prod(map(len, axes))
+    if total * len(axes) > _MOST:
+        raise InputError(
+            f"expected a smaller grid, got one of {total} points in {len(axes)} columns; "
+            "sampler='sobol' fills a space with any number"
+        )
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+
+
+def _counts(space: Space, samples: Samples) -> list[list[int]]:
+    """How many values each column takes, by entry of the space."""
+    if not isinstance(samples, Mapping):
+        count = check_count("samples=", samples)
+        return [[count] * len(each.columns) for each in space]
+    for name in samples:
+        known = [each.name for each in space]
+        if name not in known:
+            raise InputError(
+                f"samples= names {name!r}, which is not varied; the space has {listing(known)}"
+                f"{nearest(name, known)}"
+            )
+    counts = []
+    for each in space:
+        chosen = isinstance(each, Parameter) and each.values is not None
+        if chosen == (each.name in samples):
+            raise InputError(
+                f"samples= gives a number for {each.name!r}, which takes all of its values; "
+                "leave it out"
+                if chosen
+                else f"samples= gives no number for {each.name!r}"
+            )
+        count = 1 if chosen else check_count(f"samples= of {each.name!r}", samples[each.name])
+        counts.append([count] * len(each.columns))
+    return counts
+
+
+def _ticks(count: int) -> Points:
+    """Values from 0 to 1; of one value, the middle."""
+    return np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5])
+
+
+def _shares(count: int) -> Points:
+    """The middles of parts of the same length."""
+    return (np.arange(count) + 0.5) / count
+
+
+def _sobol(space: Space, count: int, seed: int) -> Points:
+    from scipy.stats import qmc
+
+    # A power of two is what the sequence is balanced for; the first of it are those of any length.
+    sequence = qmc.Sobol(space.dimension, seed=seed)
+    points: Points = sequence.random_base2((count - 1).bit_length())
+    return points[:count]
+
+
+def _lhs(space: Space, count: int, seed: int) -> Points:
+    from scipy.stats import qmc
+
+    points: Points = qmc.LatinHypercube(space.dimension, seed=seed).random(count)
+    return points
+
+
+def _random(space: Space, count: int, seed: int) -> Points:
+    return np.random.default_rng(seed).random((count, space.dimension))
+
+
+def _morris(space: Space, count: int, seed: int) -> Points:
+    from SALib.sample import morris
+
+    points: Points = morris.sample(problem_of(space), count, num_levels=LEVELS, seed=seed)
+    return points
+
+
+def _saltelli(space: Space, count: int, seed: int) -> Points:
+    from SALib.sample import sobol
+
+    points: Points = sobol.sample(problem_of(space), count, calc_second_order=False, seed=seed)
+    return points
+
+
+_SAMPLERS: Final[Mapping[str, Callable[[Space, int, int], Points]]] = {
+    "sobol": _sobol,
+    "lhs": _lhs,
+    "random": _random,
+    "morris": _morris,
+    "saltelli": _saltelli,
+}
