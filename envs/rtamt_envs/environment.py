@@ -100,6 +100,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
 
         Raises:
             InputError: If the action has another shape, or is nan; nothing has happened.
+            StateError: Before the first `reset`.
         """
         acted = numbers(action, (len(self.scenario.actions),), self.scenario)
         self._lanes.step_first(acted, self.np_random)

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError
+from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled, in_loops
 from rtamt_envs.scenario import Bools, Floats, Scenario
 
@@ -27,7 +27,7 @@ class Lanes:
     Attributes:
         parameters: The parameters of each lane's episode, shape (n, parameters).
         observations: The last observation of each lane, shape (n, observations).
-        steps: The steps of each lane since its episode began, shape (n,).
+        steps: The steps of each lane since its episode began, shape (n,); -1 before the first.
 
     Args:
         scenario: What is simulated.
@@ -43,7 +43,7 @@ class Lanes:
         self._unkept = np.zeros((0, num, len(scenario.observations)))
         self.parameters = np.tile(parameters, (num, 1))
         self.observations = np.zeros((num, len(scenario.observations)))
-        self.steps = np.zeros(num, np.int64)
+        self.steps = np.full(num, -1, np.int64)
 
     def start(self, chosen: Bools, generators: _Generators, parameters: Floats) -> None:
         """Begins an episode in the lanes that are chosen, with their rows of parameters."""
@@ -64,6 +64,7 @@ class Lanes:
 
         Raises:
             InputError: If an action is nan; no lane has stepped.
+            StateError: If an episode has not begun.
         """
         self._act(actions[None], chosen, generators, self._unkept)
 
@@ -72,7 +73,10 @@ class Lanes:
 
         Raises:
             InputError: If the action is nan; the lane has not stepped.
+            StateError: If no episode has begun.
         """
+        if self.steps[0] < 0:
+            self._refuse_unbegun(_FIRST)
         if np.isnan(action).any():
             self._refuse_nan(action[None, None], _FIRST)
         applied = np.minimum(np.maximum(action, self._low), self._high)
@@ -90,6 +94,7 @@ class Lanes:
 
         Raises:
             InputError: If an action is nan; no lane has stepped.
+            StateError: If an episode has not begun.
         """
         made = np.full((len(actions), *self.observations.shape), np.nan)
         self._act(actions, chosen, generators, made)
@@ -97,6 +102,7 @@ class Lanes:
 
     def follow(self, steps: int, chosen: Bools, generators: _Generators) -> Floats:
         """Makes steps as `roll` does, under the baseline of the scenario."""
+        self._refuse_unbegun(chosen)
         made = np.full((steps, *self.observations.shape), np.nan)
         _, step, baseline = _functions(self._scenario)
         _follow(
@@ -116,6 +122,7 @@ class Lanes:
 
     def baseline(self) -> Floats:
         """The actions of the baseline at the last observations, shape (n, actions)."""
+        self._refuse_unbegun(np.ones(len(self.steps), np.bool_))
         actions = np.zeros((len(self.steps), len(self._low)))
         for lane, action in enumerate(actions):
             time = int(self.steps[lane]) * self._scenario.period
@@ -124,6 +131,7 @@ class Lanes:
 
     def _act(self, actions: Floats, chosen: Bools, generators: _Generators, made: Floats) -> None:
         """Makes steps; keeps the observations in ``made`` if that has room for them."""
+        self._refuse_unbegun(chosen)
         if np.isnan(actions).any():
             self._refuse_nan(actions, chosen)
         _roll(
@@ -139,6 +147,13 @@ class Lanes:
             self.observations,
             made,
         )
+
+    def _refuse_unbegun(self, chosen: Bools) -> None:
+        """Raises a `StateError` if a lane that is chosen has no episode."""
+        unbegun = chosen & (self.steps < 0)
+        if unbegun.any():
+            where = f" in lane {int(unbegun.argmax())}" if len(chosen) > 1 else ""
+            raise StateError(f"no episode of {self._scenario.id} runs{where}; call reset() first")
 
     def _refuse_nan(self, actions: Floats, chosen: Bools) -> None:
         """Raises an `InputError` if an action of a lane that steps is nan."""

@@ -129,8 +129,13 @@ class Scenario:
         Raises:
             InputError: If a name is not that of a parameter, or a value does not fit the lanes or
                 is nan.
-            InputTypeError: If a value is not a number.
+            InputTypeError: If they are no mapping, or a value is not a number.
         """
+        if not isinstance(given, Mapping):
+            raise InputTypeError(
+                f"expected parameters of {self.id} as a mapping from names to numbers, got "
+                f"{given!r}"
+            )
         row = base.copy()
         names = [each.name for each in self.parameters]
         for name, value in given.items():

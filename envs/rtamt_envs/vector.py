@@ -62,6 +62,8 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
                 f"expected render_mode None for many environments, got {render_mode!r}; "
                 f'gym.make({self.scenario.id!r}, render_mode="rgb_array") draws one'
             )
+        if num_envs < 1:
+            raise InputError(f"expected num_envs of 1 or more, got {num_envs}")
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
@@ -98,8 +100,12 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         Raises:
             InputError: If seeds, a mask or a parameter do not fit.
         """
-        given = dict(options or {})
-        chosen = self._mask("options['reset_mask']", given.pop("reset_mask", None))
+        given: Any = options or {}
+        mask = None
+        if isinstance(given, Mapping):
+            mask = given.get("reset_mask")
+            given = {name: value for name, value in given.items() if name != "reset_mask"}
+        chosen = self._mask("options['reset_mask']", mask)
         row = self.scenario.parameter_row(given, np.tile(self._defaults, (self.num_envs, 1)))
         seeds = [None] * self.num_envs if seed is None else seed
         if isinstance(seeds, SupportsIndex):
@@ -122,6 +128,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         Raises:
             InputError: If actions have another shape, or one is nan; nothing has happened. If a
                 lane has ended, and ``autoreset_mode`` leaves its reset to the caller.
+            StateError: Before the first `reset`.
         """
         acted = numbers(actions, (self.num_envs, len(self.action_names)), self.scenario)
         begins = self._ended.copy()
@@ -161,9 +168,12 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         Raises:
             InputError: If an argument has another shape, or an action of an active lane is nan;
                 nothing has happened.
+            StateError: Before the first `reset` of an active lane.
         """
         chosen = self._mask("active", active)
         if isinstance(actions, SupportsIndex) and not isinstance(actions, np.ndarray):
+            if int(actions) < 0:
+                raise InputError(f"expected a number of steps of 0 or more, got {int(actions)}")
             return self._lanes.follow(int(actions), chosen, self._generators)
         steps = len(np.atleast_1d(np.asarray(actions)))
         shape = steps, self.num_envs, len(self.action_names)

@@ -129,6 +129,19 @@ def test_an_action_that_is_none_changes_nothing(name: str) -> None:
 
 
 @each_scenario
+def test_an_episode_begins_with_reset(name: str) -> None:
+    env = made(name)
+    low = env.action_space.low  # type: ignore[attr-defined]
+    for call in (lambda: env.step(low), env.baseline):
+        with pytest.raises(rtamt.StateError, match=f"no episode of rtamt/{name}-v0 runs; call res"):
+            call()
+    with pytest.raises(rtamt.InputTypeError, match="as a mapping from names to numbers, got 3"):
+        env.reset(options=3)  # type: ignore[arg-type]
+    env.reset()
+    env.step(low)
+
+
+@each_scenario
 def test_copies_go_on_alone(name: str) -> None:
     env = made(name)
     actions = random_actions(env.scenario, (12,), 4)

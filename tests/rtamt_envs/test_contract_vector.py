@@ -133,6 +133,20 @@ def test_lanes_begin_anew_where_a_mask_says(name: str) -> None:
 
 
 @each_scenario
+def test_episodes_begin_with_reset(name: str) -> None:
+    lanes = many(name)
+    actions = random_actions(scenario_of(name), (4, LANES), 5)
+    calls = (lambda: lanes.step(actions[0]), lambda: lanes.rollout(actions), lanes.baseline)
+    for call in (*calls, lambda: lanes.rollout(2)):
+        with pytest.raises(rtamt.StateError, match="runs in lane 0; call reset"):
+            call()
+    lanes.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(rtamt.StateError, match="runs in lane 1; call reset"):
+        lanes.step(actions[0])
+    lanes.rollout(actions, [True, False, True])
+
+
+@each_scenario
 def test_wrong_calls_change_nothing(name: str) -> None:
     lanes, others = many(name), many(name)
     lanes.reset(seed=0)
@@ -153,6 +167,12 @@ def test_wrong_calls_change_nothing(name: str) -> None:
         lanes.reset(seed=[1, 2])
     with pytest.raises(rtamt.InputError, match="has no parameter 'colour'"):
         lanes.reset(seed=9, options={"colour": 1.0})
+    with pytest.raises(rtamt.InputTypeError, match="as a mapping from names to numbers, got 3"):
+        lanes.reset(options=3)  # type: ignore[arg-type]
+    with pytest.raises(rtamt.InputError, match="a number of steps of 0 or more, got -1"):
+        lanes.rollout(-1)
+    with pytest.raises(rtamt.InputError, match="expected num_envs of 1 or more, got 0"):
+        gym.make_vec(f"rtamt/{name}-v0", num_envs=0)
     with pytest.raises(rtamt.InputError, match="expected render_mode None"):
         many(name, render_mode="rgb_array")
     np.testing.assert_array_equal(lanes.rollout(actions), others.rollout(actions))
