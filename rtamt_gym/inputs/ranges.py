@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, get_args
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 
-__all__ = ["LEAST_POINTS", "Interpolation", "Parameter", "Signal"]
+__all__ = ["LEAST_POINTS", "Entry", "Interpolation", "Parameter", "Signal"]
 
 Interpolation = Literal["hold", "linear", "pchip"]
 """How a waveform goes from one control point to the next: it keeps the value, or it runs along a
@@ -21,8 +21,14 @@ LEAST_POINTS: Final[Mapping[str, int]] = {"hold": 1, "linear": 2, "pchip": 2}
 """The least number of control points of an interpolation."""
 
 
+class Entry:
+    """What a search chooses a value of: a `Signal` or a `Parameter`; a `Space` has several."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
-class Signal:
+class Signal(Entry):
     """An input over time: a waveform with control points, each anywhere between two values.
 
     The control points divide the duration evenly. With ``"hold"`` each begins a piece that keeps
@@ -73,7 +79,7 @@ class Signal:
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(Entry):
     """A number that stays as it is over a simulation: a constant, an initial state, a fault time.
 
     Attributes:

@@ -15,12 +15,12 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.ranges import Entry, Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
 
 __all__ = ["Space", "SpaceLike"]
 
-SpaceLike = Union["Space", Mapping[str, Signal | Parameter], Sequence[Signal | Parameter]]
+SpaceLike = Union["Space", Mapping[str, Entry], Sequence[Entry]]
 """What a `Space` is made of: several signals and parameters, also by name."""
 
 

@@ -61,16 +61,16 @@ class EnvironmentCase:
         self._drives: dict[str, tuple[tuple[int, ...], Waveform]] = {}
         parameters = _parameters(self._simulation)
         self._actions = _action_names(env)
+        drivable = listing(self._actions)
         for key, entry in case.items():
             if key in parameters:
-                drivable = listing(self._actions)
                 self.options[key] = as_number(key, entry, drivable)
             elif key in self._actions:
                 waveform = as_waveform(key, entry)
                 _check_fits(key, waveform, self._space, self._actions[key])
                 self._drives[key] = self._actions[key], waveform
             elif key.startswith(_ATTRIBUTE) and not parameters:
-                self._attributes.append(_attribute(name, key, as_number(key, entry), env))
+                self._attributes.append(_attribute(name, key, as_number(key, entry, drivable), env))
             else:
                 known = [*self._actions, *parameters]
                 if parameters:

@@ -121,7 +121,15 @@ class Fmus(System):
     def driven(self, case: Case) -> Fmus:
         """The FMUs with what a case says of their inputs and parameters, in place of their own."""
         self._unpack()  # once for all runs
-        given = {self._variables.find(name): name for name in case}
+        given: dict[Variable, str] = {}
+        for name in case:
+            variable = self._variables.find(name)
+            if variable in given:
+                raise InputError(
+                    f"expected {variable.name!r} once in the case, got it as {given[variable]!r} "
+                    f"and as {name!r}"
+                )
+            given[variable] = name
         wires = [wire for wire in self._wires if wire[0] not in given]
         starts = [start for start in self._start_values if start[0] not in given]
         for variable, name in given.items():

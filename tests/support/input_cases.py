@@ -1,0 +1,39 @@
+"""Generated waveforms, and what a step gets of them, by definition."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from hypothesis import strategies as st
+
+from rtamt_gym import Waveform
+from rtamt_gym.inputs.ranges import LEAST_POINTS, Interpolation
+
+__all__ = ["of_step", "waveforms"]
+
+INTERPOLATIONS: tuple[Interpolation, ...] = ("hold", "linear", "pchip")
+
+
+@st.composite
+def waveforms(
+    draw: st.DrawFn, low: float, high: float, *, whole: bool = False, span: int = 2
+) -> Waveform:
+    """Waveforms between two values, whose control points are up to a span of seconds."""
+    kind = "hold" if whole else draw(st.sampled_from(INTERPOLATIONS))
+    times = st.lists(
+        st.fractions(0, span, max_denominator=100),
+        min_size=LEAST_POINTS[kind],
+        max_size=5,
+        unique=True,
+    )
+    values = st.integers(int(low), int(high)) if whole else st.floats(low, high)
+    at = sorted(draw(times))
+    return Waveform([float(time) for time in at], [draw(values) for _ in at], kind)
+
+
+def of_step(entry: float | Waveform, step: int, period: float) -> float:
+    """What a step gets: the value at its start if that is held, else the value at its end."""
+    if not isinstance(entry, Waveform):
+        return entry
+    ahead = 0 if entry.interpolation == "hold" else 1
+    return entry(float((step + ahead) * Fraction(str(period))))
