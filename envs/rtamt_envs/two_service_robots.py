@@ -309,9 +309,16 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
                 options are left to others: PettingZoo hands the same to every layer.
 
         Raises:
-            InputError: If a parameter has no such name, or its value is no number.
+            InputError: If a parameter has no such name, its value is no number, or it stands
+                among the options themselves.
         """
-        parameters = (options or {}).get("parameters")
+        given = options or {}
+        for name in {each.name for each in SCENARIO.parameters} & set(given):
+            raise InputError(
+                f"{name!r} is a parameter; write options={{'parameters': {{{name!r}: "
+                f"{given[name]!r}}}}}"
+            )
+        parameters = given.get("parameters")
         joint, info = self._env.reset(seed=seed, options=parameters)
         self.agents = [*self.possible_agents]
         return self._split(joint), {agent: dict(info) for agent in self.agents}

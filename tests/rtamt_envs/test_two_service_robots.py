@@ -151,6 +151,11 @@ def test_wrong_calls_say_what_is_expected() -> None:
         env.step({"robot_1": np.zeros(2), "robot_3": np.zeros(2)})
     with pytest.raises(rtamt.InputError, match="has no parameter 'leg'"):
         env.reset(options={"parameters": {"leg": 1.0}})
+    with pytest.raises(
+        rtamt.InputError,
+        match=r"^'lag' is a parameter; write options={'parameters': {'lag': 0.5}}$",
+    ):
+        env.reset(options={"lag": 0.5})
     first = env.step(still)[0]
     env.reset(seed=0)
     again = env.step(still)[0]
