@@ -8,7 +8,7 @@ from typing import Any
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from input_cases import of_step, waveforms
 
@@ -112,6 +112,7 @@ def arrays(of: Any) -> dict[str, bytes]:  # noqa: ANN401 - MuJoCo is not typed
     return {name: array.tobytes() for name, array in held if isinstance(array, np.ndarray)}
 
 
+@settings(max_examples=40)
 @given(st.fixed_dictionaries({}, optional=ENTRIES))
 def test_a_model_runs_as_the_case_says_and_stays_as_it_was(case: dict[str, Any]) -> None:
     model, data = cart()
