@@ -152,21 +152,22 @@ def _follow(sign: float, time: float, car: int, state: Floats, course: Floats) -
 
 
 @compiled
-def _advance(time: float, car: int, state: Floats) -> None:
-    """Moves a follower that keeps its mode for `time`."""
-    speed, mode = float(state[_SPEED + car]), state[_MODE + car]
-    if mode == _CHASING:
-        state[car] -= (speed + 0.5 * time) * time
-        state[_SPEED + car] = speed + time
-    elif mode == _KEEPING:
-        state[car] += speed * time
-    else:
-        change, term = 0.0, speed
-        for power in range(1, _DECAY_POWERS + 1):
-            term *= -time * _INVERSE[power]
-            change += term
-        state[car] += change  # y' = v' while braking
-        state[_SPEED + car] = speed + change
+def _advance(time: float, state: Floats) -> None:
+    """Moves the followers, which keep their modes for `time`."""
+    for car in range(1, _CARS):
+        speed, mode = float(state[_SPEED + car]), state[_MODE + car]
+        if mode == _CHASING:
+            state[car] -= (speed + 0.5 * time) * time
+            state[_SPEED + car] = speed + time
+        elif mode == _KEEPING:
+            state[car] += speed * time
+        else:
+            change, term = 0.0, speed
+            for power in range(1, _DECAY_POWERS + 1):
+                term *= -time * _INVERSE[power]
+                change += term
+            state[car] += change  # y' = v' while braking
+            state[_SPEED + car] = speed + change
 
 
 @compiled
@@ -185,27 +186,42 @@ def _switch(state: Floats) -> None:
 
 
 @compiled
-def _next(
+def _first_end(
+    time: float, lead: Floats, lead_length: int, far: float, state: Floats, course: Floats
+) -> tuple[float, int]:
+    """Finds the share of `time` after which the first mode ends, and the car; 2 if all last.
+
+    `far` is a bound of how far car 1 comes; `course` is overwritten.
+    """
+    share, first = 2.0, 0
+    for car in range(1, _CARS):
+        mode = int(state[_MODE + car])
+        gap = float(state[car]) - float(state[car - 1])
+        reach, far = far, time * (float(state[_SPEED + car]) + time)
+        reach += far
+        if gap - _LOW[mode] <= reach or _HIGH[mode] - gap <= reach:
+            end = _end(time, car, lead, lead_length, reach, state, course)
+            if end < share:
+                share, first = end, car
+    return share, first
+
+
+@compiled
+def _end(
     time: float,
     car: int,
     lead: Floats,
     lead_length: int,
-    far: float,
+    reach: float,
     state: Floats,
     course: Floats,
 ) -> float:
-    """Finds the share of `time` after which a follower's mode ends, unless another ends before.
+    """Finds the share of `time` after which a follower's mode ends, 2 if it lasts.
 
-    `far` is a bound of how far the car before comes; `course` is overwritten.
-
-    Returns:
-        The share; 2 if the mode lasts.
+    `reach` is a bound of how far its gap comes; `course` is overwritten.
     """
     mode = int(state[_MODE + car])
     gap = float(state[car]) - float(state[car - 1])
-    reach = far + time * (float(state[_SPEED + car]) + time)
-    if gap - _LOW[mode] > reach and _HIGH[mode] - gap > reach:
-        return 2.0
     course[:] = 0.0
     length = _follow(1.0, time, car, state, course)
     if car == 1:
@@ -215,12 +231,12 @@ def _next(
     else:
         length = max(length, _follow(-1.0, time, car - 1, state, course))
     course[0] = gap
-    first = 2.0
+    end = 2.0
     if gap - _LOW[mode] <= reach:
-        first = first_crossing(course, length, _LOW[mode], 1.0)
+        end = first_crossing(course, length, _LOW[mode], 1.0)
     if _HIGH[mode] - gap <= reach:
-        first = min(first, first_crossing(course, length, _HIGH[mode], -1.0))
-    return first
+        end = min(end, first_crossing(course, length, _HIGH[mode], -1.0))
+    return end
 
 
 @compiled
@@ -257,12 +273,7 @@ def _step(
         )
         speed = float(state[_SPEED])
         way, change, far, length = _lead(rest, *pedals, speed, lead)
-        share, changing = 2.0, 0
-        for car in range(1, _CARS):
-            end = _next(rest, car, lead, length, far, state, course)
-            if end < share:
-                share, changing = end, car
-            far = rest * (float(state[_SPEED + car]) + rest)
+        share, car = _first_end(rest, lead, length, far, state, course)
         time = rest
         if share < 1.0:
             time = share * rest
@@ -277,13 +288,12 @@ def _step(
             )
         state[0] += way
         state[_SPEED] = speed + change
-        for car in range(1, _CARS):
-            _advance(time, car, state)
-        if changing > 0:
-            mode = int(state[_MODE + changing])
-            gap = state[changing] - state[changing - 1]
+        _advance(time, state)
+        if car > 0:
+            mode = int(state[_MODE + car])
+            gap = state[car] - state[car - 1]
             near = gap - _LOW[mode] < _HIGH[mode] - gap
-            state[_MODE + changing] = _CLOSER[mode] if near else _FARTHER[mode]
+            state[_MODE + car] = _CLOSER[mode] if near else _FARTHER[mode]
             _switch(state)
         rest = rest - time if share < 1.0 else 0.0
     state[_THROTTLE], state[_BRAKE], state[_BEGUN] = throttle, brake, 1.0

@@ -1,4 +1,8 @@
-"""`first_crossing`: when a polynomial first reaches a level, for the guards of hybrid models."""
+"""`first_crossing`: when a polynomial first reaches a level, for the guards of hybrid models.
+
+numba keeps compiled code until the file of its function changes: after a change here, touch the
+files of the models that use it.
+"""
 
 from __future__ import annotations
 
