@@ -254,10 +254,10 @@ def sweep(
         ... )
         >>> print("\n".join(done.map().lines()))
         robustness of dry over leak:
-        inflow    0.1   0.15    0.2
-           0.1  1.000  1.000  1.000
-           0.2  0.135  0.682  1.000
-           0.3 -0.730  0.046  0.507
+        inflow     0.1   0.15    0.2
+           0.1   1.000  1.000  1.000
+           0.2   0.135  0.682  1.000
+           0.3  -0.730  0.046  0.507
         >>> row = done.worst()
         >>> row.case
         Case({'inflow': 0.3, 'leak': 0.1})
@@ -318,7 +318,8 @@ def _tell_failures(record: Record) -> None:
         return
     if len(failed) == len(record):
         raise InputError(f"all {len(record)} simulations failed, the first with {failed[0].error}")
-    warnings.warn(" ".join(failures(record)), FailedSimulationWarning, stacklevel=caller_level())
+    told = " ".join(line.strip() for line in failures(record))
+    warnings.warn(told, FailedSimulationWarning, stacklevel=caller_level())
 
 
 def _pictures(what: str) -> tuple[Any, Any]:

@@ -47,7 +47,7 @@ def test_sobol_indices_of_ishigami_are_those_of_the_closed_form() -> None:
     rows = []
     for point in sample(space, 2048, "saltelli", 5):
         case = space.case(point)
-        (height,) = (each["y"] for each in ishigami(**case))
+        (height,) = (each["y"] for each in ishigami(**case.columns()))
         outcome = Outcome(height, height, height, Verdict(1 if height > 0 else -1), 0.0)
         rows.append(Row(case, None, {"y": outcome}, "terminated", 0.0, 0.0))
     record = Record(rows, {"y": "always(y >= 0)"})
