@@ -42,7 +42,7 @@ def traces() -> Floats:
 
 def test_positions_are_those_of_the_second_model() -> None:
     # Both are exact between events, about 2000 of them in a run; DOP853 at 1e-12 leaves 1e-10.
-    for actions, trace in zip(inputs()[:4], traces()[:4], strict=True):
+    for actions, trace in zip(inputs()[:3], traces()[:3], strict=True):
         times, values = knots(actions)
         rows = chasing.solve(times, values[:, 0], values[:, 1], TIMES)
         np.testing.assert_allclose(trace, rows, rtol=0, atol=1e-9)
