@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
@@ -28,12 +29,12 @@ _ATTRIBUTE = "env."
 
 
 class _Attribute(NamedTuple):
-    """A number that an attribute holds during a run."""
+    """What an attribute holds during a run: a number, or a model of MuJoCo with other constants."""
 
     name: str
     owner: Any
     field: str
-    number: float
+    value: Any
 
 
 class EnvironmentCase:
@@ -62,6 +63,7 @@ class EnvironmentCase:
         parameters = _parameters(self._simulation)
         self._actions = _action_names(env)
         drivable = listing(self._actions)
+        has_model, constants = _has_model(self._simulation), dict[str, float | Waveform]()
         for key, entry in case.items():
             if key in parameters:
                 self.options[key] = as_number(key, entry, drivable)
@@ -69,6 +71,8 @@ class EnvironmentCase:
                 waveform = as_waveform(key, entry)
                 _check_fits(key, waveform, self._space, self._actions[key])
                 self._drives[key] = self._actions[key], waveform
+            elif has_model and _is_of_model(key):
+                constants[key] = entry
             elif key.startswith(_ATTRIBUTE) and not parameters:
                 self._attributes.append(_attribute(name, key, as_number(key, entry, drivable), env))
             else:
@@ -76,9 +80,13 @@ class EnvironmentCase:
                 if parameters:
                     refuse_unknown(name, key, known)
                 more = "numbers of its attributes, such as 'env.gravity'"
+                if has_model:
+                    more += ", and of its model, such as 'body:torso.mass'"
                 own = [f"{_ATTRIBUTE}{key}"] if hasattr(self._simulation, key) else []
                 refuse_unknown(name, key, known, more, own)
         self.options = self.options or None
+        if constants:
+            self._attributes.append(_changed_model(self._simulation, Case(constants), name))
 
     @contextmanager
     def attributes(self) -> Iterator[None]:
@@ -93,7 +101,7 @@ class EnvironmentCase:
                 own = each.field in getattr(each.owner, "__dict__", {each.field})
                 before.append((each, own, getattr(each.owner, each.field)))
                 try:
-                    setattr(each.owner, each.field, each.number)
+                    setattr(each.owner, each.field, each.value)
                 except AttributeError as error:
                     before.pop()
                     raise InputError(f"cannot set {each.name!r} of {self._name}: {error}") from None
@@ -113,9 +121,9 @@ class EnvironmentCase:
         """
         for each in self._attributes:
             now = getattr(each.owner, each.field)
-            if now != each.number:
+            if now != each.value:
                 raise InputError(
-                    f"{each.name!r} of the case is {each.number:g}, but the reset of {self._name} "
+                    f"{each.name!r} of the case is {each.value!r}, but the reset of {self._name} "
                     f"sets it to {now!r}: it cannot be chosen"
                 )
         parameters = _parameters(self._simulation)
@@ -244,6 +252,24 @@ def _whole_bounds(space: Any, at: tuple[int, ...]) -> tuple[int, int]:  # noqa: 
             return int(space.start[at]), int(space.start[at] + space.nvec[at] - 1)
         case _:
             return 0, 1
+
+
+def _has_model(simulation: Any) -> bool:  # noqa: ANN401
+    """Whether an environment steps a model of MuJoCo, which it has loaded then."""
+    mujoco = sys.modules.get("mujoco")
+    return mujoco is not None and isinstance(getattr(simulation, "model", None), mujoco.MjModel)
+
+
+def _is_of_model(key: str) -> bool:
+    from rtamt_gym.simulation.mujoco_case import is_of_model
+
+    return is_of_model(key)
+
+
+def _changed_model(simulation: Any, case: Case, name: str) -> _Attribute:  # noqa: ANN401
+    from rtamt_gym.simulation.mujoco_case import changed
+
+    return _Attribute(listing(case), simulation, "model", changed(simulation.model, case, name))
 
 
 def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) -> _Attribute:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Literal, NamedTuple
 
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
@@ -18,7 +19,7 @@ from rtamt_gym.signals.mujoco import field_of, index_in
 from rtamt_gym.signals.selectors import Selector, Syntax, parse_selector
 from rtamt_gym.simulation.entries import as_number, as_waveform, like
 
-__all__ = ["Driven", "drive"]
+__all__ = ["Driven", "changed", "drive", "is_of_model"]
 
 _DRIVABLE: Final = (
     "ctrl[0], actuator:NAME, qfrc_applied[0], joint:NAME.qfrc_applied and body:NAME.xfrc_applied[0]"
@@ -94,59 +95,106 @@ def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN4
 
     Raises:
         InputError: If the model has nothing of a name, with the nearest; if a number does not fit,
-            or MuJoCo derives it from others.
+            or MuJoCo derives it from others; or if two names are those of one number.
     """
     model, present = copy.copy(model), data
     data = mujoco.MjData(model)
     mujoco.mj_copyData(data, model, present)
-    inputs: list[tuple[Any, int, Waveform]] = []
-    constants: list[tuple[str, Any, int, float]] = []
-    for key, entry in case.items():
-        selector = parse_selector(f"{key!r} of the case", key, _WRITES)
-        field = selector.field or ("ctrl" if selector.source == "actuator" else "")
-        if selector.source == "opt":
-            _set_option(model, key, selector, as_number(key, entry, _DRIVABLE))
-            continue
-        array, kind = _array(model, data, key, selector, field)
-        at = index_in(f"{key!r} of the case", selector, array.size)
-        flat = array.reshape(-1)
-        if kind == "input":
-            inputs.append((flat, at, as_waveform(key, entry)))
-            continue
-        number = _finite(key, as_number(key, entry, _DRIVABLE))
-        flat[at] = number
-        if kind == "constant":
-            constants.append((key, flat, at, number))
-    if constants:
-        mujoco.mj_setConst(model, mujoco.MjData(model))  # derives masses of subtrees and the like
-    for key, flat, at, number in constants:
-        if flat[at] != number:
-            raise InputError(
-                f"{key!r} of the case cannot be chosen: MuJoCo derives it from others of {name}"
-            )
+    places = _find(model, data, case)
+    inputs = []
+    for key, place in places.items():
+        if place.kind == "input":
+            inputs.append((place.array, place.at, as_waveform(key, case[key])))
+        elif place.kind == "state":
+            place.array[place.at] = _number(key, case[key])
+    _set_constants(model, case, places, name)
     return Driven(model, data, inputs)
 
 
-def _array(model: Any, data: Any, key: str, selector: Selector, field: str) -> tuple[Any, str]:  # noqa: ANN401
-    """The array in which a selector chooses, and whether it is an input, a state or a constant."""
-    if not selector.names:
-        held = "input" if selector.source in {"ctrl", "qfrc_applied"} else "state"
-        return getattr(data, selector.source), held
+def changed(model: Any, case: Case, name: str) -> Any:  # noqa: ANN401
+    """A copy of a model with the constants of a case, for an environment that steps it.
+
+    Args:
+        model: The model.
+        case: Constants and options of the model by name.
+        name: The name of the environment, for messages.
+
+    Raises:
+        InputError: As `drive` does; and if an entry is no constant and no option.
+    """
+    model = copy.copy(model)
+    places = _find(model, mujoco.MjData(model), case)
+    for key, place in places.items():
+        as_number(key, case[key], "its actions")
+        if place.kind in {"input", "state"}:
+            what = "resets its state" if place.kind == "state" else "has actions for what drives it"
+            raise InputError(
+                f"{name} takes no {key!r} of a case: it {what}; of its model a case sets "
+                "constants, such as body:torso.mass or opt.gravity[2]"
+            )
+    _set_constants(model, case, places, name)
+    return model
+
+
+def is_of_model(name: str) -> bool:
+    """Whether the name of an entry begins as those of a model do."""
+    return re.match(r"\w*", name)[0] in _WRITES  # type: ignore[index]  # an empty match is one
+
+
+class _Place(NamedTuple):
+    """Where the number of an entry is held.
+
+    Attributes:
+        kind: ``"input"``, held while a step is made; ``"state"``, of which there is an initial
+            value; ``"constant"``, of the model; ``"option"``, an attribute of ``model.opt``.
+        array: The array, of one dimension; the options for an option that is no array.
+        at: The index in it, or the name of the option.
+    """
+
+    kind: Literal["input", "state", "constant", "option"]
+    array: Any
+    at: Any
+
+
+def _find(model: Any, data: Any, case: Case) -> dict[str, _Place]:  # noqa: ANN401
+    """The place of every entry of a case."""
+    places: dict[str, _Place] = {}
+    taken: dict[object, str] = {}
+    for key in case:
+        place = places[key] = _place(model, data, key)
+        held = place.at if place.kind == "option" else place.array[place.at :].ctypes.data
+        if held in taken:
+            raise InputError(
+                f"expected one entry of the case for a number, got {taken[held]!r} and {key!r}"
+            )
+        taken[held] = key
+    return places
+
+
+def _place(model: Any, data: Any, key: str) -> _Place:  # noqa: ANN401
     what = f"{key!r} of the case"
-    named = Selector(selector.source, selector.names, field, selector.path)
-    if (selector.source, field) in _STATE:
-        return field_of(what, named, data), "state"
-    if (selector.source, field) in _DRIVES:
-        return field_of(what, named, data), "input"
-    array = field_of(what, named, model)
+    selector = parse_selector(what, key, _WRITES)
+    if selector.source == "opt":
+        return _option(what, model, selector)
+    field = selector.field or ("ctrl" if selector.source == "actuator" else "")
+    whole = Selector(selector.source, selector.names, field, selector.path)
+    kind: Literal["input", "state", "constant"] = "constant"
+    if not selector.names:
+        kind = "input" if selector.source in {"ctrl", "qfrc_applied"} else "state"
+        array = getattr(data, selector.source)
+    elif (selector.source, field) in _STATE:
+        kind, array = "state", field_of(what, whole, data)
+    elif (selector.source, field) in _DRIVES:
+        kind, array = "input", field_of(what, whole, data)
+    else:
+        array = field_of(what, whole, model)
     if array.dtype.kind != "f":  # others are places in arrays, and kinds
         raise InputError(f"{what}: {selector} holds whole numbers, which no case sets")
-    return array, "constant"
+    return _Place(kind, array.reshape(-1), index_in(what, whole, array.size))
 
 
-def _set_option(model: Any, key: str, selector: Selector, number: float) -> None:  # noqa: ANN401
-    """Sets a number of ``model.opt``."""
-    what = f"{key!r} of the case"
+def _option(what: str, model: Any, selector: Selector) -> _Place:  # noqa: ANN401
+    """The place of a number of ``model.opt``."""
     options = [name for name in dir(model.opt) if not name.startswith("_")]
     if selector.field not in options:
         raise InputError(
@@ -155,13 +203,33 @@ def _set_option(model: Any, key: str, selector: Selector, number: float) -> None
         )
     value = getattr(model.opt, selector.field)
     if isinstance(value, np.ndarray):
-        value[index_in(what, selector, value.size)] = _finite(key, number)
-        return
+        return _Place("constant", value, index_in(what, selector, value.size))
     index_in(what, selector, 1)
-    setattr(model.opt, selector.field, like(value, key, _finite(key, number)))
+    return _Place("option", model.opt, selector.field)
 
 
-def _finite(name: str, number: float) -> float:
+def _set_constants(model: Any, case: Case, places: Mapping[str, _Place], name: str) -> None:  # noqa: ANN401
+    """Sets options and constants; MuJoCo derives others from them, as when it compiles a model."""
+    constants: list[tuple[str, _Place, float]] = []
+    for key, place in places.items():
+        if place.kind == "constant":
+            number = _number(key, case[key])
+            place.array[place.at] = number
+            constants.append((key, place, number))
+        elif place.kind == "option":
+            present = getattr(place.array, place.at)
+            setattr(place.array, place.at, like(present, key, _number(key, case[key])))
+    if constants:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    for key, place, number in constants:
+        if place.array[place.at] != number:
+            raise InputError(
+                f"{key!r} of the case cannot be chosen: MuJoCo derives it from others of {name}"
+            )
+
+
+def _number(name: str, entry: float | Waveform) -> float:
+    number = as_number(name, entry, _DRIVABLE)
     if not math.isfinite(number):
         raise InputError(f"expected {name!r} of the case as a finite number, got {number!r}")
     return number

@@ -100,7 +100,7 @@ def test_what_cannot_be_set_or_is_set_by_the_reset_is_refused() -> None:
     assert message("env.drawn") == "Windy has no 'env.drawn'"
     env.reset()
     assert message("env.drawn") == (
-        "'env.drawn' of the case is 2, but the reset of Windy sets it to 0.5: it cannot be chosen"
+        "'env.drawn' of the case is 2.0, but the reset of Windy sets it to 0.5: it cannot be chosen"
     )
     assert env.drawn == 0.5
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
+import gymnasium as gym
 import mujoco  # type: ignore[import-untyped]
 import numpy as np
 import pytest
@@ -166,6 +167,85 @@ def test_a_space_of_a_model_is_run_by_its_columns() -> None:
     assert runs[0] != runs[1]
 
 
+@given(st.floats(1, 20), st.floats(0, 2), st.sampled_from([0.01, 0.02]), waveforms(-3, 3))
+@settings(max_examples=20)
+def test_an_environment_steps_a_model_with_other_constants(
+    mass: float, damping: float, timestep: float, push: Waveform
+) -> None:
+    env = gym.make("InvertedPendulum-v5")
+    simulation: Any = env.unwrapped
+    model, before = simulation.model, arrays(simulation.model)
+    case = Case(
+        {
+            "body:pole.mass": mass,
+            "joint:slider.damping": damping,
+            "opt.timestep": timestep,
+            "action[0]": push,
+        }
+    )
+    run = simulate(
+        env, "always(abs(x) < 9)", {"x": "obs[1]"}, case=case, seed=1, duration=0.4, stop="end"
+    )
+    assert simulation.model is model
+    assert (arrays(model), model.opt.timestep) == (before, 0.02)
+    assert run.period == 2 * Fraction(str(timestep))
+    model.body("pole").mass = mass
+    model.joint("slider").damping = damping
+    model.opt.timestep = timestep
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    obs, _ = env.reset(seed=1)
+    seen = [obs[1]]
+    for i in range(run.steps):
+        obs, *_ = env.step(np.array([of_step(push, i, 2 * timestep)], np.float32))
+        seen.append(obs[1])
+    assert run.signals["x"].tolist() == seen
+
+
+@pytest.mark.parametrize(
+    ("case", "message"),
+    [
+        (
+            {"qpos[0]": 1},
+            (
+                "InvertedPendulum-v5 takes no 'qpos[0]' of a case: it resets its state; of its "
+                "model a case sets constants, such as body:torso.mass or opt.gravity[2]"
+            ),
+        ),
+        (
+            {"ctrl[0]": 1},
+            (
+                "InvertedPendulum-v5 takes no 'ctrl[0]' of a case: it has actions for what drives "
+                "it; of its model a case sets constants, such as body:torso.mass or opt.gravity[2]"
+            ),
+        ),
+        (
+            {"mass": 1},
+            (
+                "InvertedPendulum-v5 takes no 'mass' of a case; it takes 'action[0]' and numbers "
+                "of its attributes, such as 'env.gravity', and of its model, such as "
+                "'body:torso.mass'"
+            ),
+        ),
+        (
+            {"body:pole.mass": Waveform([0], [1])},
+            (
+                "expected 'body:pole.mass' of the case as a number, which does not change during a "
+                "run, got a waveform; waveforms drive its actions"
+            ),
+        ),
+    ],
+)
+def test_an_environment_of_mujoco_says_what_it_takes(case: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        simulate(
+            gym.make("InvertedPendulum-v5"),
+            "always(x < 9)",
+            {"x": "obs[0]"},
+            case={"action[0]": 0.0, **case},
+        )
+    assert str(caught.value) == message
+
+
 ERRORS: list[tuple[dict[str, Any], str]] = [
     (
         {"force": 1},
@@ -225,6 +305,10 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
             "'body:pole.subtreemass' of the case cannot be chosen: MuJoCo derives it from others "
             "of cart"
         ),
+    ),
+    (
+        {"ctrl[0]": 1, "actuator:motor": 1},
+        ("expected one entry of the case for a number, got 'ctrl[0]' and 'actuator:motor'"),
     ),
     (
         {"geom:box.type": 3},
