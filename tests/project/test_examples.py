@@ -19,9 +19,12 @@ ARGUMENTS = {
     "falling_humanoid": ["--episodes", "4"],
     "highway_rss": ["--episodes", "2"],
     "lookahead": [],
+    "paper_figures": [],
     "parking": ["--episodes", "5"],
     "walking_response": ["--episodes", "3"],
 }
+PICTURES = {"paper_figures": ["paper_flights", "paper_map", "paper_servers"]}
+"""What is drawn into a folder; the other examples draw one picture of their own name."""
 
 
 @dataclass
@@ -29,7 +32,7 @@ class Run:
     """What an example printed and drew."""
 
     text: str
-    picture: Path
+    pictures: list[Path]
 
     def rows(self, column: str) -> list[list[str]]:
         """The words of each line of the table whose first column is ``column``."""
@@ -48,11 +51,12 @@ def _run(example: str, folder: Path) -> Run:
     assert spec.loader is not None
     module: Any = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    picture = folder / f"{example}.png"
+    pictures = [folder / f"{name}.png" for name in PICTURES.get(example, [example])]
+    target = folder if example in PICTURES else pictures[0]
     with contextlib.redirect_stdout(io.StringIO()) as out, mpl.rc_context():
-        module.main([*ARGUMENTS[example], "--plot", str(picture)])
+        module.main([*ARGUMENTS[example], "--plot", str(target)])
         plt.close("all")
-    return Run(out.getvalue(), picture)
+    return Run(out.getvalue(), pictures)
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +72,10 @@ def test_an_example_says_how_to_run_it_prints_80_columns_and_draws(
 ) -> None:
     text = (EXAMPLES / f"{example}.py").read_text(encoding="utf-8")
     assert f"\nRun: python examples/{example}.py" in text
-    assert len(text.splitlines()) < 80
+    assert len(text.splitlines()) < (130 if example in PICTURES else 80)
     assert max(map(len, run(example).text.splitlines())) <= 80
-    assert run(example).picture.read_bytes().startswith(b"\x89PNG")
+    for picture in run(example).pictures:
+        assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_no_example_is_left_out() -> None:
@@ -79,9 +84,10 @@ def test_no_example_is_left_out() -> None:
 
 def test_the_page_on_examples_shows_them_all() -> None:
     page = (EXAMPLES.parent / "docs" / "examples.md").read_text(encoding="utf-8")
-    shown = re.findall(r"\]\(([^):]+)\)", page)
+    shown = re.findall(r"\]\(([^): ]+)\)", page)
     for example in ARGUMENTS:
-        assert {f"../examples/{example}.py", f"examples/{example}.png"} <= set(shown)
+        drawn = {f"examples/{name}.png" for name in PICTURES.get(example, [example])}
+        assert {f"../examples/{example}.py", *drawn} <= set(shown)
     pictures = [EXAMPLES.parent / "docs" / link for link in shown]
     assert [picture for picture in pictures if not picture.is_file()] == []
     assert max(picture.stat().st_size for picture in pictures) < 150_000
@@ -135,3 +141,30 @@ def test_looking_ahead_keeps_the_cart_in_the_corridor_and_feedback_alone_does_no
     alone, ahead = run("lookahead").rows("driver")
     assert (alone[2], ahead[4]) == ("VIOLATED", "UNDECIDED")
     assert float(alone[-1]) < 0.0 < float(ahead[-1])
+
+
+def test_the_figures_of_the_paper_have_its_numbers(run: Runner) -> None:
+    flights = run("paper_figures").rows("flight")[:3]
+    assert [row[0] for row in flights] == ["expected", "H1", "0.8"]
+    expected, faulty, violating = (float(row[-1]) for row in flights)
+    assert max(faulty, violating) < 0 < expected
+    servers = run("paper_figures").rows("server")[:4]
+    assert servers == [
+        ["a", "3", "3", "0"],
+        ["b", "1", "inf", "1"],
+        ["c", "-2", "-2", "0"],
+        ["d", "-1", "-2", "0"],
+    ]
+    cells = [row[1:] for row in run("paper_figures").rows("frequency")[:4]]
+    heights = [[float(cell) for cell in row] for row in cells]
+    assert [len(row) for row in heights] == [4] * 4
+    assert {f"{violating:.2f}", f"{expected:.2f}"} <= {
+        f"{each:.2f}" for row in heights for each in row
+    }
+    assert min(map(min, heights)) < 0 < max(map(max, heights))
+
+
+def test_the_table_of_times_has_a_row_for_every_bound(run: Runner) -> None:
+    rows = run("paper_figures").rows("bound")
+    assert [row[0] for row in rows] == ["[0:100]", "[0:1000]", "[0:10000]", "[0:100000]"]
+    assert all(float(cell) > 0 for row in rows for cell in row[1:])
