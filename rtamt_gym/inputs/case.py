@@ -39,8 +39,9 @@ class Case(Mapping[str, float | Waveform]):
 
     def __init__(self, entries: Mapping[str, float | Waveform]) -> None:
         if not isinstance(entries, Mapping):
+            way_out = "; space.case(point) gives one" if hasattr(entries, "case") else ""
             raise InputTypeError(
-                f'expected a case as a mapping such as {{"mass": 1.5}}, got {entries!r}'
+                f'expected a case as a mapping such as {{"mass": 1.5}}, got {entries!r}{way_out}'
             )
         self._entries = {_name(name): _entry(name, value) for name, value in entries.items()}
 
@@ -82,8 +83,10 @@ class Case(Mapping[str, float | Waveform]):
 
         Raises:
             InputError: If it is no JSON, or not of a case.
-            InputTypeError: As for a case.
+            InputTypeError: If it is no text; as for a case.
         """
+        if not isinstance(text, str):
+            raise InputTypeError(f"expected a case as text in JSON, got {text!r}")
         try:
             entries = json.loads(text)
         except json.JSONDecodeError as error:
@@ -108,7 +111,8 @@ def _entry(name: str, value: object) -> float | Waveform:
         return value
     if isinstance(value, bool) or not isinstance(value, Real):
         raise InputTypeError(
-            f"expected {name!r} of a case as a number or a rtamt_gym.Waveform, got {value!r}"
+            f"expected {name!r} of a case as a number or a waveform such as "
+            f"Waveform([0, 5], [1, 2]), got {value!r}"
         )
     if math.isnan(value):
         raise InputError(f"expected {name!r} of a case as a number, got nan")

@@ -95,6 +95,7 @@ class Space:
 
         Raises:
             InputError: If the point is not of the unit cube, or a signal has no duration.
+            InputTypeError: If it is not made of numbers.
         """
         left = iter(self._checked(point).tolist())
         case: dict[str, float | Waveform] = {}
@@ -126,7 +127,12 @@ class Space:
         return np.array(point)
 
     def _checked(self, point: ArrayLike) -> NDArray[np.float64]:
-        numbers = np.asarray(point, np.float64)
+        try:
+            numbers = np.asarray(point, np.float64)
+        except (TypeError, ValueError):
+            raise InputTypeError(
+                f"expected a point as {self.dimension} numbers, got {point!r}"
+            ) from None
         if numbers.shape != (self.dimension,):
             raise InputError(
                 f"expected a point of shape ({self.dimension},), got shape {numbers.shape}"

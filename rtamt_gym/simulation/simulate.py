@@ -69,27 +69,25 @@ def simulate(
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
 
-    | system | ``signals`` | ``policy`` | ``case`` |
-    |---|---|---|---|
-    | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation | \
-actions, parameters, attributes |
-    | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; \
-optional | controls, states, constants |
-    | a `StepMonitor`, from its present state on | its own | sets ``data.ctrl``; optional | |
-    | `Fmus`: FMUs connected | names of their variables | | inputs, parameters |
-    | a function from time to sample | keys of the sample | | keyword arguments |
-    | a generator function | keys of the sample | | keyword arguments |
-    | an iterable of samples | keys of the sample | | |
+    | system | ``signals`` | ``policy`` |
+    |---|---|---|
+    | a Gymnasium environment | selectors, as for `StlMonitor` | the action for an observation |
+    | ``(model, data)`` of MuJoCo | selectors, as for `StepMonitor` | sets ``data.ctrl``; optional |
+    | a `StepMonitor`, from its present state on | its own | sets ``data.ctrl``; optional |
+    | `Fmus`: FMUs connected | names of their variables | |
+    | a function from time to sample | keys of the sample | |
+    | an iterable of samples, or a generator function | keys of the sample | |
 
-    A sample is a mapping from names to numbers. For the last four systems, a variable that is not
+    A sample is a mapping from names to numbers. For the last three systems, a variable that is not
     in ``signals`` reads the value of its own name; for an environment that has ``signals`` of its
     own, as scenarios do, what that says.
 
-    A ``case`` is what this run is given, by name: numbers, and waveforms for what changes. A step
-    of the simulation gets the value of a waveform at its start with ``"hold"``, at its end with
-    ``"linear"`` and ``"pchip"``; functions get the waveform itself, which is a function of time.
-    Afterwards the system is as it was. What the names are, system by system, is said in
-    docs/simulations.md.
+    A ``case`` is what this run is given by name, numbers and waveforms: actions, parameters and
+    attributes of an environment; controls, initial states and constants of a model; inputs and
+    parameters of FMUs; keyword arguments of a function or a generator function. A step of the
+    simulation gets the value of a waveform at its start with ``"hold"``, at its end with
+    ``"linear"`` and ``"pchip"``; a function gets the waveform itself, which is a function of time.
+    Attributes, model and data are as before afterwards. docs/simulations.md lists the names.
 
     Sample 0 is the state before the first step: an environment's observation at reset, the present
     state of a MuJoCo model's data, an FMU's outputs after its initialization.

@@ -210,6 +210,12 @@ def test_a_point_outside_of_the_cube_has_no_case(point: list[float], message: st
     assert str(caught.value) == message
 
 
+def test_a_point_is_made_of_numbers() -> None:
+    with pytest.raises(InputTypeError) as caught:
+        SMALL.case(cast("Any", ["u", 0, 0, 0]))
+    assert str(caught.value) == "expected a point as 4 numbers, got ['u', 0, 0, 0]"
+
+
 def test_a_signal_without_duration_says_where_to_give_one() -> None:
     with pytest.raises(InputError) as caught:
         Space([Signal("u", 0, 1, points=2)]).case([0, 0])
@@ -246,11 +252,22 @@ def test_infinite_numbers_are_texts_in_json() -> None:
 
 CASE_ERRORS: list[tuple[Any, type[Exception], str]] = [
     (3, InputTypeError, 'expected a case as a mapping such as {"mass": 1.5}, got 3'),
+    (
+        SMALL,
+        InputTypeError,
+        (
+            f'expected a case as a mapping such as {{"mass": 1.5}}, got {SMALL!r}; '
+            "space.case(point) gives one"
+        ),
+    ),
     ({1: 2}, InputTypeError, "expected the names of a case as texts, got 1"),
     (
         {"m": "1"},
         InputTypeError,
-        "expected 'm' of a case as a number or a rtamt_gym.Waveform, got '1'",
+        (
+            "expected 'm' of a case as a number or a waveform such as Waveform([0, 5], [1, 2]), "
+            "got '1'"
+        ),
     ),
     ({"m": math.nan}, InputError, "expected 'm' of a case as a number, got nan"),
 ]
@@ -261,6 +278,12 @@ def test_a_case_says_what_it_expects(entries: object, kind: type[Exception], mes
     with pytest.raises(kind) as caught:
         Case(cast("Any", entries))
     assert str(caught.value) == message
+
+
+def test_json_is_text() -> None:
+    with pytest.raises(InputTypeError) as caught:
+        Case.from_json(cast("Any", {"m": 1}))
+    assert str(caught.value) == "expected a case as text in JSON, got {'m': 1}"
 
 
 @pytest.mark.parametrize(
