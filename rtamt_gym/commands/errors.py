@@ -19,6 +19,8 @@ _OPTIONS = (
     (r"\bperiod= ?", "--period "),
     (r"\balign= ?", "--align "),
     (r"semantics='([\w-]+)'", r"--semantics \1"),
+    (r"policy=lambda obs: env\.action_space\.sample\(\) acts at random", "--policy names one"),
+    (r"got x=(\w+|'[^']*') and y=(\w+|'[^']*')$", r"got --x \1 and --y \2"),
     (r"\bsubsteps=True\b", "--substeps"),
     (r" or name them: (in|out)puts=\('.*',\)$", ""),
     (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),

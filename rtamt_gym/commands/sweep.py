@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import textwrap
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError
+from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
     add_environment,
     add_output,
@@ -127,11 +128,16 @@ def run(options: argparse.Namespace) -> int:
             options.vary, options.set, getattr(simulation, "scenario", None)
         )
         own = getattr(simulation, "requirements", {})
+        requirements = _read_requirements(options.requirement, own, options.env_id)
+        inputs = getattr(getattr(simulation, "scenario", None), "inputs", ())
+        if options.heat_map:
+            columns = [c for each in (entries or inputs) for c in each.columns]
+            _check_map(columns, requirements or own, options)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary says it
             done = sweep(
                 env,
-                _read_requirements(options.requirement, own, options.env_id),
+                requirements,
                 entries,
                 fixed=numbers,
                 samples=samples,
@@ -193,6 +199,17 @@ def _read_requirements(
                 raise InputError(f"expected one requirement {new!r}, got two; name one of them")
             loaded[new] = spec
     return loaded
+
+
+def _check_map(
+    columns: Sequence[str], requirements: Collection[str], options: argparse.Namespace
+) -> None:
+    """Refuses a heat map that cannot be drawn, before anything runs."""
+    from rtamt_gym.search.heights import two_of
+
+    if len(requirements) > 1:
+        raise InputError(f"--heat-map: expected one --requirement, got {listing(requirements)}")
+    two_of(columns, options.x, options.y)
 
 
 def _worst(done: Sweep) -> Iterator[str]:

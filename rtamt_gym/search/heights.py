@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,7 +15,7 @@ from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.record import Record
 from rtamt_gym.tables import shorten, table
 
-__all__ = ["Map", "map_of", "text_of"]
+__all__ = ["Map", "map_of", "text_of", "two_of"]
 
 Floats = NDArray[np.float64]
 
@@ -73,21 +74,7 @@ def map_of(
             others to choose from, or no simulation has a robustness.
     """
     name = record.name(requirement)
-    if x is None or y is None:
-        if len(space.columns) != 2 or x is not y:
-            raise InputError(
-                f"expected x and y, two of the columns {listing(space.columns)}, got x={x!r} and "
-                f"y={y!r}"
-            )
-        y, x = space.columns
-    for column in (x, y):
-        if column not in space.columns:
-            raise InputError(
-                f"there is no column {column!r}; the space has {listing(space.columns)}"
-                f"{nearest(column, space.columns)}"
-            )
-    if x == y:
-        raise InputError(f"expected two different columns, got {x!r} as x and as y")
+    x, y = two_of(space.columns, x, y)
     every = np.stack([record.numbers(x), record.numbers(y)], axis=1)
     heights = record.numbers(f"robustness({name})")
     known = ~np.isnan(heights)
@@ -104,6 +91,29 @@ def map_of(
         np.fmin.at(cells, (j, i), heights)
     folded = cells is not None and bool((times > 1).any())
     return Map(name, x, y, every[known], heights[known], xs, ys, cells, folded)
+
+
+def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, str]:
+    """The columns of a map; where neither is named, the second and the first of only two.
+
+    Raises:
+        InputError: If there is no such column, or one is left out where there are others to choose.
+    """
+    if x is None or y is None:
+        if len(columns) != 2 or x is not y:
+            raise InputError(
+                f"expected x and y, two of the columns {listing(columns)}, got x={x!r} and y={y!r}"
+            )
+        y, x = columns
+    for column in (x, y):
+        if column not in columns:
+            raise InputError(
+                f"there is no column {column!r}; the space has {listing(columns)}"
+                f"{nearest(column, columns)}"
+            )
+    if x == y:
+        raise InputError(f"expected two different columns, got {x!r} as x and as y")
+    return x, y
 
 
 def text_of(value: float) -> str:

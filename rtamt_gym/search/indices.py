@@ -66,8 +66,11 @@ class Indices:
 
     def __str__(self) -> str:
         head = ("varied", *self.values)
+        # What differences of rounded numbers leave is shown as 0.
+        least = 1e-12 * max(float(np.abs(values).max()) for values in self.values.values())
+        shown = [np.where(np.abs(values) > least, values, 0.0) for values in self.values.values()]
         rows = [
-            (shorten(name, 32), *(f"{values[i]:.4g}" for values in self.values.values()))
+            (shorten(name, 32), *(f"{values[i]:.4g}" for values in shown))
             for i, name in enumerate(self.names)
         ]
         title = f"what moves {shorten(self.requirement, 60)}:"

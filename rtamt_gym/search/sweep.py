@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Unpack
 
+import numpy as np
+
 from rtamt import InputError
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
@@ -40,7 +42,7 @@ class Sweep:
     """Many simulations of one system, each on a point of a space; `sweep` makes it.
 
     ``print`` shows the robustness and the verdicts of every requirement; of a grid of two columns
-    also the map.
+    also the maps, but for those that are the same everywhere.
 
     Attributes:
         record: The simulations, a row for each.
@@ -172,7 +174,8 @@ class Sweep:
         lines = summary(self.record)
         if self.sampler == "grid" and len(self.space.columns) == 2:
             for name in self.requirements:
-                if any(name in row.outcomes for row in self.record):
+                heights = self.record.numbers(f"robustness({name})")
+                if np.unique(heights[~np.isnan(heights)]).size > 1:
                     lines += ["", *self.map(requirement=name).lines()]
         return "\n".join(lines)
 

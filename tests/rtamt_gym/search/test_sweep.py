@@ -140,7 +140,7 @@ def test_a_sweep_prints_its_requirements_and_the_map_of_a_grid() -> None:
     head, line, empty, took, *rest = str(done).splitlines()
     assert head == "requirement     least    median  greatest  violated  satisfied  open"
     assert line == "dry          -0.72983  0.681866         1         1          8     0"
-    assert took.startswith("9 simulations, 171 simulated seconds in ")
+    assert took == "9 simulations, 171 simulated seconds"
     assert (empty, rest) == (
         "",
         [

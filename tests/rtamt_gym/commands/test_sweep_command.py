@@ -1,0 +1,167 @@
+"""`rtamt sweep`: what it prints, what it writes, and mistakes."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rtamt_gym import Record, Sweep
+from rtamt_gym.__main__ import main
+
+SYSTEM = "rtamt/RequestGrant-v0"
+Output = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def lines(capsys: Output, *arguments: str) -> list[str]:
+    """What the command prints; no line is too long."""
+    assert main(["sweep", *arguments]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert all(len(line) <= 80 for line in out)
+    return out
+
+
+def test_a_grid_prints_its_map(capsys: Output) -> None:
+    arguments = [SYSTEM, "--vary", "height=2:8", "--vary", "limit=1:4"]
+    assert lines(capsys, *arguments, "--sampler", "grid", "--samples", "height=3,limit=2") == [
+        "granted: always[0:10s](req >= 3 implies eventually[0:5s](gnt >= 3))",
+        "",
+        "requirement  least  median  greatest  violated  satisfied  open",
+        "granted         -2       1         1         2          4     0",
+        "",
+        "6 simulations, 90 simulated seconds",
+        "",
+        "robustness of granted over limit:",
+        "height       1      4",
+        "     2   1.000  1.000",
+        "     5  -2.000  1.000",
+        "     8  -2.000  1.000",
+        "",
+        "worst of granted: -2 in simulation 2: height=5, limit=1",
+    ]
+
+
+def test_files_are_written_and_hold_what_was_printed(capsys: Output) -> None:
+    files = ["--save", "a.parquet", "--json", "a.json", "--heat-map", "a.png", "--scatter", "a.svg"]
+    vary = ["--vary", "height", "--vary", "delay=1:4,log", "--set", "limit=4"]
+    shown = lines(capsys, SYSTEM, *vary, "--samples", "4", "--seed", "7", *files)
+    assert shown[-4:] == [
+        "record: a.parquet",
+        "record: a.json",
+        "heat map: a.png",
+        "scatter: a.svg",
+    ]
+    sweep = Sweep.load("a.parquet")
+    assert sweep.record == Record.load("a.parquet")
+    assert list(sweep.space.entries) == ["height", "delay"]
+    kept = json.loads(Path("a.json").read_text())
+    assert (kept["system"], kept["sampler"], kept["seed"]) == (SYSTEM, "sobol", 7)
+    for row, cells in zip(sweep.record, kept["simulations"], strict=True):
+        assert row.columns() | {"wall": 0} == cells | {"wall": 0}
+        assert row.case["limit"] == 4.0
+        assert row.seed == 7 + kept["simulations"].index(cells)
+    assert Path("a.png").stat().st_size > 1000
+    assert Path("a.svg").stat().st_size > 1000
+
+
+def test_morris_prints_what_moves_a_requirement_or_why_nothing_does(capsys: Output) -> None:
+    arguments = ["--sampler", "morris", "--samples", "4"]
+    moved = lines(capsys, SYSTEM, "--vary", "limit=0:2", "--vary", "delay=0:1", *arguments)
+    assert moved[-4:] == [
+        "what moves granted:",
+        "varied  mu*  mu* +-  mu  sigma",
+        "limit     2       0   2      0",
+        "delay     0       0   0      0",
+    ]
+    still = lines(capsys, SYSTEM, "--vary", "delay=0:1", *arguments)
+    assert still[-2:] == [
+        "no indices of granted: the robustness of 'granted' is 3 in every simulation:",
+        "nothing moves it",
+    ]
+
+
+def test_requirements_are_names_formulas_and_files(capsys: Output) -> None:
+    Path("low.stl").write_text("low = always(gnt < 9)")
+    arguments = ["--requirement", "granted", "--requirement", "low.stl"]
+    arguments += ["--requirement", "always(req < 9)", "--samples", "1"]
+    shown = lines(capsys, SYSTEM, *arguments)
+    assert [line.partition(":")[0] for line in shown[:3]] == ["granted", "low", "spec3"]
+
+
+def test_signals_are_varied_over_time_and_other_environments_are_run(capsys: Output) -> None:
+    vary = ["--vary", "request=0:8,points=2,pchip", "--duration", "4"]
+    assert lines(capsys, SYSTEM, *vary, "--samples", "2")
+    arguments = ["--requirement", "always(abs(angle) < 0.1)", "--signal", "angle=obs[2]"]
+    arguments += ["--vary", "env.gravity=5|15", "--sampler", "grid", "--samples", "1"]
+    shown = lines(capsys, "CartPole-v1", *arguments, "--policy", "zero")
+    assert "env.gravity=5" in shown[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            [SYSTEM, "--samples", "many"],
+            "--samples: expected a whole number above 0, or NAME=N,NAME=N, got 'many'",
+        ),
+        (
+            [SYSTEM, "--requirement", "garnted", "--samples", "1"],
+            f"{SYSTEM} has no requirement 'garnted'; it has 'granted'; did you mean 'granted'?",
+        ),
+        (
+            [SYSTEM, "--vary", "heigth", "--samples", "1"],
+            (
+                "--vary heigth: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7; the "
+                "scenario has 'delay', 'limit', 'noise', 'height', 'onset', 'length', 'request'; "
+                "did you mean 'height'?"
+            ),
+        ),
+        (
+            [SYSTEM, "--vary", "height=1:2:3", "--samples", "1"],
+            (
+                "--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, "
+                "got 'height=1:2:3'"
+            ),
+        ),
+        (
+            [SYSTEM, "--vary", "height=1:2,points=a", "--samples", "1"],
+            (
+                "--vary: expected mass=1:2, gear=1|2|3 or throttle=0:100,points=7, "
+                "got 'height=1:2,points=a'"
+            ),
+        ),
+        (
+            [SYSTEM, "--set", "height", "--samples", "1"],
+            "--set: expected NAME=NUMBER, such as mass=1.5, got 'height'",
+        ),
+        (
+            [SYSTEM, "--vary", "delay", "--samples", "1", "--heat-map", "a.png"],
+            "expected x and y, two of the columns 'delay', got --x None and --y None",
+        ),
+        (
+            [SYSTEM, "--policy", "random", "--samples", "1"],
+            (
+                "--policy random: expected a policy that acts alike each time; vary what acts "
+                "with --vary NAME=LOW:HIGH,points=N"
+            ),
+        ),
+        (
+            ["CartPole-v1", "--samples", "1"],
+            ("CartPole-v1 has no requirements of its own; write --requirement 'always(x < 1)'"),
+        ),
+        (
+            [SYSTEM, "--vary", "delay", "--samples", "1", "--heat-map", "a.xyz"],
+            "cannot draw a.xyz: expected a name that ends in .png, .svg or .pdf",
+        ),
+    ],
+)
+def test_mistakes_are_told_before_anything_runs(
+    capsys: Output, arguments: list[str], message: str
+) -> None:
+    assert main(["sweep", *arguments]) == 2
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", f"rtamt: error: {message}\n")
