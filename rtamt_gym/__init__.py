@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
+    from rtamt_gym.search.falsification import Falsification
+    from rtamt_gym.search.falsify import falsify
     from rtamt_gym.search.record import Record
     from rtamt_gym.search.runner import Runner
     from rtamt_gym.search.sweep import Sweep, sweep
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     __all__ = [
         "Case",
         "CostEnv",
+        "Falsification",
         "Fmus",
         "ParallelStlMonitor",
         "Parameter",
@@ -53,6 +56,7 @@ if TYPE_CHECKING:
         "VectorStlReward",
         "Waveform",
         "evaluate_rollouts",
+        "falsify",
         "simulate",
         "sweep",
     ]
@@ -60,6 +64,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Case": "rtamt_gym.inputs.case",
     "CostEnv": "rtamt_gym.wrappers.cost",
+    "Falsification": "rtamt_gym.search.falsification",
     "Fmus": "rtamt_gym.simulation.fmi",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
@@ -78,6 +83,7 @@ _MODULES = {
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
+    "falsify": "rtamt_gym.search.falsify",
     "simulate": "rtamt_gym.simulation.simulate",
     "sweep": "rtamt_gym.search.sweep",
 }

@@ -18,6 +18,8 @@ EXTRAS: Final[Mapping[str, str]] = {
     "pandas": "pandas",
     "fmpy": "fmi",
     "SALib": "search",
+    "cma": "search",
+    "optuna": "optuna",
 }
 """The extra that installs each optional package."""
 

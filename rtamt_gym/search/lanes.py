@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, cast
 
@@ -23,6 +23,7 @@ from rtamt_gym.judges.interface import STANDARD, Interface
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.search.rows import Outcome, Row, seconds
+from rtamt_gym.search.trace import Trace
 from rtamt_gym.simulation.record import RunEnd, Stop
 
 __all__ = ["Judging", "Lanes"]
@@ -114,8 +115,18 @@ class Lanes:
                 return None
         return {0: "baseline", len(self._actions): "driven"}.get(acted)
 
-    def run(self, cases: Sequence[Case], seeds: Sequence[int | None]) -> Iterator[tuple[int, Row]]:
+    def run(
+        self,
+        cases: Sequence[Case],
+        seeds: Sequence[int | None],
+        keep: Callable[[int, Trace], object] | None = None,
+    ) -> Iterator[tuple[int, Row]]:
         """Runs cases of one kind, ``size`` at most; gives each with its index when it is over.
+
+        Args:
+            cases: What they are given.
+            seeds: The seed of each.
+            keep: Is called with the samples of each before it is given.
 
         Raises:
             Exception: What the environment or a monitor raises in any lane. What has not been given
@@ -127,10 +138,18 @@ class Lanes:
         begin = time.perf_counter()
         made = self._reset(env, cases, seeds)[None]
         actions = self._driven(cases, env.num_envs)
+        kept: list[Floats] = []
         while True:
             # By samples, variables and lanes, which monitors read fastest.
-            tables = made.transpose(0, 2, 1)[:, list(self._elements.values())]
-            over = batch.feed(np.ascontiguousarray(tables), begin)
+            tables = np.ascontiguousarray(made.transpose(0, 2, 1)[:, list(self._elements.values())])
+            over = batch.feed(tables, begin)
+            if keep is not None:
+                kept.append(tables)
+                for lane in over.tolist():
+                    samples = np.concatenate([each[:, :, lane] for each in kept])
+                    values = samples[: int(batch.last[lane]) + 1].T
+                    signals = dict(zip(self._elements, values, strict=True))
+                    keep(lane, Trace(signals, panel.period))
             for lane, outcomes in batch.outcomes(over):
                 yield (
                     lane,

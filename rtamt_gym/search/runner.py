@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, Self, TypedDict, Unpack, cast, get_args
@@ -25,6 +25,7 @@ from rtamt_gym.judges.specs import Align, Nan, View, read_period
 from rtamt_gym.search.lanes import Judging, Lanes
 from rtamt_gym.search.requirements import Requirements, load_requirements
 from rtamt_gym.search.rows import Row
+from rtamt_gym.search.trace import Trace
 from rtamt_gym.signals.signals import Element, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.environments import make
@@ -180,7 +181,11 @@ class Runner:
         return self._lanes is not None
 
     def run(
-        self, cases: Iterable[CaseLike], seeds: Sequence[int] | None = None
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None = None,
+        *,
+        keep: Callable[[int, Trace], object] | None = None,
     ) -> Iterator[tuple[int, Row]]:
         """Runs cases; gives the row of each with the index of the case, soon after it is over.
 
@@ -191,6 +196,7 @@ class Runner:
         Args:
             cases: What the simulations are given.
             seeds: The seed of the reset of each, of an environment. None: none.
+            keep: Is called with the index of a case and its samples before its row is given.
 
         Raises:
             InputError: If there are not as many seeds as cases, or the system takes none.
@@ -204,17 +210,18 @@ class Runner:
         lanes = self._lanes
         if lanes is None:
             for index, case in enumerate(listed):
-                yield index, self._row(case, given[index])
+                yield index, self._row(index, case, given[index], keep)
             return
         kinds = ((lanes.kind(case), index) for index, case in enumerate(listed))
         for kind, group in groupby(sorted(kinds, key=_sort_key), itemgetter(0)):
             indices = [index for _, index in group]
             if kind is None:
                 for index in indices:
-                    yield index, self._row(listed[index], given[index])
+                    yield index, self._row(index, listed[index], given[index], keep)
                 continue
             for begin in range(0, len(indices), lanes.size):
-                yield from self._batch(lanes, indices[begin : begin + lanes.size], listed, given)
+                chosen = indices[begin : begin + lanes.size]
+                yield from self._batch(lanes, chosen, listed, given, keep)
 
     def simulate(self, case: CaseLike, seed: int | None = None) -> Run:
         """Runs one case and keeps every sample.
@@ -227,28 +234,56 @@ class Runner:
             options = options | {"seed": seed}
         return simulate(self._system, self.requirements, case=Case(case), **options)
 
+    def judge(self, name: str, trace: Trace) -> float:
+        """The robustness of a requirement on samples that were kept."""
+        options: Any = {
+            option: self._simulated[option]
+            for option in ("semantics", "inputs", "outputs", "nan", "align")
+            if option in self._simulated
+        }
+        heights = rtamt.evaluate(
+            self.requirements[name], trace.signals, trace.period, n=trace.samples, **options
+        )
+        return float(heights.min() if self._simulated.get("view") == "step" else heights[0])
+
     def _batch(
-        self, lanes: Lanes, indices: list[int], cases: list[Case], seeds: list[int | None]
+        self,
+        lanes: Lanes,
+        indices: list[int],
+        cases: list[Case],
+        seeds: list[int | None],
+        keep: Callable[[int, Trace], object] | None,
     ) -> Iterator[tuple[int, Row]]:
         """Runs a batch in lanes; after an error, those that are not over one by one."""
         left = dict.fromkeys(indices)
         try:
-            for lane, row in lanes.run([cases[i] for i in indices], [seeds[i] for i in indices]):
+            keep_lane = None if keep is None else lambda lane, trace: keep(indices[lane], trace)
+            chosen = [cases[i] for i in indices], [seeds[i] for i in indices]
+            for lane, row in lanes.run(*chosen, keep_lane):
                 del left[indices[lane]]
                 yield indices[lane], row
         except Exception:  # noqa: BLE001 - it stands in the row of the case that has it
             for index in left:
-                yield index, self._row(cases[index], seeds[index])
+                yield index, self._row(index, cases[index], seeds[index], keep)
 
-    def _row(self, case: Case, seed: int | None) -> Row:
+    def _row(
+        self,
+        index: int,
+        case: Case,
+        seed: int | None,
+        keep: Callable[[int, Trace], object] | None,
+    ) -> Row:
         begin = time.perf_counter()
         try:
-            return Row.of(self.simulate(case, seed), case)
+            run = self.simulate(case, seed)
+            if keep is not None:
+                keep(index, Trace(run.signals, run.period))
+            return Row.of(run, case)
         except Exception as error:  # noqa: BLE001 - the row has it
             text = f"{type(error).__name__}: {error}"
-            run = getattr(error, "run", None)
-            if isinstance(run, Run):
-                return Row.of(run, case, text)
+            crashed = getattr(error, "run", None)
+            if isinstance(crashed, Run):
+                return Row.of(crashed, case, text)
             return Row(case, seed, {}, "error", 0.0, time.perf_counter() - begin, text)
 
 

@@ -30,7 +30,7 @@ from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["FailedSimulationWarning", "Sweep", "sweep"]
+__all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
 
 
 class FailedSimulationWarning(UserWarning):
@@ -278,7 +278,7 @@ def sweep(
         batch=batch,
         **options,
     )
-    varied = _space(runner, space)
+    varied = space_of(runner, space, "sweep")
     given = Case(fixed or {})
     for name in given:
         if name in varied.entries:
@@ -294,23 +294,27 @@ def sweep(
             advance(1)
     texts = {name: str(spec.formula) for name, spec in runner.requirements.items()}
     record = Record((rows[index] for index in range(len(cases))), texts, runner.name)
-    _tell_failures(record)
+    tell_failures(record)
     return Sweep(record, varied, sampler, seed, runner)
 
 
-def _space(runner: Runner, space: SpaceLike | None) -> Space:
-    """What is varied, with the duration of a run for its signals."""
+def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
+    """What is varied, with the duration of a run for its signals.
+
+    Raises:
+        InputError: If nothing is given, and the system says nothing; names the caller.
+    """
     if space is None and not runner.inputs:
         raise InputError(
             f"{runner.name} does not say what to vary; give a space, as in "
-            'sweep(system, requirements, [Parameter("mass", 1, 2)], ...)'
+            f'{caller}(system, requirements, [Parameter("mass", 1, 2)], ...)'
         )
     if isinstance(space, Space):
         return Space(list(space), duration=space.duration or runner.duration)
     return Space(runner.inputs if space is None else space, duration=runner.duration)
 
 
-def _tell_failures(record: Record) -> None:
+def tell_failures(record: Record) -> None:
     """Warns if some simulations failed.
 
     Raises:

@@ -1,0 +1,66 @@
+"""Searches for violations: what is found violates, whoever runs it, and seeds repeat it."""
+
+from collections.abc import Iterator, Mapping
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import rtamt_envs  # noqa: F401 - registers the scenarios
+
+import rtamt
+from rtamt_gym import Falsification, Parameter, falsify, simulate
+from rtamt_gym.search.optimizers import OPTIMIZERS
+
+TRANSMISSION = "rtamt/AutomaticTransmission-v0"
+
+INSTALLED = [name for name in OPTIMIZERS if name != "tpe"]  # Optuna is an extra of its own
+
+SPACE = [Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)]
+
+
+def tank(inflow: float, leak: float) -> Iterator[Mapping[str, float]]:
+    level = 1.0
+    for _ in range(20):
+        yield {"level": level}
+        level += inflow - leak * level
+
+
+@pytest.mark.parametrize("optimizer", INSTALLED)
+def test_every_optimizer_finds_a_violation_that_fills_an_eighth_of_the_space(
+    optimizer: str,
+) -> None:
+    found = falsify(tank, "always(level < 2)", SPACE, period=1, optimizer=optimizer, seed=3)
+    assert found.falsified
+    assert found.optimizer == optimizer
+    assert found.simulations == len(found.record) <= 300
+    assert [row.outcomes["spec"].verdict.name for row in found.record].count("VIOLATED") == 1
+    run = found.replay()
+    assert run.courses["spec"].verdict is rtamt.Verdict.VIOLATED
+    levels = [sample["level"] for sample in tank(**found.input)]  # type: ignore[arg-type]
+    assert max(levels) >= 2
+
+
+@pytest.mark.parametrize("requirement", ["AT1", "AT6a", "AT54"])
+def test_what_is_found_violates_in_a_simulation_and_on_the_recorded_trace(requirement: str) -> None:
+    found = falsify(TRANSMISSION, requirement, budget=300, seed=5)
+    assert found.falsified
+    env = gym.make(TRANSMISSION)
+    spec = env.unwrapped.requirements[requirement]  # type: ignore[attr-defined]
+    for case in (found.input, found.found):
+        run = simulate(env, spec, case=case, stop="end", seed=found.row.seed)
+        assert run.courses[requirement].verdict is rtamt.Verdict.VIOLATED
+        height = rtamt.evaluate(spec, run.signals, run.period)[0]
+        assert np.signbit(height)
+
+
+def outcome(found: Falsification) -> tuple[object, ...]:
+    return found.record, found.input, found.requirement, found.reductions, found.scales
+
+
+def test_a_seed_repeats_a_search_and_lanes_change_nothing() -> None:
+    by_batch = [
+        falsify(TRANSMISSION, "AT6a", budget=60, seed=2, batch=batch, scales=None)
+        for batch in (100, 7)
+    ]
+    assert outcome(by_batch[0]) == outcome(by_batch[1])
+    assert by_batch[0].record == falsify(TRANSMISSION, "AT6a", budget=60, seed=2).record
