@@ -95,6 +95,18 @@ def test_a_piece_begins_with_its_step_sharp(period: Fraction, points: int, lengt
     assert steps.tolist() == [value for value in waveform.values for _ in range(length)]
 
 
+def test_rounding_leaves_no_range() -> None:
+    waveform = Waveform([0, 1, 2], [0.9, 0.1, 0.6], "pchip")
+    just_before = np.nextafter(1.0, 0.0)  # the cubic alone is 2e-16 below 0.1 there
+    assert (waveform(just_before), waveform.at(just_before)) == (0.1, 0.1)
+
+
+def test_times_are_the_fractions_that_floats_lie_beside() -> None:
+    waveform = Waveform([0, 0.1 + 0.2], [0, 1])
+    assert waveform.times == (0.0, 0.3)
+    assert waveform.of_steps(0.1, 5).tolist() == [0, 0, 0, 1, 1]
+
+
 def test_five_seconds_at_a_hundredth_are_step_500() -> None:
     waveform = Waveform([0, 5, 0.1 + 0.2 + 9], [1, 2, 3])
     assert waveform.times == (0.0, 5.0, 9.3)
