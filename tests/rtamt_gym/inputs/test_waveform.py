@@ -96,9 +96,11 @@ def test_a_piece_begins_with_its_step_sharp(period: Fraction, points: int, lengt
 
 
 def test_rounding_leaves_no_range() -> None:
-    waveform = Waveform([0, 1, 2], [0.9, 0.1, 0.6], "pchip")
-    just_before = np.nextafter(1.0, 0.0)  # the cubic alone is 2e-16 below 0.1 there
-    assert (waveform(just_before), waveform.at(just_before)) == (0.1, 0.1)
+    just_before = float(np.nextafter(1.0, 0.0))  # the cubic alone is 2e-16 beside 0.1 there
+    for sign in (1, -1):
+        waveform = Waveform([0, 1, 2], [sign * 0.9, sign * 0.1, sign * 0.6], "pchip")
+        assert waveform(just_before) == sign * 0.1
+        assert waveform.at([just_before]).tolist() == [sign * 0.1]
 
 
 def test_times_are_the_fractions_that_floats_lie_beside() -> None:
