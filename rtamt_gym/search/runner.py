@@ -10,10 +10,12 @@ from operator import itemgetter
 from typing import Any, Self, TypedDict, Unpack, cast, get_args
 
 import gymnasium as gym
+from gymnasium.vector import VectorEnv
 
 import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
+from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
@@ -115,10 +117,11 @@ class Runner:
         **options: Unpack[Options],
     ) -> None:
         check_choice("stop", stop, get_args(Stop))
+        _check_options(options)
         check_count("batch=", batch)
         if duration is not None and duration != math.inf:
             duration = check_number("duration", duration)
-        _refuse_used_up(system)
+        _check_system(system)
         self._made = make(system) if isinstance(system, str) else None
         self._system = self._made if self._made is not None else system
         try:
@@ -291,12 +294,36 @@ def _sort_key(item: tuple[str | None, int]) -> tuple[str, int]:
     return item[0] or "", item[1]
 
 
-def _refuse_used_up(system: object) -> None:
-    """Refuses a system that is not the same a second time."""
+def _check_options(options: Mapping[str, Any]) -> None:
+    """Refuses options that `simulate` does not have, or that have no such value."""
+    known = Options.__annotations__
+    for name in options:
+        if name not in known:
+            raise InputTypeError(
+                f"expected options that simulate has, one of {listing(known)}, got {name}="
+                f"{nearest(name, known)}"
+            )
+    choices = {"view": View, "nan": Nan, "at_truncation": AtTruncation}
+    for name, values in choices.items():
+        if name in options:
+            check_choice(name, options[name], get_args(values))
+
+
+def _check_system(system: object) -> None:
+    """Refuses a system that is not the same a second time, or that is many."""
     if isinstance(system, Iterator) or type(system).__name__ == "StepMonitor":
         raise InputTypeError(
             "expected a system that starts anew for each case, such as the id of an environment, "
             f"a pair (model, data) or a function, got {system!r}"
+        )
+    if isinstance(system, VectorEnv):
+        raise InputTypeError(
+            f"expected one environment, or its id, got {system}; lanes are made of it where it has "
+            "them"
+        )
+    if isinstance(system, str) and system.endswith(".fmu"):
+        raise InputTypeError(
+            f"expected a system to run, got the name of a file; write Fmus({system!r})"
         )
 
 

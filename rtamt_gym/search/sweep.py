@@ -11,7 +11,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
@@ -75,7 +75,13 @@ class Sweep:
 
         Raises:
             InputError: If the sweep was read from a file, which does not hold the system.
+            InputTypeError: If it is given something else than a row.
         """
+        if not isinstance(row, Row):
+            raise InputTypeError(
+                f"expected a row of the record, such as sweep.worst() or sweep.record[0], got "
+                f"{row!r}"
+            )
         if self._runner is None:
             raise InputError(
                 "a sweep that was read from a file holds no system to run; write "
@@ -267,6 +273,7 @@ def sweep(
         >>> done.replay(row)
         <Run of tank: terminated at 19 s, 20 samples>
     """
+    seed = _checked_seed(seed)
     runner = Runner(
         system,
         requirements,
@@ -296,6 +303,13 @@ def sweep(
     record = Record((rows[index] for index in range(len(cases))), texts, runner.name)
     tell_failures(record)
     return Sweep(record, varied, sampler, seed, runner)
+
+
+def _checked_seed(seed: object) -> int:
+    """The seed as an int; refuses one that no random generator takes."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"expected seed= as a whole number, 0 or more, got {seed!r}")
+    return int(seed)
 
 
 def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:

@@ -290,6 +290,40 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             InputError,
             "expected stop='violation' or 'decided' or 'end', got 'never'",
         ),
+        (
+            (SYSTEM,),
+            {"at_trunction": "open"},
+            InputTypeError,
+            (
+                "expected options that simulate has, one of 'view', 'nan', 'align', 'semantics', "
+                "'inputs', 'outputs', 'at_termination', 'at_truncation', got at_trunction=; did "
+                "you mean 'at_truncation'?"
+            ),
+        ),
+        (
+            (SYSTEM,),
+            {"view": "end"},
+            InputError,
+            "expected view='episode' or 'step', got 'end'",
+        ),
+        (
+            ("plant.fmu", "always(x < 1)"),
+            {},
+            InputTypeError,
+            "expected a system to run, got the name of a file; write Fmus('plant.fmu')",
+        ),
+        (
+            (SYSTEM,),
+            {"seed": -1},
+            InputError,
+            "expected seed= as a whole number, 0 or more, got -1",
+        ),
+        (
+            (gym.make_vec("CartPole-v1", 2, vectorization_mode="sync"),),
+            {},
+            InputTypeError,
+            "expected one environment, or its id, got SyncVectorEnv(CartPole-v1, num_envs=2)",
+        ),
         ((SYSTEM,), {"batch": 0}, InputError, "expected batch= as 1 or more, got 0"),
         (
             (SYSTEM,),
@@ -328,3 +362,12 @@ def test_an_environment_that_is_given_stays_open() -> None:
     sweep(env, samples=2)
     env.reset()
     env.close()
+
+
+def test_what_is_no_row_is_not_replayed() -> None:
+    done = sweep(SYSTEM, samples=1)
+    with pytest.raises(InputTypeError) as caught:
+        done.replay(0)  # type: ignore[arg-type]  # the mistake
+    assert str(caught.value) == (
+        "expected a row of the record, such as sweep.worst() or sweep.record[0], got 0"
+    )
