@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from typing import Any, get_args
 
+from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     add_align,
     add_environment,
@@ -38,9 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--spec",
         action="append",
-        required=True,
+        default=[],
         metavar="SPEC",
-        help="a formula, name = formula, the path of a .stl file, or name=path; may be repeated",
+        help="a formula, name = formula, the path of a .stl file, name=path, or the name of a "
+        "requirement of the scenario; may be repeated (default: all of the scenario)",
     )
     parser.add_argument(
         "--signal",
@@ -80,9 +82,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--policy",
         default="random",
         metavar="POLICY",
-        help="how to act: random, zero, sb3:FILE.zip (a model of Stable-Baselines3, which acts "
-        "deterministically; its file holds pickled objects, so trust it), or module:function, "
-        "from observation to action (default: random)",
+        help="how to act: random, zero, baseline (a scenario's own), sb3:FILE.zip (a model of "
+        "Stable-Baselines3, which acts deterministically; its file holds pickled objects, so trust "
+        "it), or module:function, from observation to action (default: random)",
     )
     parser.add_argument(
         "--seed",
@@ -112,16 +114,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
+    from rtamt_gym.judges.specs import own_requirements
     from rtamt_gym.simulation.environments import make
     from rtamt_gym.simulation.outcomes import report, saved_note, to_json
     from rtamt_gym.simulation.policies import policy_of
     from rtamt_gym.simulation.simulate import simulate
 
-    specs = read_requirements(options.spec)
     signals = read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, _noted_ends() as notes:
+        own = own_requirements(env)
+        if not options.spec and not own:
+            raise InputError(
+                f"{options.env_id} has no requirements of its own; write --spec 'always(x < 1)'"
+            )
+        specs = read_requirements(options.spec or list(own), own=own)
         make_policy = policy_of(options.policy, env)
         runs = [
             simulate(

@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
+from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = ["read_requirements", "variables_of"]
 
@@ -36,9 +38,13 @@ def _is_file(argument: str) -> bool:
 
 
 def read_requirements(
-    arguments: Sequence[str], constants: Mapping[str, str] | None = None
+    arguments: Sequence[str],
+    constants: Mapping[str, str] | None = None,
+    own: Mapping[str, rtamt.Specification] = MappingProxyType({}),
 ) -> dict[str, rtamt.Specification]:
     """Reads specifications of which every requirement is judged, each under a different name.
+
+    The name of a requirement that the system has of its own is that requirement.
 
     One with a single requirement has the name that is given in ``name=path``, else that in the
     text, else that of the file, else ``spec``, ``spec2`` and so on. Of several requirements each
@@ -47,13 +53,18 @@ def read_requirements(
     Args:
         arguments: Formulas and paths of files, ``name=path`` too.
         constants: Values of constants; each text gets those that it names.
+        own: The requirements that the system has of its own, by name.
 
     Raises:
-        InputError: If two requirements have the same name, or no text has one of the constants.
+        InputError: If two requirements have the same name, an argument is nearly the name of one in
+            ``own``, or no text has one of the constants.
     """
     specs: dict[str, rtamt.Specification] = {}
     unused = {**(constants or {})}
     for argument in arguments:
+        if named := requirement_named(argument, own):
+            _add(specs, argument, named)
+            continue
         given, spec = _read_argument(argument, constants or {})
         for name in spec.given:
             unused.pop(name, None)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping
 from numbers import Real
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import gymnasium as gym
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
+from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [
     "Align",
@@ -31,6 +33,7 @@ __all__ = [
     "checked_mask",
     "find_period",
     "load_specs",
+    "own_requirements",
     "read_period",
     "recordable",
     "why_no_period",
@@ -55,8 +58,21 @@ Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
 
 
-def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:
+def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: ANN401 - any system
+    """The requirements that an environment has of its own: its attribute ``requirements``.
+
+    A scenario of `rtamt_envs` has one, and any environment may: ``{"AT1": rtamt.parse("...")}``.
+    """
+    own = getattr(getattr(env, "unwrapped", env), "requirements", None)
+    return own if isinstance(own, Mapping) else {}
+
+
+def load_specs(
+    specs: SpecsLike, own: Mapping[str, rtamt.Specification] = MappingProxyType({})
+) -> dict[str, rtamt.Specification]:
     """Loads what specifications require, by name.
+
+    A text that is the name of a requirement in ``own`` is that requirement.
 
     Each formula that no other formula of its text uses is a requirement, and is judged by itself;
     see `rtamt.Specification.requirements`. Text alone gives them their names. Of several
@@ -65,17 +81,21 @@ def load_specs(specs: SpecsLike) -> dict[str, rtamt.Specification]:
 
     Raises:
         SpecificationError: If a specification is wrong; a note names it if there are several.
-        InputError: If there is no specification, or two requirements have the same name.
+        InputError: If there is no specification, two requirements have the same name, or a text is
+            nearly a name in ``own``.
         InputTypeError: If one is neither text, nor a path, nor a ``Specification``.
     """
     if not isinstance(specs, Mapping):
-        return dict(_load(specs).requirements)
+        found = requirement_named(specs, own)
+        return (
+            {specs: found} if isinstance(specs, str) and found else dict(_load(specs).requirements)
+        )
     if not specs:
         raise InputError("expected at least one specification, got an empty mapping")
     loaded: dict[str, rtamt.Specification] = {}
     for name, spec in specs.items():
         try:
-            requirements = _load(spec).requirements
+            requirements = (requirement_named(spec, own) or _load(spec)).requirements
         except RtamtError as error:
             error.add_note(f"in specification {name!r}")
             raise

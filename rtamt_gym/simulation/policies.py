@@ -28,6 +28,7 @@ def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
     |---|---|
     | ``random`` | actions drawn from the space of actions, from the seed of the episode |
     | ``zero`` | the action zero, or the one nearest to it that the space has |
+    | ``baseline`` | the policy that a scenario has of its own |
     | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `rtamt_gym.simulation.saved` |
     | ``module:function`` | a function from observation to action |
 
@@ -37,10 +38,15 @@ def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
     """
     if text in _UNTRAINED:
         return _UNTRAINED[text](env.action_space)
+    if text == "baseline":
+        baseline = getattr(env.unwrapped, "baseline", None)
+        if not callable(baseline):
+            raise InputError(f"--policy baseline: expected a scenario, which has one, got {env}")
+        return lambda _seed: baseline
     kind, colon, rest = text.partition(":")
     if not (kind and colon and rest):
         raise InputError(
-            "--policy: expected random, zero, sb3:FILE.zip or module:function, got "
+            "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
             f"{text!r}{_meant(text)}"
         )
     if kind == "sb3":
@@ -62,7 +68,10 @@ def _meant(text: str) -> str:
     module = text.rstrip(":")
     if module == "sb3" or not module.replace(".", "").isidentifier():
         return ""
-    return nearest(text, _UNTRAINED) or f"; write {module}:FUNCTION for a function of a module"
+    return (
+        nearest(text, [*_UNTRAINED, "baseline"])
+        or f"; write {module}:FUNCTION for a function of a module"
+    )
 
 
 def _function(module: str, name: str) -> Callable[[Any], Any]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 import gymnasium as gym
 
+import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.numbers import exact
@@ -26,6 +27,7 @@ from rtamt_gym.judges.specs import (
     View,
     check_period,
     load_specs,
+    own_requirements,
     why_no_period,
 )
 from rtamt_gym.mujoco.values import PanelValues
@@ -112,7 +114,8 @@ def simulate(
         system: The simulation to run, one of those above.
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
             or several with their names; of a text, every formula that no other formula uses is
-            one by itself. None for a `StepMonitor`, which has its own.
+            one by itself. The name of a requirement that an environment has of its own
+            (``"AT1"``) is that requirement, and None all of them. None for a `StepMonitor`.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
         case: Numbers and waveforms by name, such as a `Case`, for this run.
@@ -205,12 +208,7 @@ def simulate(
         align, signals = monitor.align, dict.fromkeys(monitor.signals, "")
         most = _most(duration, exact(ran.period or 1), ran)
     else:
-        if specs is None:
-            raise InputTypeError(
-                f"expected specifications for {ran.name}, got none; "
-                'write simulate(system, "always(x < 1)", ...)'
-            )
-        loaded = load_specs(specs)
+        loaded = _loaded(specs, system, ran.name)
         if period is None:
             period = ran.period
         if period is None and ran.needs_period:
@@ -265,6 +263,17 @@ def simulate(
             carry(error, run)
         raise
     return cast("Run", run)  # without an error there is a sample
+
+
+def _loaded(specs: SpecsLike | None, system: object, name: str) -> dict[str, rtamt.Specification]:
+    """The specifications; None: those that an environment has of its own."""
+    own = own_requirements(system)
+    if specs is None and not own:
+        raise InputTypeError(
+            f"expected specifications for {name}, got none; "
+            'write simulate(system, "always(x < 1)", ...)'
+        )
+    return load_specs(own if specs is None else specs, own)
 
 
 class _Ends(NamedTuple):

@@ -25,6 +25,7 @@ from rtamt_gym.judges.specs import (
     ask_another,
     check_period,
     load_specs,
+    own_requirements,
     why_no_period,
 )
 from rtamt_gym.judges.values import MonitorValues
@@ -110,7 +111,7 @@ class Monitoring(Observing):
         self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
-        loaded = load_specs(specs)
+        loaded = load_specs(specs, own_requirements(env))
         variables = [name for spec in loaded.values() for name in spec.variables]
         given = {} if signals is None else signals
         self._signals = parse_signals(

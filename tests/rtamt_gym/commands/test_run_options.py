@@ -52,10 +52,12 @@ RUN = ["run", "RtamtGiven-v0", "--spec", "always(x < 2)", "--signal", "x=obs[0]"
 def _environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.setattr(sys, "modules", {**sys.modules})
     gym.register("RtamtGiven-v0", Given, max_episode_steps=5)
     yield
     del gym.registry["RtamtGiven-v0"]
+    for module in [name for name in sys.modules if name.startswith("rtamt_")]:
+        if Path(sys.modules[module].__file__ or "").is_relative_to(tmp_path):
+            del sys.modules[module]
 
 
 @pytest.mark.parametrize(
@@ -132,7 +134,13 @@ def test_a_function_of_the_working_directory_drives_every_episode(capsys: Output
 @pytest.mark.parametrize(
     ("policy", "message"),
     [
-        ("randm", "--policy: expected random, zero, sb3:FILE.zip or module:function, got 'randm'"),
+        (
+            "randm",
+            (
+                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                "got 'randm'"
+            ),
+        ),
         ("rtamt_absent:act", "there is no module 'rtamt_absent'"),
         ("rtamt_pilot:acct", "the module rtamt_pilot has no 'acct'; did you mean 'act'?"),
         (

@@ -1,0 +1,39 @@
+"""Requirements by the names that a system gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.checks.names import listing, nearest
+
+__all__ = ["requirement_named"]
+
+
+def requirement_named(
+    text: object, own: Mapping[str, rtamt.Specification]
+) -> rtamt.Specification | None:
+    """The requirement that a text names; None if it is no name of one, but a specification.
+
+    Args:
+        text: What was given as a specification.
+        own: The requirements that the system has of its own, by name.
+
+    Raises:
+        InputError: If it is nearly the name of one, and not that of a variable of theirs.
+
+    Example:
+        >>> own = rtamt.parse("near = always(gap > 1); slow = always(v < 5)").requirements
+        >>> requirement_named("slow", own).formula, requirement_named("gap", own)
+        (<Formula always(v < 5)>, None)
+    """
+    if not isinstance(text, str):
+        return None
+    if text in own or not text.isidentifier():
+        return own.get(text)
+    if any(text in spec.variables for spec in own.values()):
+        return None
+    if meant := nearest(text, own):
+        raise InputError(f"there is no requirement {text!r}; there are {listing(own)}{meant}")
+    return None
