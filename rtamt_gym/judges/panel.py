@@ -127,6 +127,13 @@ class Panel:
         """Whether the verdict on a specification is that it is satisfied."""
         return self.monitors[name][1].verdict > 0
 
+    def knows(self, above: Mapping[str, float]) -> bool:
+        """Whether every robustness can change no more, or is certain to stay above its number."""
+        return all(
+            judge.lower == judge.upper or judge.lower > above.get(name, math.inf)
+            for name, (_, judge) in self.monitors.items()
+        )
+
     @property
     def undecided(self) -> list[str]:
         """The specifications whose verdict is open."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import partial
@@ -100,6 +101,14 @@ class VectorPanel:
     def undecided(self, at: Numbers) -> NDArray[np.bool_]:
         """By specification, whether the verdict on the environments of these numbers is open."""
         return self._decided_at.take(at, axis=1) < 0
+
+    def knows(self, above: Mapping[str, float]) -> NDArray[np.bool_]:
+        """By environment, whether every robustness is known, as `Panel.knows` says."""
+        known = np.ones(len(self.violated_at), np.bool_)
+        for name, (_, judge) in self.monitors.items():
+            lower = judge.lower
+            known &= (lower == judge.upper) | (lower > above.get(name, math.inf))
+        return known
 
     def satisfied(self, at: Numbers) -> NDArray[np.bool_]:
         """By specification, whether the environments of these numbers satisfy it."""

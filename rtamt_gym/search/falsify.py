@@ -30,6 +30,7 @@ from rtamt_gym.search.scales import given_scales, needs_scales
 from rtamt_gym.search.search import Search, SearchOver
 from rtamt_gym.search.sweep import space_of, tell_failures
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.systems import Policy
 from rtamt_gym.tables import counted
 
@@ -175,7 +176,7 @@ def falsify(
     name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
     budget, seed = check_count("budget=", budget), _checked_seed(seed)
 
-    def make(specs: Requirements | None) -> Runner:
+    def make(specs: Requirements | None, stop: Stop) -> Runner:
         return Runner(
             system,
             specs,
@@ -183,12 +184,12 @@ def falsify(
             policy=policy,
             duration=duration,
             period=period,
-            stop="violation",
+            stop=stop,
             batch=batch,
             **options,
         )
 
-    runner = make(requirements)
+    runner = make(requirements, "violation")
     specs = runner.requirements
     varied = space_of(runner, space, "falsify")
     rest = Case(fixed or {})
@@ -197,7 +198,7 @@ def falsify(
     check_columns([*varied.columns, *rest.columns()], specs)
     of_optimizer, of_search = np.random.SeedSequence(seed).spawn(2)
     rng = np.random.default_rng(of_search)
-    search = Search(make, specs, varied, rest, budget, seed, rng, _scales(scales, specs))
+    search = Search(make, runner, varied, rest, budget, seed, rng, _scales(scales, specs))
 
     def result(simplest: Row | None = None, reductions: int = 0) -> Falsification:
         texts = {each: str(spec.formula) for each, spec in specs.items()}

@@ -24,7 +24,7 @@ from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.search.rows import Outcome, Row, seconds
 from rtamt_gym.search.trace import Trace
-from rtamt_gym.simulation.record import RunEnd, Stop
+from rtamt_gym.simulation.record import KNOWN_EVERY, RunEnd, Stop
 
 __all__ = ["Judging", "Lanes"]
 
@@ -120,6 +120,7 @@ class Lanes:
         cases: Sequence[Case],
         seeds: Sequence[int | None],
         keep: Callable[[int, Trace], object] | None = None,
+        above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Row]]:
         """Runs cases of one kind, ``size`` at most; gives each with its index when it is over.
 
@@ -127,6 +128,7 @@ class Lanes:
             cases: What they are given.
             seeds: The seed of each.
             keep: Is called with the samples of each before it is given.
+            above: As for `rtamt_gym.simulate`.
 
         Raises:
             Exception: What the environment or a monitor raises in any lane. What has not been given
@@ -134,7 +136,7 @@ class Lanes:
         """
         env, panel = self._made(len(cases))
         panel.reset()
-        batch = _Batch(self, panel, env.num_envs, len(cases))
+        batch = _Batch(self, panel, env.num_envs, len(cases), above or {})
         begin = time.perf_counter()
         made = self._reset(env, cases, seeds)[None]
         actions = self._driven(cases, env.num_envs)
@@ -241,8 +243,11 @@ class _Batch:
         wall: The seconds that each lane took: its share of those of all that ran.
     """
 
-    def __init__(self, lanes: Lanes, panel: VectorPanel, num: int, count: int) -> None:
+    def __init__(
+        self, lanes: Lanes, panel: VectorPanel, num: int, count: int, above: Mapping[str, float]
+    ) -> None:
         self._panel = panel
+        self._above = above
         self._judging = lanes.judging
         self._steps = lanes.steps
         self._end = lanes.end
@@ -304,6 +309,8 @@ class _Batch:
             self._over(self._panel.violated_at >= 0, "violation")
         if self._judging.stop == "decided":
             self._over(~np.logical_or.reduce(self._panel.undecided(self._all)), "decided")
+        if self._judging.stop == "known" and self.samples % KNOWN_EVERY == 0:
+            self._over(self._panel.knows(self._above), "known")
         if ends:
             self._panel.finish(self.active, self._judging.at_truncation)
             self._over(self.active, "duration")

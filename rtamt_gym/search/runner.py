@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from operator import itemgetter
-from typing import Any, Self, TypedDict, Unpack, cast, get_args
+from typing import Any, NamedTuple, Self, TypedDict, Unpack, cast, get_args
 
 import gymnasium as gym
 from gymnasium.vector import VectorEnv
@@ -189,6 +189,7 @@ class Runner:
         seeds: Sequence[int] | None = None,
         *,
         keep: Callable[[int, Trace], object] | None = None,
+        above: Mapping[str, float] | None = None,
     ) -> Iterator[tuple[int, Row]]:
         """Runs cases; gives the row of each with the index of the case, soon after it is over.
 
@@ -200,6 +201,7 @@ class Runner:
             cases: What the simulations are given.
             seeds: The seed of the reset of each, of an environment. None: none.
             keep: Is called with the index of a case and its samples before its row is given.
+            above: As for `rtamt_gym.simulate`.
 
         Raises:
             InputError: If there are not as many seeds as cases, or the system takes none.
@@ -210,23 +212,25 @@ class Runner:
             raise InputError(f"expected {len(listed)} seeds, one for each case, got {len(given)}")
         if seeds is not None and not self.takes_seeds:
             raise InputError(f"seeds= are for environments, got some for {self.name}")
+        task = _Task(listed, given, keep, above)
         lanes = self._lanes
         if lanes is None:
-            for index, case in enumerate(listed):
-                yield index, self._row(index, case, given[index], keep)
+            for index in range(len(listed)):
+                yield index, self._row(task, index)
             return
         kinds = ((lanes.kind(case), index) for index, case in enumerate(listed))
         for kind, group in groupby(sorted(kinds, key=_sort_key), itemgetter(0)):
             indices = [index for _, index in group]
             if kind is None:
                 for index in indices:
-                    yield index, self._row(index, listed[index], given[index], keep)
+                    yield index, self._row(task, index)
                 continue
             for begin in range(0, len(indices), lanes.size):
-                chosen = indices[begin : begin + lanes.size]
-                yield from self._batch(lanes, chosen, listed, given, keep)
+                yield from self._batch(lanes, task, indices[begin : begin + lanes.size])
 
-    def simulate(self, case: CaseLike, seed: int | None = None) -> Run:
+    def simulate(
+        self, case: CaseLike, seed: int | None = None, above: Mapping[str, float] | None = None
+    ) -> Run:
         """Runs one case and keeps every sample.
 
         Raises:
@@ -235,6 +239,8 @@ class Runner:
         options: Any = self._simulated
         if self.takes_seeds:
             options = options | {"seed": seed}
+        if above is not None:
+            options = options | {"above": above}
         return simulate(self._system, self.requirements, case=Case(case), **options)
 
     def judge(self, name: str, trace: Trace) -> float:
@@ -249,38 +255,26 @@ class Runner:
         )
         return float(heights.min() if self._simulated.get("view") == "step" else heights[0])
 
-    def _batch(
-        self,
-        lanes: Lanes,
-        indices: list[int],
-        cases: list[Case],
-        seeds: list[int | None],
-        keep: Callable[[int, Trace], object] | None,
-    ) -> Iterator[tuple[int, Row]]:
+    def _batch(self, lanes: Lanes, task: _Task, indices: list[int]) -> Iterator[tuple[int, Row]]:
         """Runs a batch in lanes; after an error, those that are not over one by one."""
         left = dict.fromkeys(indices)
+        keep = None if task.keep is None else _renumbered(task.keep, indices)
+        cases, seeds = [task.cases[i] for i in indices], [task.seeds[i] for i in indices]
         try:
-            keep_lane = None if keep is None else lambda lane, trace: keep(indices[lane], trace)
-            chosen = [cases[i] for i in indices], [seeds[i] for i in indices]
-            for lane, row in lanes.run(*chosen, keep_lane):
+            for lane, row in lanes.run(cases, seeds, keep, task.above):
                 del left[indices[lane]]
                 yield indices[lane], row
         except Exception:  # noqa: BLE001 - it stands in the row of the case that has it
             for index in left:
-                yield index, self._row(index, cases[index], seeds[index], keep)
+                yield index, self._row(task, index)
 
-    def _row(
-        self,
-        index: int,
-        case: Case,
-        seed: int | None,
-        keep: Callable[[int, Trace], object] | None,
-    ) -> Row:
+    def _row(self, task: _Task, index: int) -> Row:
+        case, seed = task.cases[index], task.seeds[index]
         begin = time.perf_counter()
         try:
-            run = self.simulate(case, seed)
-            if keep is not None:
-                keep(index, Trace(run.signals, run.period))
+            run = self.simulate(case, seed, task.above)
+            if task.keep is not None:
+                task.keep(index, Trace(run.signals, run.period))
             return Row.of(run, case)
         except Exception as error:  # noqa: BLE001 - the row has it
             text = f"{type(error).__name__}: {error}"
@@ -288,6 +282,22 @@ class Runner:
             if isinstance(crashed, Run):
                 return Row.of(crashed, case, text)
             return Row(case, seed, {}, "error", 0.0, time.perf_counter() - begin, text)
+
+
+class _Task(NamedTuple):
+    """The cases to run with their seeds, who gets their samples, and what is known of them."""
+
+    cases: list[Case]
+    seeds: list[int | None]
+    keep: Callable[[int, Trace], object] | None
+    above: Mapping[str, float] | None
+
+
+def _renumbered(
+    keep: Callable[[int, Trace], object], indices: list[int]
+) -> Callable[[int, Trace], object]:
+    """Keeps the samples of a lane under the index of its case."""
+    return lambda lane, trace: keep(indices[lane], trace)
 
 
 def _sort_key(item: tuple[str | None, int]) -> tuple[str, int]:

@@ -20,6 +20,7 @@ from rtamt_gym.search.rows import Row
 from rtamt_gym.search.runner import Runner
 from rtamt_gym.search.scales import in_scales, spreads
 from rtamt_gym.search.trace import Trace
+from rtamt_gym.simulation.record import Stop
 
 __all__ = ["Search", "SearchOver"]
 
@@ -29,7 +30,7 @@ _WORST: Final = 1e12
 _FIRST: Final = 8
 """The runs that scales come from."""
 
-MakeRunner = Callable[[Mapping[str, Specification]], Runner]
+MakeRunner = Callable[[Mapping[str, Specification], Stop], Runner]
 
 
 class SearchOver(BaseException):
@@ -53,7 +54,7 @@ class Search:
 
     Args:
         make: Makes a runner of requirements.
-        specs: The requirements.
+        runner: The runner of the requirements, which stops at violations alone.
         space: What is searched.
         fixed: What every simulation is given beside.
         budget: The most simulations.
@@ -65,7 +66,7 @@ class Search:
     def __init__(
         self,
         make: MakeRunner,
-        specs: Mapping[str, Specification],
+        runner: Runner,
         space: Space,
         fixed: Mapping[str, float | Waveform],
         budget: int,
@@ -74,7 +75,8 @@ class Search:
         scales: Mapping[str, float] | None,
     ) -> None:
         self._make = make
-        self._specs = specs
+        self._whole = runner
+        self._specs = runner.requirements
         self._space = space
         self._fixed = fixed
         self._budget = budget
@@ -82,16 +84,16 @@ class Search:
         self._rng = rng
         self.advance: Callable[[int], None] = lambda _: None
         self._traces: dict[int, Trace] = {}
-        self._valued = list(specs)
+        self._valued = list(self._specs)
         self._least: list[str] = []
-        self._runner = make(specs)
+        self._runner = runner
         self.groups = _groups(space)
         self.rows: list[Row] = []
         self.points: list[Floats] = []
         self.values: list[float] = []
         self.scales = scales
         self.violated: str | None = None
-        if scales:
+        if scales is not None:
             self._use(scales)
 
     def __call__(self, points: ArrayLike, level: float = math.inf) -> Floats:
@@ -125,8 +127,9 @@ class Search:
         return self.violated or self._least[self.best]
 
     def close(self) -> None:
-        """Closes what runs the simulations."""
-        self._runner.close()
+        """Closes what runs the simulations, but for the runner that was given."""
+        if self._runner is not self._whole:
+            self._runner.close()
 
     def _checked(self, points: ArrayLike) -> Floats:
         """The points as an array.
@@ -156,17 +159,15 @@ class Search:
         return asked
 
     def _use(self, scales: Mapping[str, float]) -> None:
-        """Judges runs in units of scales too, from now on."""
-        if not scales:
-            return
-        scaled = {
-            f"{name} in scales": spec for name, spec in in_scales(self._specs, scales).items()
-        }
-        self._runner.close()
-        self._runner = self._make({**self._specs, **scaled})
-        self._valued = list(scaled)
+        """Judges runs in units of scales too, from now on, and stops them once all is known."""
+        scaled: dict[str, Specification] = {}
+        if scales:
+            in_units = in_scales(self._specs, scales)
+            scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
+            self._valued = list(scaled)
+        self._runner = self._make({**self._specs, **scaled}, "known")
 
-    def _run(self, asked: Floats, level: float) -> Floats:  # noqa: ARG002 - runs end by themselves
+    def _run(self, asked: Floats, level: float) -> Floats:
         """Runs points and keeps their rows.
 
         Raises:
@@ -178,12 +179,15 @@ class Search:
         seeds = None
         if self._runner.takes_seeds:
             seeds = range(self._seed + begin, self._seed + begin + len(cases))
+        above = None
+        if self._runner is not self._whole:
+            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
         found: dict[int, Row] = {}
         traces: dict[int, Trace] = {}
         keep = None if self.scales is not None else traces.__setitem__
         first = len(cases)  # of those that violate
         try:
-            for index, row in self._runner.run(cases, seeds, keep=keep):
+            for index, row in self._runner.run(cases, seeds, keep=keep, above=above):
                 found[index] = row
                 self.advance(1)
                 if self._violated(row) is not None:
@@ -202,9 +206,7 @@ class Search:
 
     def _keep(self, row: Row, point: Floats) -> None:
         self.violated = self._violated(row)
-        heights = {
-            name: math.nan if row.error else row.outcomes[name].robustness for name in self._valued
-        }
+        heights = {name: _height(row, name) for name in self._valued}
         least, value = self._worth(heights)
         self._least.append(least)
         self.values.append(value)
@@ -231,6 +233,14 @@ class Search:
             for name, height in own.items()
         }
         return min(worth.items(), key=itemgetter(1))
+
+
+def _height(row: Row, name: str) -> float:
+    """What a run hands to the optimizer: a robustness, or the bound that is known; else nan."""
+    if row.error:
+        return math.nan
+    outcome = row.outcomes[name]
+    return outcome.lower if row.ended == "known" else outcome.robustness
 
 
 def _groups(space: Space) -> Sequence[slice]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rtamt
+from rtamt_gym.simulation.record import STOPPED
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import number, sample_text, shorten, table
 
@@ -26,7 +27,7 @@ def report(runs: Sequence[Run]) -> list[str]:
     for count, run in enumerate(runs, 1):
         for name, course in run.courses.items():
             first = name == next(iter(run.courses))
-            stopped = run.last_sample if run.ended in {"violation", "decided"} else None
+            stopped = run.last_sample if run.ended in STOPPED else None
             at = stopped if stops else course.decided_at
             when = "-" if at is None else sample_text(at, run.period)
             of_run = (str(count), shorten(run.label, 16), str(run.steps), when)

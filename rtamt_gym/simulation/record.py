@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from fractions import Fraction
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +16,36 @@ from rtamt_gym.judges.interface import InterfaceOptions, Semantics, robustness_t
 from rtamt_gym.judges.specs import Align, View
 from rtamt_gym.tables import sample_text
 
-__all__ = ["CURVES", "Course", "Floats", "RunEnd", "RunRecord", "Stop"]
+__all__ = [
+    "CURVES",
+    "KNOWN_EVERY",
+    "STOPPED",
+    "Course",
+    "Floats",
+    "RunEnd",
+    "RunRecord",
+    "Stop",
+]
 
 Floats = NDArray[np.float64]
 
 CURVES = ("robustness", "lower", "upper")
 """The arrays of a course."""
 
-Stop = Literal["violation", "decided", "end"]
-"""When to stop a run: at the first certain violation, also once every verdict is certain, or not
-before its end."""
+Stop = Literal["violation", "decided", "known", "end"]
+"""When to stop a run: at the first certain violation, also once every verdict is certain, also once
+every robustness is known, or not before its end."""
 
-RunEnd = Literal["violation", "decided", "terminated", "truncated", "duration", "error"]
-"""Why a run is over: it was stopped at a violation or once every verdict was certain; the system
-ended, for good or by a time limit of its own; the duration asked for has passed; or an error came
-after the last sample."""
+RunEnd = Literal["violation", "decided", "known", "terminated", "truncated", "duration", "error"]
+"""Why a run is over: it was stopped at a violation, once every verdict was certain, or once every
+robustness was known; the system ended, for good or by a time limit of its own; the duration asked
+for has passed; or an error came after the last sample."""
+
+STOPPED: Final = frozenset[RunEnd]({"violation", "decided", "known"})
+"""Why runs are over that were stopped."""
+
+KNOWN_EVERY: Final = 10
+"""The samples after which it is asked whether every robustness is known: that takes a while."""
 
 
 class _ComparesArrays:
@@ -180,7 +195,7 @@ class RunRecord(_ComparesArrays):
     @property
     def saved(self) -> int | None:
         """Steps from the stop to the limit; None if it was not stopped or has no limit."""
-        if self.ended not in {"violation", "decided"} or self.limit is None:
+        if self.ended not in STOPPED or self.limit is None:
             return None
         return self.limit - self.steps
 

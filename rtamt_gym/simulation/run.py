@@ -31,7 +31,7 @@ class Run(RunRecord):
         signals: The values of every variable and of every further recorded signal, from sample 0
             on.
         courses: The course of every specification, by its name.
-        ended: Why the run is over: ``"violation"``, ``"decided"``, ``"terminated"``,
+        ended: Why the run is over: ``"violation"``, ``"decided"``, ``"known"``, ``"terminated"``,
             ``"truncated"`` or ``"duration"``; ``"error"`` of a run that an error carries.
         violated_by: The specification that was violated first, or None.
         period: Seconds between samples, or None.

@@ -13,7 +13,7 @@ import gymnasium as gym
 
 import rtamt
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
@@ -34,7 +34,7 @@ from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import carry
 from rtamt_gym.simulation.kinds import as_system
-from rtamt_gym.simulation.record import RunEnd, Stop
+from rtamt_gym.simulation.record import KNOWN_EVERY, RunEnd, Stop
 from rtamt_gym.simulation.recorder import Recorder
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Environment, Policy, System
@@ -58,6 +58,7 @@ def simulate(
     period: float | str | None = None,
     duration: float | None = None,
     stop: Stop = "violation",
+    above: Mapping[str, float] | None = None,
     view: View = "episode",
     nan: Nan = "raise",
     align: Align | None = None,
@@ -130,7 +131,10 @@ def simulate(
             the system ends by itself. A model, an FMU or a function of time never does; with
             ``math.inf`` they run until they are stopped.
         stop: When to stop. ``"violation"``: at the first certain violation; ``"decided"``: also
-            once every verdict is certain; ``"end"``: not before the end.
+            once every verdict is certain; ``"known"``: also once every robustness is known, which
+            is looked at after every tenth sample; ``"end"``: not before the end.
+        above: Numbers by specification, for ``stop="known"``: a robustness that is certain to stay
+            above its number is known. Without one, it is known once it cannot change any more.
         view: ``"episode"``: a formula is about the run from sample 0 on; ``"step"``: about every
             instant.
         nan: ``"raise"`` refuses a signal that is nan; ``"hold"`` keeps its last value, in the
@@ -182,7 +186,7 @@ def simulate(
         >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
         ('VIOLATED', 'UNDECIDED')
     """
-    check_choice("stop", stop, get_args(Stop))
+    _check_stop(stop, above)
     check_choice("view", view, get_args(View))
     check_choice("nan", nan, get_args(Nan))
     check_choice("align", align, (None, *get_args(Align)))
@@ -201,6 +205,7 @@ def simulate(
             {"specs": specs, "signals": signals, "period": period, "inputs": inputs}
             | {"outputs": outputs, "align": align}
             | {"view": view if view not in {"episode", monitor.view} else None}
+            | {"above": above}
             | {"nan": nan if nan not in {"raise", monitor.nan} else None}
             | {"semantics": semantics if semantics != "standard" else None}
         )
@@ -218,6 +223,7 @@ def simulate(
         why = why_no_period(system) if isinstance(system, gym.Env) else ""
         check_period(loaded, period, ran.name, why)
         interface = Interface(semantics, inputs, outputs)
+        check_known("above", above or {}, loaded)
         panel = Panel(loaded, period, view, interface=interface, align=align)
         most = _most(duration, panel.period, ran)
     variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
@@ -252,7 +258,7 @@ def simulate(
     try:
         with closing(ran):
             try:
-                ended = _loop(ran, panel, record, stop, most)
+                ended = _loop(ran, panel, record, stop, above or {}, most)
                 _finish(record, panel, ended, ends)
             finally:
                 if ended == "error":
@@ -298,7 +304,14 @@ def _finish(record: Recorder, panel: Panel, ended: RunEnd, ends: _Ends) -> None:
         warn_of_open_end(settled)
 
 
-def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int | None) -> RunEnd:
+def _loop(
+    system: System,
+    panel: Panel,
+    record: Recorder,
+    stop: Stop,
+    above: Mapping[str, float],
+    most: int | None,
+) -> RunEnd:
     """Feeds samples to the monitors until the run is over; returns why it is."""
     values: Sequence[float] | None = system.start()
     steps = 0
@@ -310,11 +323,19 @@ def _loop(system: System, panel: Panel, record: Recorder, stop: Stop, most: int 
             return "violation"
         if stop == "decided" and panel.all_decided:
             return "decided"
+        if stop == "known" and steps % KNOWN_EVERY == 0 and panel.knows(above):
+            return "known"
         if steps == most:
             return "duration"
         values = system.advance()
         steps += 1
     return system.ended or "terminated"
+
+
+def _check_stop(stop: Stop, above: Mapping[str, float] | None) -> None:
+    check_choice("stop", stop, get_args(Stop))
+    if above is not None and stop != "known":
+        raise InputError(f"expected above= with stop='known' alone, got stop={stop!r}")
 
 
 def _refuse_options(given: Mapping[str, object]) -> None:

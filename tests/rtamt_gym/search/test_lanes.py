@@ -105,6 +105,7 @@ def test_a_whole_episode_in_lanes_is_truncated_as_alone(stop: Stop) -> None:
             "end": {"truncated"},
             "violation": {"violation", "truncated"},
             "decided": {"violation", "decided"},
+            "known": {"violation", "known"},
         }[stop]
     )
 
