@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rtamt_gym.search.falsify import falsify
     from rtamt_gym.search.record import Record
     from rtamt_gym.search.runner import Runner
+    from rtamt_gym.search.saved_case import SavedCase
     from rtamt_gym.search.sweep import Sweep, sweep
     from rtamt_gym.signals.signals import Step
     from rtamt_gym.simulation.fmi import Fmus
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
         "Record",
         "Run",
         "Runner",
+        "SavedCase",
         "Signal",
         "Snapshot",
         "Space",
@@ -71,6 +73,7 @@ _MODULES = {
     "Record": "rtamt_gym.search.record",
     "Run": "rtamt_gym.simulation.run",
     "Runner": "rtamt_gym.search.runner",
+    "SavedCase": "rtamt_gym.search.saved_case",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Space": "rtamt_gym.inputs.space",

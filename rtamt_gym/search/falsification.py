@@ -19,6 +19,7 @@ from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.search.coverage import Coverage
 from rtamt_gym.search.record import Record
+from rtamt_gym.search.report import case_lines
 from rtamt_gym.search.rows import Row
 from rtamt_gym.search.runner import Runner
 from rtamt_gym.simulation.run import Run
@@ -116,6 +117,34 @@ class Falsification:
         drawing.check_format(Path(path))
         drawing.save(draw([_with_inputs(self.replay(), self.input)]), Path(path))
 
+    def save(
+        self, path: str | os.PathLike[str], *, system: str | None = None, policy: str | None = None
+    ) -> None:
+        """Writes a file from which ``rtamt replay`` and `SavedCase.load` run `input` again.
+
+        It is strict JSON, and holds the system's name and arguments, the requirement's text, the
+        input, the seed, and the verdict and robustness that come of it. Scenarios and registered
+        environments are named by their ids, FMUs by their paths, functions by their modules.
+
+        Args:
+            path: The name of the file, which ends in ``.json``.
+            system: A name ``module:name`` for a system that has none: of an object, or of a
+                function without arguments that makes it.
+            policy: A name for a policy that has none, as ``rtamt run --policy`` takes it.
+
+        Raises:
+            InputError: If a file can hold no name of the system, the policy or a signal, with the
+                way out.
+        """
+        from rtamt_gym.search.saved_case import SavedCase, check_name
+
+        check_name(path)
+        folder = Path(path).parent
+        saved = SavedCase.of(
+            self._runner, self.requirement, self.row, folder, system=system, policy=policy
+        )
+        saved.save(path)
+
     def __repr__(self) -> str:
         what = "falsified" if self.falsified else "not falsified"
         return (
@@ -139,7 +168,7 @@ class Falsification:
         else:
             runs = counted(self.simulations, "simulation")
             lines += ["", *_wrapped(f"{runs}; {took}", ""), "input of the closest:"]
-        lines += [line for each in self.input.items() for line in _entry(*each)]
+        lines += case_lines(self.input)
         if self.reductions:
             before, after = _size(self.found), _size(self.input)
             runs = counted(self.reductions, "more simulation")
@@ -155,18 +184,6 @@ class Falsification:
 
 def _wrapped(text: str, indent: str = "  ") -> list[str]:
     return wrap(text, _WIDTH, initial_indent=indent, subsequent_indent="  ")
-
-
-def _entry(name: str, entry: float | Waveform) -> list[str]:
-    """An entry of a case: a number, or the values of a waveform at its times."""
-    if not isinstance(entry, Waveform):
-        return [f"  {name} = {number(entry)}"]
-    if len(entry.values) == 1:
-        return [f"  {name} = {number(entry.values[0])} throughout"]
-    points = zip(entry.times, entry.values, strict=True)
-    values = ", ".join(f"{number(value)} at {number(time)} s" for time, value in points)
-    how = {"hold": "steps"}.get(entry.interpolation, entry.interpolation)
-    return wrap(f"{name}, {how}: {values}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
 
 
 def _size(case: Case) -> int:

@@ -6,16 +6,19 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 import rtamt
 from rtamt import Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.search.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
-__all__ = ["failures", "summary", "to_json"]
+__all__ = ["case_lines", "failures", "summary", "to_json"]
 
 
 def summary(record: Record) -> list[str]:
@@ -79,3 +82,20 @@ def to_json(record: Record, options: Mapping[str, Any]) -> str:
 
 def _finite(cell: Any) -> Any:  # noqa: ANN401 - a cell of a table
     return str(cell) if isinstance(cell, float) and not np.isfinite(cell) else cell
+
+
+def case_lines(case: Case) -> list[str]:
+    """A case for the terminal: a line for each entry, and more for one of many control points."""
+    return [line for each in case.items() for line in _entry(*each)]
+
+
+def _entry(name: str, entry: float | Waveform) -> list[str]:
+    """An entry of a case: a number, or the values of a waveform at its times."""
+    if not isinstance(entry, Waveform):
+        return [f"  {name} = {number(entry)}"]
+    if len(entry.values) == 1:
+        return [f"  {name} = {number(entry.values[0])} throughout"]
+    points = zip(entry.times, entry.values, strict=True)
+    values = ", ".join(f"{number(value)} at {number(time)} s" for time, value in points)
+    how = {"hold": "steps"}.get(entry.interpolation, entry.interpolation)
+    return wrap(f"{name}, {how}: {values}", 79, initial_indent="  ", subsequent_indent="    ")

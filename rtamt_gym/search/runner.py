@@ -174,6 +174,16 @@ class Runner:
             cast("Lanes", self._lanes).close()
 
     @property
+    def system(self) -> Any:  # noqa: ANN401 - MuJoCo is not typed
+        """What it runs; of an id, the environment that it has made."""
+        return self._system
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """What every call of `rtamt_gym.simulate` is given."""
+        return {**self._simulated}
+
+    @property
     def takes_seeds(self) -> bool:
         """Whether a seed goes to the reset of the system: it is an environment."""
         return isinstance(self._system, gym.Env)

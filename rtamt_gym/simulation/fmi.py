@@ -53,6 +53,10 @@ class Fmus(System):
 
     Errors repeat the last messages of the FMU, whose debug logging is on.
 
+    Attributes:
+        paths: The paths of the FMUs by name.
+        arguments: The other arguments that it was made with.
+
     Args:
         fmus: The path of an FMU; or several paths, whose FMUs are named after their files; or a
             mapping from names to paths.
@@ -99,14 +103,20 @@ class Fmus(System):
         step: float | None = None,
         validate: bool = True,
     ) -> None:
-        self._paths = _named(fmus)
-        self.name = ", ".join(self._paths)
+        self.paths = _named(fmus)
+        self.arguments: dict[str, Any] = {
+            "inputs": None if inputs is None else dict(inputs),
+            "parameters": None if parameters is None else dict(parameters),
+            "step": step,
+            "validate": validate,
+        }
+        self.name = ", ".join(self.paths)
         self._step = None if step is None else check_number("step", step)
-        self._described = [_describe(path, validate=validate) for path in self._paths.values()]
+        self._described = [_describe(path, validate=validate) for path in self.paths.values()]
         experiments = [described.defaultExperiment for described in self._described]
         sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
         self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
-        self._variables = Variables(dict(zip(self._paths, self._described, strict=True)))
+        self._variables = Variables(dict(zip(self.paths, self._described, strict=True)))
         self._start_values: list[tuple[Variable, float]] = []
         for name, value in (parameters or {}).items():
             variable = self._variables.parameter(name)
@@ -154,7 +164,7 @@ class Fmus(System):
         period = period or Fraction(1)
         self._h = period if self._step is None else exact(self._step)
         self._substeps = whole_steps(period, self._h, "period", "communication step")
-        for name, described in zip(self._paths, self._described, strict=True):
+        for name, described in zip(self.paths, self._described, strict=True):
             if fixed := described.coSimulation.fixedInternalStepSize:
                 inner = exact(float(fixed))
                 whole_steps(self._h, inner, "communication step", f"fixed step of {name!r},")
@@ -168,9 +178,7 @@ class Fmus(System):
         self._interrupts.begin()
         from rtamt_gym.simulation.fmi_instance import Instance
 
-        for name, described, folder in zip(
-            self._paths, self._described, self._folders, strict=True
-        ):
+        for name, described, folder in zip(self.paths, self._described, self._folders, strict=True):
             self._instances.append(Instance(name, described, folder))
         for i, instance in enumerate(self._instances):
             instance.enter([(v, value) for v, value in self._start_values if v.fmu == i])
@@ -221,8 +229,8 @@ class Fmus(System):
             return
         top = Path(tempfile.mkdtemp(prefix="rtamt-fmu-"))
         weakref.finalize(self, shutil.rmtree, top, ignore_errors=True)
-        folders = [top / str(i) for i in range(len(self._paths))]
-        for path, folder in zip(self._paths.values(), folders, strict=True):
+        folders = [top / str(i) for i in range(len(self.paths))]
+        for path, folder in zip(self.paths.values(), folders, strict=True):
             _fmpy().extract(path, folder)
         self._folders = folders
 
