@@ -59,6 +59,8 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         # argparse ends the list of specifications at the first option after it.
         options.specs += [options.trace, *rest]
         options.trace = options.specs.pop()
+    elif rest and "requirements" in options and not any(text.startswith("-") for text in rest):
+        options.requirements += rest  # those behind the first option
     elif rest:
         # argparse leaves them to the parser of all commands.
         raise InputError(

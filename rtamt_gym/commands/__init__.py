@@ -7,6 +7,8 @@ COMMANDS = {
     "envs": "list what can be read from a Gymnasium environment",
     "run": "watch episodes of a Gymnasium environment",
     "sweep": "run a scenario on many points of a space",
+    "falsify": "search for an input that violates a requirement",
+    "replay": "run again what was found",
     "monitor": "judge recorded traces",
     "explain": "say which samples of recorded traces decided",
 }

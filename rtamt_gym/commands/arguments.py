@@ -28,13 +28,19 @@ __all__ = [
 ]
 
 
-def add_environment(parser: argparse.ArgumentParser, *, needed: bool = True) -> None:
+def add_environment(
+    parser: argparse.ArgumentParser,
+    metavar: str = "ENV_ID",
+    about: str = "such as CartPole-v1 or module:Name-v0",
+    *,
+    needed: bool = True,
+) -> None:
     """Adds the id of an environment and ``--env-kwarg``, which `read_options` reads."""
     parser.add_argument(
         "env_id",
         nargs=None if needed else "?",
-        metavar="ENV_ID",
-        help="such as CartPole-v1 or module:Name-v0",
+        metavar=metavar,
+        help=about,
     )
     parser.add_argument(
         "--env-kwarg",

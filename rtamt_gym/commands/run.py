@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import warnings
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from typing import Any, get_args
+from contextlib import closing
 
-from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     add_align,
     add_environment,
@@ -20,8 +16,8 @@ from rtamt_gym.commands.arguments import (
     read_signals,
     whole,
 )
-from rtamt_gym.commands.specs import read_requirements
-from rtamt_gym.judges.ends import AtTermination, AtTruncation, OpenEndWarning
+from rtamt_gym.commands.ends import add_ends, noted_ends
+from rtamt_gym.commands.specs import requirements_of
 
 __all__ = ["add_arguments", "run"]
 
@@ -62,22 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="terminate",
         help="what happens to an episode once a violation is certain (default: terminate)",
     )
-    parser.add_argument(
-        "--at-termination",
-        choices=get_args(AtTermination),
-        help="how an end of the environment itself is read: complete, the episode is all there is, "
-        "so that an invariant that held is satisfied and a goal not reached violated; failure, "
-        "what is open is violated, as after a fall; cut, as a time limit (default: complete, and "
-        "a note where that satisfies what was open)",
-    )
-    parser.add_argument(
-        "--at-truncation",
-        choices=get_args(AtTruncation),
-        default="cut",
-        help="how a time limit is read: cut, an invariant that held is satisfied, a goal not "
-        "reached violated, and a window not seen to its end stays open; complete; or open, all "
-        "that is open stays so (default: cut)",
-    )
+    add_ends(parser)
     parser.add_argument(
         "--policy",
         default="random",
@@ -123,13 +104,9 @@ def run(options: argparse.Namespace) -> int:
     signals = read_signals(options.signal)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
-    with closing(make(options.env_id, options.max_steps, kwargs)) as env, _noted_ends() as notes:
+    with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
         own = own_requirements(env)
-        if not options.spec and not own:
-            raise InputError(
-                f"{options.env_id} has no requirements of its own; write --spec 'always(x < 1)'"
-            )
-        specs = read_requirements(options.spec or list(own), own=own)
+        specs = requirements_of(options.spec, own, options.env_id, "--spec")
         make_policy = policy_of(options.policy, env)
         runs = [
             simulate(
@@ -168,28 +145,3 @@ def run(options: argparse.Namespace) -> int:
 
 _READINGS = ("on_violation", "at_termination", "at_truncation")
 """The options that say what a violation and the ends of episodes do; the outcomes hold them."""
-
-
-@contextmanager
-def _noted_ends() -> Iterator[list[str]]:
-    """Gives the list of lines that tell, once, that an end has satisfied what was open."""
-    notes: list[str] = []
-    show = warnings.showwarning
-
-    def note(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:  # noqa: ANN401
-        if issubclass(category, OpenEndWarning):
-            notes[:] = _OPEN_END
-        else:
-            show(message, category, *where, **more)
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", OpenEndWarning)
-        warnings.showwarning = note
-        yield notes
-
-
-_OPEN_END = [
-    "note: the environment ended an episode while a specification was open, which",
-    "counts as satisfied. --at-termination says what its end means: complete for this,",
-    "failure for a fall or a crash, cut where the episode could have gone on.",
-]

@@ -9,10 +9,10 @@ from types import MappingProxyType
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.checks.requirements import requirement_named
 
-__all__ = ["read_requirements", "variables_of"]
+__all__ = ["read_requirements", "requirements_of", "variables_of"]
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
@@ -79,6 +79,36 @@ def read_requirements(
             f"--constant: no specification has the constant {name!r}{nearest(name, known)}"
         )
     return specs
+
+
+def requirements_of(
+    arguments: Sequence[str],
+    own: Mapping[str, rtamt.Specification],
+    system: str,
+    option: str = "",
+) -> dict[str, rtamt.Specification]:
+    """The requirements that arguments name or write; of no arguments, all of the system's own.
+
+    Args:
+        arguments: Names of the system's own, formulas and paths of files.
+        own: The requirements that the system has of its own, by name.
+        system: The name of the system.
+        option: The option that the arguments belong to, for the message.
+
+    Raises:
+        InputError: If there are none, or as `read_requirements` does.
+    """
+    if not arguments and not own:
+        example = f"{option} 'always(x < 1)'".strip()
+        raise InputError(f"{system} has no requirements of its own; write {example}")
+    for argument in arguments:
+        # A formula has other characters.
+        if own and argument.isidentifier() and argument not in own and not _is_file(argument):
+            raise InputError(
+                f"{system} has no requirement {argument!r}; it has {listing(own)}"
+                f"{nearest(argument, own)}"
+            )
+    return read_requirements(arguments or list(own), own=own)
 
 
 def _read_argument(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import textwrap
 import warnings
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +19,11 @@ from rtamt_gym.commands.arguments import (
     read_signals,
     whole,
 )
-from rtamt_gym.commands.specs import read_requirements
+from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    import rtamt
     from rtamt_gym.search.sweep import Sweep
 
 __all__ = ["add_arguments", "run"]
@@ -128,11 +127,11 @@ def run(options: argparse.Namespace) -> int:
             options.vary, options.set, getattr(simulation, "scenario", None)
         )
         own = getattr(simulation, "requirements", {})
-        requirements = _read_requirements(options.requirement, own, options.env_id)
+        requirements = requirements_of(options.requirement, own, options.env_id, "--requirement")
         inputs = getattr(getattr(simulation, "scenario", None), "inputs", ())
         if options.heat_map:
             columns = [c for each in (entries or inputs) for c in each.columns]
-            _check_map(columns, requirements or own, options)
+            _check_map(columns, requirements, options)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FailedSimulationWarning)  # the summary says it
             done = sweep(
@@ -175,30 +174,6 @@ def _count(count: str, text: str) -> int:
             f"--samples: expected a whole number above 0, or NAME=N,NAME=N, got {text!r}"
         )
     return int(count)
-
-
-def _read_requirements(
-    arguments: Sequence[str], own: Mapping[str, rtamt.Specification], env_id: str
-) -> dict[str, rtamt.Specification] | None:
-    """The requirements that the arguments name or write; None: all of the environment's own."""
-    from rtamt_gym.search.requirements import load_requirements
-
-    if not arguments:
-        if not own:
-            raise InputError(
-                f"{env_id} has no requirements of its own; write --requirement 'always(x < 1)'"
-            )
-        return None
-    loaded: dict[str, rtamt.Specification] = {}
-    for argument in arguments:
-        named = argument.isidentifier()  # a file or a formula has other characters
-        found = load_requirements(argument, own, env_id) if named else read_requirements([argument])
-        for name, spec in found.items():
-            new = f"spec{len(loaded) + 1}" if name == "spec" and loaded else name
-            if new in loaded:
-                raise InputError(f"expected one requirement {new!r}, got two; name one of them")
-            loaded[new] = spec
-    return loaded
 
 
 def _check_map(

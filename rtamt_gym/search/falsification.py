@@ -25,7 +25,7 @@ from rtamt_gym.search.runner import Runner
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
 
-__all__ = ["Falsification"]
+__all__ = ["Falsification", "with_inputs"]
 
 _WIDTH = 79
 
@@ -115,7 +115,7 @@ class Falsification:
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Falsification.plot") from error
         drawing.check_format(Path(path))
-        drawing.save(draw([_with_inputs(self.replay(), self.input)]), Path(path))
+        drawing.save(draw([with_inputs(self.replay(), self.input)]), Path(path))
 
     def save(
         self, path: str | os.PathLike[str], *, system: str | None = None, policy: str | None = None
@@ -191,7 +191,7 @@ def _size(case: Case) -> int:
     return len(case.columns())
 
 
-def _with_inputs(run: Run, case: Case) -> Any:  # noqa: ANN401 - what is drawn as a run
+def with_inputs(run: Run, case: Case) -> Any:  # noqa: ANN401 - what is drawn as a run
     """A run with the waveforms of its case among its signals, and the numbers as its label."""
     from dataclasses import replace
 

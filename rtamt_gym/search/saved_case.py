@@ -8,7 +8,7 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -290,9 +290,9 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
 
 def _check_keys(
     what: str,
-    kept: Any,
-    needed: Any,
-    possible: Any = (),  # noqa: ANN401 - what JSON holds
+    kept: object,
+    needed: Sequence[str],
+    possible: Sequence[str] = (),
 ) -> None:
     if not isinstance(kept, dict):
         raise InputError(f"expected {what} as an object of JSON, got {kept!r}")

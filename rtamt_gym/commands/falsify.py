@@ -1,0 +1,243 @@
+"""`rtamt falsify`: searches for an input with which a system violates a requirement."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import closing, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.commands.arguments import (
+    add_align,
+    add_environment,
+    add_output,
+    add_reading,
+    check_outputs,
+    positive,
+    read_options,
+    read_signals,
+    whole,
+)
+from rtamt_gym.commands.ends import add_ends, noted_ends
+from rtamt_gym.commands.specs import requirements_of
+from rtamt_gym.commands.varied import add_varied, read_varied
+from rtamt_gym.tables import shorten
+
+if TYPE_CHECKING:
+    from rtamt_gym.search.falsification import Falsification
+
+__all__ = ["add_arguments", "run"]
+
+_WHY = 12
+"""The most lines of an explanation that are shown."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Searches for an input with which a system violates one of its requirements. Prints what "
+        "was found, made as simple as it can be, and why it violates. Exits 1 if a requirement is "
+        "violated, 0 if no violation was found, which is no guarantee."
+    )
+    parser.epilog = "example: rtamt falsify rtamt/AutomaticTransmission-v0 AT6a --save case.json"
+    add_environment(
+        parser,
+        "SYSTEM",
+        "the id of an environment, such as rtamt/ChasingCars-v0, CartPole-v1 or module:Name-v0; "
+        "module:function, or the path of a .fmu file, which need --vary",
+    )
+    parser.add_argument(
+        "requirements",
+        nargs="*",
+        metavar="REQUIREMENT",
+        help="the name of one of the scenario's requirements, such as AT6a; a formula, name = "
+        "formula, or the path of a .stl file; the search ends at the first that is violated "
+        "(default: all of the scenario)",
+    )
+    parser.add_argument(
+        "--signal",
+        action="append",
+        default=[],
+        metavar="NAME=SELECTOR",
+        help="what a variable reads, as for rtamt run; those of a scenario read what they name",
+    )
+    add_varied(parser)
+    parser.add_argument(
+        "--budget",
+        type=positive,
+        default=300,
+        metavar="N",
+        help="the most simulations of the search (default: 300)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=whole,
+        default=0,
+        metavar="S",
+        help="seed of the search and of the first simulation, one more for each further one "
+        "(default: 0)",
+    )
+    parser.add_argument(
+        "--optimizer",
+        default="portfolio",
+        metavar="NAME",
+        help="what chooses the inputs: portfolio, corners, random, sobol, cma, dual_annealing, "
+        "differential_evolution or tpe (default: portfolio)",
+    )
+    parser.add_argument(
+        "--no-reduce",
+        action="store_true",
+        help="leave the input as it was found; else up to 200 more simulations make it simpler",
+    )
+    parser.add_argument(
+        "--policy",
+        metavar="POLICY",
+        help="how to act where no signal does: zero, baseline, sb3:FILE.zip or module:function "
+        "(default: the scenario's own)",
+    )
+    parser.add_argument(
+        "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
+    )
+    add_reading(parser, "the system's own")
+    add_align(parser)
+    add_ends(parser)
+    add_output(parser, "--save", "write what was found as a file that rtamt replay runs")
+    add_output(parser, "--plot", "draw the input and the run")
+    add_output(parser, "--record", "write all simulations as a Parquet file, a row for each")
+    parser.add_argument(
+        "--json", action="store_true", help="print the outcome as strict JSON instead of text"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Searches, prints what was found and writes the files asked for; returns 1 if it violates."""
+    from rtamt_gym.judges.specs import own_requirements
+    from rtamt_gym.search.falsify import IrreproducibleWarning, falsify
+    from rtamt_gym.search.naming import named_system
+    from rtamt_gym.search.saved_case import check_name
+    from rtamt_gym.search.sweep import FailedSimulationWarning
+    from rtamt_gym.simulation.policies import policy_of
+
+    check_outputs(options.save, options.record, picture=options.plot)
+    if options.save:
+        check_name(options.save)
+    if options.policy == "random":
+        raise InputError(
+            "--policy random: expected a policy that acts alike each time; vary what acts with "
+            "--vary NAME=LOW:HIGH,points=N"
+        )
+    signals = read_signals(options.signal)
+    name = _named(options.env_id, read_options(options.env_kwarg))
+    system = named_system(name, Path())
+    with closing(system) if hasattr(system, "close") else nullcontext(), noted_ends() as notes:
+        of_env = "environment" in name
+        scenario = getattr(system.unwrapped, "scenario", None) if of_env else None
+        entries, numbers = read_varied(options.vary, options.set, scenario)
+        own = own_requirements(system) if of_env else {}
+        policy = None
+        if options.policy:
+            if not of_env:
+                raise InputError(f"--policy is for environments, got it for {options.env_id}")
+            policy = policy_of(options.policy, system)(options.seed)
+        with warnings.catch_warnings():
+            for each in (FailedSimulationWarning, IrreproducibleWarning):  # the text says it
+                warnings.simplefilter("ignore", each)
+            found = falsify(
+                system,
+                requirements_of(options.requirements, own, options.env_id),
+                entries,
+                fixed=numbers,
+                budget=options.budget,
+                seed=options.seed,
+                optimizer=options.optimizer,
+                signals=signals or None,
+                policy=policy,
+                duration=options.duration,
+                period=options.period,
+                reduce=not options.no_reduce,
+                progress=True,
+                **{key: getattr(options, key) for key in _READING},
+            )
+        if options.save:
+            at = name.get("object")
+            found.save(options.save, system=at, policy=options.policy)
+        if options.record:
+            found.record.save(options.record)
+        if options.plot:
+            found.plot(options.plot)
+        print(_to_json(found) if options.json else "\n".join(_lines(found, options, notes)))
+    return int(found.falsified)
+
+
+_READING = ("view", "semantics", "align", "at_termination", "at_truncation")
+
+
+def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
+    """The name of the system that an argument gives, as `named_system` takes it."""
+    if text.lower().endswith(".fmu"):
+        name: dict[str, Any] = {"fmus": {Path(text).stem: text}}
+    elif re.fullmatch(r"[\w.]+:[\w.]+", text):
+        name = {"object": text}
+    else:
+        return {"environment": text} | ({"arguments": arguments} if arguments else {})
+    if arguments:
+        raise InputError(f"--env-kwarg is for environments, got it for {text}; --set is for all")
+    return name
+
+
+def _lines(found: Falsification, options: argparse.Namespace, notes: list[str]) -> Iterator[str]:
+    """What was found, why, and the files that hold it."""
+    from rtamt_gym.search.report import failures
+
+    yield str(found)
+    if not math.isnan(found.robustness):
+        why = [shorten(line, 80) for line in str(found.explain()).splitlines()]
+        yield from ("", *why[:_WHY])
+        if len(why) > _WHY:
+            yield f"... {len(why) - _WHY} more lines: rtamt replay CASE --explain"
+    for part in (failures(found.record), notes):
+        yield from ["", *part] if part else []
+    files = []
+    if options.save:
+        files.append(f"case: {options.save} (run it again: rtamt replay {options.save})")
+    if options.plot:
+        files.append(f"picture: {options.plot}")
+    if options.record:
+        files.append(f"record: {options.record}")
+    yield from ["", *files] if files else []
+
+
+def _to_json(found: Falsification) -> str:
+    """The outcome as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
+    height = found.robustness
+    return json.dumps(
+        {
+            "rtamt": rtamt.__version__,
+            "system": found.record.system,
+            "requirement": found.requirement,
+            "formula": found.record.requirements[found.requirement],
+            "falsified": found.falsified,
+            "robustness": height if math.isfinite(height) else str(height),
+            "input": json.loads(found.input.to_json()),
+            "found": json.loads(found.found.to_json()),
+            "simulation_seed": found.row.seed,
+            "simulations": found.simulations,
+            "failed": len(found.record.failed()),
+            "simulated_time": found.simulated_time,
+            "reductions": found.reductions,
+            "budget": found.budget,
+            "seed": found.seed,
+            "optimizer": found.optimizer,
+            "scales": dict(found.scales),
+            "gap": found.coverage.gap,
+            "distance": found.coverage.distance,
+        },
+        indent=2,
+        allow_nan=False,
+    )

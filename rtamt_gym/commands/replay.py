@@ -1,0 +1,88 @@
+"""`rtamt replay`: runs a saved case again."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from rtamt_gym.commands.arguments import add_output, check_outputs
+from rtamt_gym.commands.ends import noted_ends
+from rtamt_gym.tables import counted, number, sample_text
+
+if TYPE_CHECKING:
+    from rtamt_gym.search.saved_case import SavedCase
+    from rtamt_gym.simulation.run import Run
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Runs a case that rtamt falsify --save, or Falsification.save, has written. Exits 0 if it "
+        "has the verdict that the file expects, 1 if it has another."
+    )
+    parser.epilog = "example: rtamt replay case.json --explain --plot run.png"
+    parser.add_argument("case", metavar="CASE", help="the path of the file, case.json")
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="print which formulas and samples decided the robustness",
+    )
+    add_output(parser, "--plot", "draw the input and the run")
+    add_output(parser, "--save", "write the run as a Parquet file, a row for each sample")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Runs the case, prints the run and its verdict; returns 1 if it is not the expected one."""
+    from rtamt_gym.search.saved_case import SavedCase
+
+    check_outputs(options.save, picture=options.plot, inputs=[options.case])
+    saved = SavedCase.load(options.case)
+    with noted_ends():
+        made = saved.replay()
+    print(*_lines(saved, made), sep="\n")
+    if options.explain:
+        print("", made.explain(), sep="\n")
+    if options.save:
+        made.save(options.save)
+        print("", f"run: {options.save}", sep="\n")
+    if options.plot:
+        from rtamt_gym.drawing import save
+        from rtamt_gym.search.falsification import with_inputs
+        from rtamt_gym.simulation.plot import draw
+
+        save(draw([with_inputs(made, saved.case)]), options.plot)
+        print("", f"picture: {options.plot}", sep="\n")
+    return 0 if saved.gives(made) else 1
+
+
+def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
+    from rtamt_gym.search.report import case_lines
+
+    course = made.courses[saved.name]
+    yield f"{saved.name} of {made.system}"
+    yield from _wrapped(str(saved.requirement.formula))
+    yield "input:"
+    yield from case_lines(saved.case)
+    seed = "" if saved.seed is None else f", seed {saved.seed}"
+    last = sample_text(made.last_sample, made.period)
+    yield f"{counted(made.steps + 1, 'sample')} to {last}, ended by {made.ended}{seed}"
+    yield ""
+    got = f"{course.verdict.name}, robustness {course.final_text('.6g')}"
+    if saved.repeats(made):
+        yield f"{got}: as expected, to the last bit"
+        return
+    yield got
+    same = "the verdict is that, the robustness is not" if saved.gives(made) else "it is not"
+    yield from _wrapped(
+        f"expected {saved.verdict.name}, robustness {number(saved.robustness)}: {same}", ""
+    )
+    changes = [f"{name} {now} (then {then})" for name, (then, now) in saved.newer().items()]
+    if changes:
+        yield from _wrapped(f"run by {', '.join(changes)}", "")
+
+
+def _wrapped(text: str, indent: str = "  ") -> list[str]:
+    return textwrap.wrap(text, 79, initial_indent=indent, subsequent_indent="  ")
