@@ -167,7 +167,10 @@ def run(path: Path, optimizers: Sequence[str], rows: Sequence[str], seeds: range
             print(*table(read(path), [optimizer], [requirement])[-1:], flush=True)
 
 
-HEAD = f"{'':5} {'optimizer':22} {'found':>7} {'mean':>6} {'median':>6} {'stopped':>8} {'whole':>8} {'ms':>5}"
+HEAD = (
+    f"{'':5} {'optimizer':22} {'found':>7} {'mean':>6} {'median':>6} {'stopped':>8} {'whole':>8} "
+    f"{'ms':>5}"
+)
 
 
 def table(searches: Sequence[Search], optimizers: Sequence[str], rows: Sequence[str]) -> list[str]:
@@ -196,7 +199,7 @@ def line(requirement: str, optimizer: str, own: Sequence[Search]) -> str:
 
 
 def speed(rows: Sequence[str], lanes: int = 100) -> None:
-    """Prints milliseconds of the processor a run, in lanes and with monitoring, of random inputs."""
+    """Prints milliseconds of the processor a run of random inputs, in lanes and with monitors."""
     print(f"{'':5} {'ms a run':>9}   to the violation or the end, {lanes} lanes")
     for requirement in rows:
         with Runner(ROWS[requirement].system, requirement, stop="violation", batch=lanes) as runner:
