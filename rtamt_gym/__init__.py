@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.step_monitor import StepMonitor
     from rtamt_gym.search.falsification import Falsification
     from rtamt_gym.search.falsify import falsify
+    from rtamt_gym.search.mining import Mined, mine
     from rtamt_gym.search.record import Record
     from rtamt_gym.search.runner import Runner
     from rtamt_gym.search.saved_case import SavedCase
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
         "CostEnv",
         "Falsification",
         "Fmus",
+        "Mined",
         "ParallelStlMonitor",
         "Parameter",
         "Record",
@@ -59,6 +61,7 @@ if TYPE_CHECKING:
         "Waveform",
         "evaluate_rollouts",
         "falsify",
+        "mine",
         "simulate",
         "sweep",
     ]
@@ -68,6 +71,7 @@ _MODULES = {
     "CostEnv": "rtamt_gym.wrappers.cost",
     "Falsification": "rtamt_gym.search.falsification",
     "Fmus": "rtamt_gym.simulation.fmi",
+    "Mined": "rtamt_gym.search.mining",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
     "Record": "rtamt_gym.search.record",
@@ -87,6 +91,7 @@ _MODULES = {
     "Waveform": "rtamt_gym.inputs.waveform",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "falsify": "rtamt_gym.search.falsify",
+    "mine": "rtamt_gym.search.mining",
     "simulate": "rtamt_gym.simulation.simulate",
     "sweep": "rtamt_gym.search.sweep",
 }

@@ -10,12 +10,13 @@ COMMANDS = {
     "falsify": "search for an input that violates a requirement",
     "replay": "run again what was found",
     "monitor": "judge recorded traces",
+    "mine": "find the tightest constant for which recorded traces satisfy a requirement",
     "explain": "say which samples of recorded traces decided",
 }
 """The help line of each command. Its module is imported when the command is given, and has two
 functions: ``add_arguments(parser)``, and ``run(options)``, which returns the exit code."""
 
-OF_TRACES = ("monitor", "explain")
+OF_TRACES = ("monitor", "explain", "mine")
 """The commands whose specifications and traces ``--`` separates."""
 
 SEPARATOR = "\0"

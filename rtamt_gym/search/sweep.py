@@ -89,6 +89,19 @@ class Sweep:
             )
         return self._runner.simulate(row.case, row.seed)
 
+    def under(self, requirements: Requirements) -> Runner:
+        """A runner of the system under other requirements, whose runs go to their end.
+
+        Raises:
+            InputError: If the sweep was read from a file, which does not hold the system.
+        """
+        if self._runner is None:
+            raise InputError(
+                "a sweep that was read from a file holds no system to run; make it again with "
+                "sweep(system, ...)"
+            )
+        return self._runner.under(requirements)
+
     def indices(self, requirement: str | None = None) -> Indices:
         """How much each column moves a requirement's robustness: Morris's indices, or Sobol's.
 

@@ -1,0 +1,171 @@
+"""`rtamt mine`: finds the tightest constant for which recorded traces satisfy a requirement."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rtamt import InputError
+from rtamt_gym.checks.names import listing
+from rtamt_gym.checks.numbers import read_floats
+from rtamt_gym.commands import SEPARATOR
+from rtamt_gym.commands.traces import Asked, read_arguments, read_trace_of
+from rtamt_gym.commands.traces import add_arguments as add_traces
+from rtamt_gym.recorded.progress import progress
+from rtamt_gym.recorded.trace import Trace
+
+if TYPE_CHECKING:
+    from rtamt_gym.search.mining import Mined
+    from rtamt_gym.search.mining_traces import Samples
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Finds the tightest value of a parameter for which all traces satisfy a requirement. A ? "
+        "before a name makes it the parameter: always(speed < ?v), eventually[0:?t](x > 1). Exits "
+        "0 if there is such a value, else 2."
+    )
+    parser.epilog = "example: rtamt mine 'always(speed < ?v)' --range v=0:200 -- runs/*.csv"
+    add_traces(parser, "mine")
+    parser.add_argument(
+        "--range",
+        action="append",
+        required=True,
+        metavar="NAME=LOW:HIGH",
+        help="the parameter, with its least and its greatest value, v=0:200; others have values, "
+        "--constant w=3",
+    )
+    parser.add_argument(
+        "--tolerance",
+        metavar="STEP",
+        help="the distance of two values that are told apart, 0 for all floats; not for a bound "
+        "of an interval, which is a multiple of the period (default: the power of ten at or below "
+        "a 100000th of the range)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="write the outcome to standard output as strict JSON"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Mines the parameter and prints what was found; returns 0."""
+    from rtamt_gym.search.mining import mined_over
+    from rtamt_gym.search.mining_requirement import check_parameter, template, unmarked
+
+    name, low, high = _read_range(options.range)
+    tolerance = _read_tolerance(options.tolerance)
+    if options.dense:
+        raise InputError("rtamt mine judges samples; expected no --dense")
+    count = options.specs.index(SEPARATOR) if SEPARATOR in options.specs else len(options.specs)
+    if count != 1:
+        raise InputError(
+            f"expected one specification, got {count}; for several traces write SPEC -- TRACE..."
+        )
+    text = _text_of(options.specs[0])
+    plain, marked = unmarked(text)
+    options.specs[0] = plain if marked else options.specs[0]
+    fixed = dict.fromkeys(each.partition("=")[0].strip() for each in options.constant)
+    check_parameter(text, name, dict.fromkeys(fixed, 1.0))
+    options.constant = [*options.constant, f"{name}={low}"]
+    asked, paths = read_arguments(options)
+    if len(asked.specs) != 1:
+        raise InputError(
+            f"expected one requirement, got {listing(asked.specs)}; give --only with its name"
+        )
+    (spec,) = asked.specs.values()
+    wanted = template(
+        spec,
+        {name: (low, high)},
+        every=asked.rules.view == "step",
+        text=text if marked else "",
+    )
+    traces = []
+    with progress("reading", len(paths), "trace") as advance:
+        for path in paths:
+            traces.append(_read(asked, path))
+            advance(1)
+    mined = mined_over(wanted, traces, tolerance, shown=True)
+    print(_to_json(mined) if options.json else mined)
+    return 0
+
+
+def _read_range(arguments: list[str]) -> tuple[str, float, float]:
+    if len(arguments) != 1:
+        raise InputError(
+            f"--range: expected one parameter, got {len(arguments)}; one is mined at a time, and "
+            "others have values: --constant w=3"
+        )
+    name, _, span = (part.strip() for part in arguments[0].partition("="))
+    ends = read_floats(span.split(":"))
+    if not name.isidentifier() or ends is None or len(ends) != 2:
+        raise InputError(f"--range: expected NAME=LOW:HIGH, such as v=0:200, got {arguments[0]!r}")
+    return name, ends[0], ends[1]
+
+
+def _read_tolerance(text: str | None) -> float | None:
+    if text is None:
+        return None
+    read = read_floats([text])
+    if read is None or not 0 <= read[0] < math.inf:
+        raise InputError(f"--tolerance: expected a number, such as 0.01, or 0, got {text!r}")
+    return read[0]
+
+
+def _text_of(word: str) -> str:
+    """The text of a formula, or of the file that the word names."""
+    if word.endswith(".stl"):
+        return Path(word).read_text(encoding="utf-8-sig", errors="replace")
+    return word
+
+
+def _read(asked: Asked, path: str) -> Samples:
+    """Reads a trace as the rules say."""
+    from rtamt_gym.search.mining_traces import Samples
+
+    trace, period = read_trace_of(asked, path)
+    if not isinstance(trace, Trace):
+        msg = "dense traces are refused before"
+        raise TypeError(msg)
+    rules = asked.rules
+    return Samples(
+        path,
+        path,
+        trace.columns,
+        period,
+        rules.end,
+        {"semantics": rules.semantics, "align": rules.align},
+        trace.samples,
+        trace.start,
+        tuple(trace.notes),
+    )
+
+
+def _to_json(mined: Mined) -> str:
+    found: dict[str, Any] = {
+        "requirement": mined.requirement,
+        "formula": mined.formula,
+        "parameter": mined.parameter,
+        "value": mined.value,
+        "side": mined.side,
+        "fails_at": mined.fails_at,
+        "low": mined.low,
+        "high": mined.high,
+        "traces": mined.traces,
+        "witnesses": [
+            {"trace": each.name, "robustness": _finite(each.robustness)} for each in mined.witnesses
+        ],
+        "explanation": str(mined.explanation),
+        "evaluations": mined.evaluations,
+        "probes": mined.probes,
+        "notes": list(mined.notes),
+    }
+    return json.dumps(found, indent=2, allow_nan=False)
+
+
+def _finite(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)

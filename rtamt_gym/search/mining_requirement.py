@@ -1,0 +1,219 @@
+"""A requirement with a parameter: `always(speed < ?v)` becomes a specification for each value."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from functools import lru_cache
+from numbers import Real
+
+import rtamt
+from rtamt import InputError, InputTypeError, SpecificationError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.tables import number
+
+__all__ = ["Ranges", "Template", "check_parameter", "template", "unmarked"]
+
+Ranges = Mapping[str, tuple[float, float]]
+"""The least and the greatest value of a parameter, by its name."""
+
+_PARTS = re.compile(r"//[^\n]*|/\*.*?\*/|\?([A-Za-z_]\w*)|([A-Za-z_][\w.]*)", re.DOTALL)
+"""Comments, marked names and other words of a text."""
+
+
+def unmarked(text: str) -> tuple[str, tuple[str, ...]]:
+    """The text with a blank for each ``?`` before a name, and these names.
+
+    Every other character stays where it was, so that errors show the right place.
+
+    Raises:
+        InputError: If a name stands with and without the mark.
+
+    Example:
+        >>> unmarked("always(x < ?v) // all?right")
+        ('always(x <  v) // all?right', ('v',))
+    """
+    names = list(dict.fromkeys(found[1] for found in _PARTS.finditer(text) if found[1]))
+    for found in _PARTS.finditer(text):
+        if found[2] in names:
+            raise InputError(
+                f"{found[2]!r} stands with and without '?', as a parameter and as something else; "
+                "give the parameter another name"
+            )
+    plain = _PARTS.sub(lambda found: f" {found[1]}" if found[1] else found[0], text)
+    return plain, tuple(names)
+
+
+class Template:
+    """A requirement for each value of its parameter; `template` makes it.
+
+    Attributes:
+        text: The requirement, as it was given.
+        parameter: The name of the parameter.
+        low: The least value that is asked for.
+        high: The greatest value that is asked for.
+        unit: The unit of the parameter if it bounds a time, as in ``eventually[0:?t](x > 1)``; None
+            if it does not.
+    """
+
+    def __init__(
+        self,
+        given: str | rtamt.Specification,
+        parameter: str,
+        low: float,
+        high: float,
+        constants: Mapping[str, object],
+        *,
+        every: bool = False,
+        text: str = "",
+    ) -> None:
+        self.parameter, self.low, self.high = parameter, low, high
+        self._requirement = None
+        self._unit = "s"
+        self._every = every
+        self._constants = dict(constants)
+        if isinstance(given, str):
+            self.text = text or given.strip()
+            self._plain = unmarked(given)[0]
+        else:
+            self.text = text or given.text.strip()
+            self._plain, self._unit = given.text, given.unit
+            self._requirement = given.requirement
+            self._constants = {**given.given, **self._constants}
+        self.at = lru_cache(maxsize=64)(self._at)
+        self.unit = self._bounding_unit()
+
+    def _at(self, value: float | Fraction) -> rtamt.Specification:
+        """The specification for a value of the parameter."""
+        constants = {**self._constants, self.parameter: value}
+        spec = rtamt.parse(self._plain, unit=self._unit, constants=constants)  # type: ignore[arg-type]  # it checks them
+        if self._requirement is not None:
+            spec = spec.requirements[self._requirement]
+        if len(spec.requirements) > 1:
+            raise InputError(
+                f"expected one requirement, got {listing(spec.requirements)}; mine one of them"
+            )
+        if self._every:
+            return spec.always()
+        if not spec.looks_ahead:
+            raise SpecificationError(
+                f"the requirement speaks of the first sample only; write always({self.text})"
+            )
+        return spec
+
+    def _bounding_unit(self) -> str | None:
+        """The unit of the parameter if the interval of an operator depends on it, else None."""
+        least, most = (list(_intervals(self.at(value).formula)) for value in (self.low, self.high))
+        for one, other in zip(least, most, strict=True):
+            if one != other:
+                return one.unit or other.unit or self._unit
+        return None
+
+
+def _intervals(formula: rtamt.Formula) -> Iterator[rtamt.Interval]:
+    """The intervals of all operators; of one without, that which it stands for."""
+    rest: list[object] = [formula]
+    while rest:
+        node = rest.pop()
+        if isinstance(node, rtamt.Formula):
+            yield node.interval or rtamt.Interval(Fraction(0), None)
+            rest += node.args
+
+
+def template(
+    given: str | rtamt.Specification,
+    ranges: Ranges,
+    constants: Mapping[str, object] | None = None,
+    *,
+    every: bool = False,
+    text: str = "",
+) -> Template:
+    """Reads a requirement and the range of its parameter.
+
+    Args:
+        given: A text in which ``?name`` stands for the parameter, or a text or a specification that
+            defines a constant of this name.
+        ranges: The range of the parameter.
+        constants: Values of other parameters and constants.
+        every: Whether the requirement is to hold at every sample, not at the first alone.
+        text: What is shown as the requirement; empty: what was given.
+
+    Raises:
+        InputError: If there is not one parameter with a range, or the range is no range.
+        InputTypeError: If an argument is not of the types above.
+        SpecificationError: If the requirement is wrong, or reads no sample but the first.
+    """
+    if not isinstance(given, str | rtamt.Specification):
+        raise InputTypeError(
+            f"expected the text of a requirement or a specification, got {given!r}"
+        )
+    if not isinstance(ranges, Mapping):
+        raise InputTypeError(
+            f'expected the range of a parameter by its name, {{"v": (0, 100)}}, got {ranges!r}'
+        )
+    if len(ranges) != 1:
+        raise InputError(
+            f"expected the range of one parameter, got {listing(ranges)}; one is mined at a time, "
+            'and others have values: constants={"w": 3}'
+        )
+    ((parameter, ends),) = ranges.items()
+    fixed = dict(constants or {})
+    if parameter in fixed:
+        raise InputError(f"expected {parameter!r} with a range or a value, got both")
+    check_parameter(given, parameter, fixed)
+    return Template(given, parameter, *_read_range(parameter, ends), fixed, every=every, text=text)
+
+
+def check_parameter(
+    given: str | rtamt.Specification, parameter: str, fixed: Mapping[str, object]
+) -> None:
+    """Refuses a name that is no parameter of the requirement, and a parameter without a value.
+
+    Args:
+        given: The requirement.
+        parameter: The name that has a range.
+        fixed: Values of other names.
+
+    Raises:
+        InputError: If there is such a name.
+    """
+    marked: tuple[str, ...] = ()
+    known: Mapping[str, object] = {}
+    if isinstance(given, rtamt.Specification):
+        known = given.constants
+    else:
+        plain, marked = unmarked(given)
+        if re.search(r"\bconst\b", plain):
+            values = dict.fromkeys(marked, 1.0)
+            known = rtamt.parse(plain, constants=values).constants
+    names = list(dict.fromkeys([*marked, *known]))
+    if parameter not in names:
+        has = f"; it has {listing(names)}{nearest(parameter, names)}" if names else ""
+        raise InputError(
+            f"the requirement has no parameter {parameter!r}{has}; write ?{parameter} where its "
+            f"value is to stand, as in always(x < ?{parameter})"
+        )
+    for name in marked:
+        if name not in fixed and name != parameter:
+            raise InputError(
+                f"the parameter ?{name} has neither a range nor a value; one is mined at a time: "
+                f'write constants={{"{name}": 3}}'
+            )
+
+
+def _read_range(parameter: str, ends: object) -> tuple[float, float]:
+    """The two ends of a range."""
+    read = list(ends) if isinstance(ends, tuple | list) else []
+    if len(read) != 2 or not all(isinstance(each, Real) for each in read):
+        raise InputTypeError(
+            f"expected the range of {parameter!r} as two numbers, (0, 100), got {ends!r}"
+        )
+    low, high = map(float, read)
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise InputError(
+            f"expected the range of {parameter!r} as two finite numbers, the least first, got "
+            f"{number(low)} and {number(high)}"
+        )
+    return low, high

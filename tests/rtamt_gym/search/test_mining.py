@@ -1,0 +1,215 @@
+"""The tightest constants: against a scan of all values with a robustness by numpy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt import InputError, Verdict
+from rtamt_gym import Mined, mine
+
+Floats = NDArray[np.float64]
+Signals = dict[str, Floats]
+
+
+class Kind(NamedTuple):
+    """A requirement, and what it means by numpy.
+
+    Attributes:
+        text: The requirement with its parameter p.
+        holds: Whether a trace satisfies it for a value of the parameter.
+    """
+
+    text: str
+    holds: Callable[[Signals, float], bool]
+
+
+def window(found: NDArray[np.bool_], width: int, fold: Callable[..., np.bool_]) -> Floats:
+    """The fold of each value and of so many after it, as far as there are any."""
+    return np.array([fold(found[i : i + width + 1]) for i in range(len(found))])
+
+
+KINDS = [
+    Kind("always(x < ?p)", lambda s, p: bool((s["x"] < p).all())),
+    Kind("always(x <= ?p)", lambda s, p: bool((s["x"] <= p).all())),
+    Kind("always[1:3](x < ?p)", lambda s, p: bool((s["x"][1:4] < p).all())),
+    Kind("eventually(x > ?p)", lambda s, p: bool((s["x"] > p).any())),
+    Kind("eventually[0:2](x >= ?p)", lambda s, p: bool((s["x"][:3] >= p).any())),
+    Kind("always(abs(x - y) <= ?p)", lambda s, p: bool((abs(s["x"] - s["y"]) <= p).all())),
+    Kind("not eventually(x - ?p >= y)", lambda s, p: bool((s["x"] - p < s["y"]).all())),
+    Kind(
+        "always(x > 2 implies eventually[0:2](y < ?p))",
+        lambda s, p: bool((~(s["x"] > 2) | window(s["y"] < p, 2, np.any)).all()),
+    ),
+    Kind(
+        "always(x > ?p implies eventually[0:1](y > 0))",
+        lambda s, p: bool((~(s["x"] > p) | window(s["y"] > 0, 1, np.any)).all()),
+    ),
+    Kind("y > -9 until x > ?p", lambda s, p: bool((s["x"] > p).any())),
+]
+SIGNAL = st.lists(st.integers(-8, 8), min_size=5, max_size=9)
+
+
+@st.composite
+def campaigns(draw: st.DrawFn) -> list[Signals]:
+    """One trace or more of two signals."""
+    traces = []
+    for _ in range(draw(st.integers(1, 5))):
+        x = draw(SIGNAL)
+        y = draw(st.lists(st.integers(-8, 8), min_size=len(x), max_size=len(x)))
+        traces.append({"x": np.array(x, float), "y": np.array(y, float)})
+    return traces
+
+
+def scanned(holds: Sequence[bool]) -> tuple[str, int] | None:
+    """The side and the place of the tightest value, by looking at all of them."""
+    changes = [i for i in range(1, len(holds)) if holds[i] != holds[i - 1]]
+    if len(changes) != 1:
+        return None
+    return ("least", changes[0]) if holds[-1] else ("greatest", changes[0] - 1)
+
+
+def mined(kind: Kind, traces: list[Signals], low: float, high: float, step: float) -> Mined:
+    return mine(kind.text, traces, {"p": (low, high)}, tolerance=step, end="complete")
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=[kind.text for kind in KINDS])
+@given(traces=campaigns(), low=st.sampled_from([-20.0, -20.25, -8.5]))
+@settings(max_examples=10, deadline=None)
+def test_the_value_is_that_of_a_scan_of_all_values(
+    kind: Kind, traces: list[Signals], low: float
+) -> None:
+    # The multiples of the tolerance are tried, and both ends of the range.
+    inside = np.arange(-20, 20.5, 0.5)
+    values = np.concatenate([[low], inside[inside > low], [20.25]])
+    found = [all(kind.holds(trace, value) for trace in traces) for value in values]
+    expected = scanned(found)
+    if expected is None:
+        with pytest.raises(InputError, match="that were tried from"):
+            mined(kind, traces, low, 20.25, 0.5)
+        return
+    side, place = expected
+    fails_at = values[place + (-1 if side == "least" else 1)]
+    result = mined(kind, traces, low, 20.25, 0.5)
+    assert (result.side, result.value, result.fails_at) == (side, values[place], fails_at)
+    failing = {i for i, trace in enumerate(traces) if not kind.holds(trace, fails_at)}
+    assert {witness.index for witness in result.witnesses} == failing
+    assert all(witness.trace is traces[witness.index] for witness in result.witnesses)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=[kind.text for kind in KINDS])
+@given(traces=campaigns())
+@settings(max_examples=4, deadline=None)
+def test_with_tolerance_0_the_neighbouring_float_fails(kind: Kind, traces: list[Signals]) -> None:
+    try:
+        result = mined(kind, traces, -30.5, 30.5, 0)
+    except InputError:  # it holds everywhere or nowhere
+        assert kind.holds(traces[0], -30.5) == kind.holds(traces[0], 30.5)
+        return
+    side = -1 if result.side == "least" else 1
+    beyond = math.nextafter(result.value, side * math.inf)
+    if abs(beyond) < 1e-300:  # no text has such a number
+        beyond = 0.0 if result.value else side * 1e-300
+    assert result.fails_at == beyond
+    assert all(kind.holds(trace, result.value) for trace in traces)
+    assert not all(kind.holds(trace, result.fails_at) for trace in traces)
+
+
+def test_a_strict_bound_is_the_next_float_after_the_greatest_sample() -> None:
+    x = np.random.default_rng(3).normal(size=100)
+    exact = mine("always(x <= ?v)", {"x": x}, {"v": (-10, 10)}, tolerance=0)
+    strict = mine("always(x < ?v)", {"x": x}, {"v": (-10, 10)}, tolerance=0)
+    assert exact.value == x.max()
+    assert strict.value == np.nextafter(x.max(), math.inf)
+
+
+@given(traces=campaigns(), period=st.sampled_from([None, 0.5, "20ms"]), level=st.integers(-3, 3))
+@settings(max_examples=25, deadline=None)
+def test_a_bound_of_time_is_the_first_sample_that_reaches_the_level(
+    traces: list[Signals], period: float | str | None, level: int
+) -> None:
+    step = {None: 1.0, 0.5: 0.5, "20ms": 0.02}[period]
+    reached = [np.flatnonzero(trace["x"] > level) for trace in traces]
+    first = max(int(found[0]) if len(found) else 99 for found in reached)
+
+    def mined_within() -> Mined:
+        return mine(
+            f"eventually[0:?t](x > {level})",
+            traces,
+            {"t": (0, 8 * step)},
+            period=period,
+            end="complete",
+        )
+
+    if first in {0, 99}:
+        with pytest.raises(InputError, match=" 9 values "):
+            mined_within()
+        return
+    result = mined_within()
+    assert (result.side, result.value) == ("least", pytest.approx(first * step))
+    assert result.fails_at == pytest.approx((first - 1) * step)
+
+
+def test_the_greatest_bound_within_which_a_level_is_kept_and_units_are_those_of_the_text() -> None:
+    trace = {"x": [1.0, 2.0, 3.0, 9.0, 3.0, 2.0]}
+    greatest = [
+        mine(f"always[0:?t{unit}](x < 4)", trace, {"t": (0, high)}, period=0.5)
+        for unit, high in (("", 2), (" s", 2.1), (" ms", 2000))
+    ]
+    assert [(each.value, each.side) for each in greatest] == [
+        (1.0, "greatest"),
+        (1.0, "greatest"),
+        (1000.0, "greatest"),
+    ]
+    least = mine("always[?t:2.5](x < 4)", trace, {"t": (0, 2.5)}, period=0.5)
+    assert (least.value, least.side, least.fails_at) == (2.0, "least", 1.5)
+
+
+def test_the_order_of_the_traces_changes_nothing_but_their_numbers() -> None:
+    random = np.random.default_rng(7)
+    traces = [{"x": random.normal(size=40)} for _ in range(12)]
+    first = mine("always(x < ?v)", traces, {"v": (0, 10)})
+    for _ in range(3):
+        order = random.permutation(12)
+        again = mine("always(x < ?v)", [traces[i] for i in order], {"v": (0, 10)})
+        assert (again.value, again.robustness) == (first.value, first.robustness)
+        assert order[again.witness.index] == first.witness.index
+
+
+def test_the_witness_and_the_explanation_are_those_of_rtamt() -> None:
+    random = np.random.default_rng(11)
+    traces = [{"x": random.normal(size=60)} for _ in range(20)]
+    result = mine("always[2:30](x < ?v)", traces, {"v": (0, 10)})
+    spec = rtamt.parse(f"always[2:30](x < {result.value})")
+    judged = [rtamt.judge(spec, trace) for trace in traces]
+    assert all(each.verdict is Verdict.SATISFIED for each in judged)
+    least = min(judged, key=lambda each: each.robustness)
+    assert result.robustness == least.robustness == result.explanation.robustness
+    assert judged[result.witness.index] is least
+    assert result.explanation == rtamt.explain(result.specification, result.witness.trace)  # type: ignore[arg-type]  # it is columns
+    (cause,) = result.explanation.causes
+    assert cause.value == max(trace["x"][2:31].max() for trace in traces)
+
+
+def test_a_trace_is_bisected_only_if_it_moves_the_value() -> None:
+    traces = [{"x": [float(i)]} for i in range(50)]
+    # 17 values of each, then 14 halvings of one, and both neighbours of all.
+    for given_traces in (traces, traces[::-1]):
+        result = mine("always(x < ?v)", given_traces, {"v": (-10, 90)}, tolerance=0.001)
+        assert result.value == 49.001
+        assert result.evaluations <= 50 * 17 + 15 + 2 * 50
+
+
+def test_the_last_trace_that_differs_by_less_than_a_probe_is_found() -> None:
+    traces = [{"x": [10 + i / 100]} for i in range(50)]
+    result = mine("always(x < ?v)", traces, {"v": (0, 100)}, tolerance=0.001)
+    assert (result.value, result.witness.index) == (10.491, 49)
+    assert [witness.index for witness in result.witnesses] == [49]
