@@ -56,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
     """Mines the parameter and prints what was found; returns 0."""
     from rtamt_gym.search.mining import mined_over
     from rtamt_gym.search.mining_requirement import check_parameter, template, unmarked
+    from rtamt_gym.search.mining_traces import notes_on
 
     name, low, high = _read_range(options.range)
     tolerance = _read_tolerance(options.tolerance)
@@ -89,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
         for path in paths:
             traces.append(_read(asked, path))
             advance(1)
-    mined = mined_over(wanted, traces, tolerance, shown=True)
+    mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
     print(_to_json(mined) if options.json else mined)
     return 0
 

@@ -15,7 +15,7 @@ from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.search.mining_bisection import Found, Judged, tightest
 from rtamt_gym.search.mining_requirement import Ranges, Template, template
-from rtamt_gym.search.mining_traces import Period, Reading, Samples, Traces, notes_on, samples_of
+from rtamt_gym.search.mining_traces import Period, Reading, Samples, Traces, samples_of
 from rtamt_gym.search.mining_values import Values, bounds_between, text_of, values_between
 from rtamt_gym.tables import counted, number, shorten
 
@@ -201,14 +201,19 @@ def mine(
     check_choice("end", end, (None, *get_args(AtTruncation)))
     wanted = template(requirement, ranges, constants)
     spec = wanted.at(wanted.low)
-    read = samples_of(traces, spec, period, end, reading, shown=progress)
-    return mined_over(wanted, read, tolerance, shown=progress)
+    read, notes = samples_of(traces, spec, period, end, reading, shown=progress)
+    return mined_over(wanted, read, tolerance, notes, shown=progress)
 
 
 def mined_over(
-    wanted: Template, traces: list[Samples], tolerance: float | None, *, shown: bool
+    wanted: Template,
+    traces: list[Samples],
+    tolerance: float | None,
+    notes: tuple[str, ...],
+    *,
+    shown: bool,
 ) -> Mined:
-    """Mines over traces that were read.
+    """Mines over traces that were read, with notes on them.
 
     Raises:
         RtamtError: As `mine` does.
@@ -227,7 +232,7 @@ def mined_over(
     names = [trace.name for trace in traces]
     with shown_progress("mining", len(traces) if shown else 0, "trace") as advance:
         found = tightest(names, values, wanted.parameter, judge, advance)
-    return _mined(wanted, traces, values, found)
+    return _mined(wanted, traces, values, found, notes)
 
 
 def _values(wanted: Template, traces: list[Samples], tolerance: float | None) -> Values:
@@ -257,7 +262,13 @@ def _values(wanted: Template, traces: list[Samples], tolerance: float | None) ->
     return bounds_between(wanted.low, wanted.high, step)
 
 
-def _mined(wanted: Template, traces: list[Samples], values: Values, found: Found) -> Mined:
+def _mined(
+    wanted: Template,
+    traces: list[Samples],
+    values: Values,
+    found: Found,
+    notes: tuple[str, ...],
+) -> Mined:
     spec = wanted.at(values.at(found.place))
     witnesses = tuple(
         Witness(traces[i].name, i, robustness, traces[i].given)
@@ -277,5 +288,5 @@ def _mined(wanted: Template, traces: list[Samples], values: Values, found: Found
         traces[found.failing[0]].explain(spec),
         found.evaluations,
         found.probes,
-        notes_on(traces),
+        notes,
     )

@@ -206,7 +206,7 @@ def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
         f"none of the {len(search.probes)} values of {search.parameter!r} that were tried from "
         f"{_span(search)} satisfies the requirement on {_whole(search)}: "
         f"{shorten(search.names[trace], 60)} is nearest to it at {search.text(nearest)}, "
-        f"{there.verdict.name} with robustness {number(there.robustness)}{others}; {way_out}"
+        f"{there.verdict.name} with robustness {number(there.robustness + 0.0)}{others}; {way_out}"
     )
 
 

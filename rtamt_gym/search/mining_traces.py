@@ -111,8 +111,8 @@ def samples_of(
     options: Reading,
     *,
     shown: bool,
-) -> list[Samples]:
-    """Reads the traces.
+) -> tuple[list[Samples], tuple[str, ...]]:
+    """Reads the traces; returns them, and what a reader of the result is to know of them.
 
     Args:
         traces: The traces.
@@ -131,9 +131,15 @@ def samples_of(
     seconds = None if period is None else rtamt.Monitor("(true)", period).period
     every = [traces] if _is_one(traces) else _listed(traces)
     read: list[Samples] = []
+    notes: list[str] = []
     for each in every:
         if _is_a(each, "sweep", "Sweep"):
-            read += _of_sweep(cast("Sweep", each), spec, seconds, end, options, shown=shown)
+            sweep = cast("Sweep", each)
+            read += _of_sweep(sweep, spec, seconds, end, options, shown=shown)
+            if failed := len(sweep.record.failed()):
+                verb = "is" if failed == 1 else "are"
+                of = f"{counted(failed, 'simulation')} of {len(sweep.record)}"
+                notes.append(f"{of} failed and {verb} left out")
         elif _is_a(each, "run", "Run"):
             run = cast("Run", each)
             name = run.label or f"run {len(read)}"
@@ -150,7 +156,7 @@ def samples_of(
             )
     if not read:
         raise InputError("expected one trace at least, got none")
-    return read
+    return read, (*notes, *notes_on(read))
 
 
 def notes_on(traces: Sequence[Samples]) -> tuple[str, ...]:

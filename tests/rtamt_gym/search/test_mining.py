@@ -32,7 +32,9 @@ class Kind(NamedTuple):
     holds: Callable[[Signals, float], bool]
 
 
-def window(found: NDArray[np.bool_], width: int, fold: Callable[..., np.bool_]) -> Floats:
+def window(
+    found: NDArray[np.bool_], width: int, fold: Callable[..., np.bool_]
+) -> NDArray[np.bool_]:
     """The fold of each value and of so many after it, as far as there are any."""
     return np.array([fold(found[i : i + width + 1]) for i in range(len(found))])
 
@@ -154,7 +156,8 @@ def test_a_bound_of_time_is_the_first_sample_that_reaches_the_level(
             mined_within()
         return
     result = mined_within()
-    assert (result.side, result.value) == ("least", pytest.approx(first * step))
+    assert result.side == "least"
+    assert result.value == pytest.approx(first * step)
     assert result.fails_at == pytest.approx((first - 1) * step)
 
 
