@@ -193,17 +193,6 @@ class Runner:
         """Whether cases run side by side."""
         return self._lanes is not None
 
-    def under(self, requirements: Requirements) -> Runner:
-        """A runner of the same system under other requirements, whose runs go to their end.
-
-        It uses the environment of this one, and has to be done before this one is closed.
-
-        Raises:
-            RtamtError: As for a new runner.
-        """
-        options: Any = self._simulated | {"stop": "end"}
-        return Runner(self._system, requirements, **options)
-
     def run(
         self,
         cases: Iterable[CaseLike],

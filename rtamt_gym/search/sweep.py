@@ -100,7 +100,8 @@ class Sweep:
                 "a sweep that was read from a file holds no system to run; make it again with "
                 "sweep(system, ...)"
             )
-        return self._runner.under(requirements)
+        options: Any = {**self._runner.options, "stop": "end"}
+        return Runner(self._runner.system, requirements, **options)
 
     def indices(self, requirement: str | None = None) -> Indices:
         """How much each column moves a requirement's robustness: Morris's indices, or Sobol's.
