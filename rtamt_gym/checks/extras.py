@@ -20,6 +20,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "SALib": "search",
     "cma": "search",
     "optuna": "optuna",
+    "joblib": "search",
 }
 """The extra that installs each optional package."""
 

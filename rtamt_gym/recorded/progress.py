@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
-__all__ = ["progress", "silence"]
+__all__ = ["Advance", "progress", "silence"]
 
 DELAY = 1.0
 """Seconds before the bar is shown."""
@@ -15,13 +16,19 @@ _outermost = [True]
 """Whether the next bar stands inside no other, and in a process that shows bars."""
 
 
+class Advance(Protocol):
+    """Shows that so much more is done, and what else there is to say."""
+
+    def __call__(self, done: int, note: str = "", /) -> None: ...  # noqa: D102 - as the class says
+
+
 def silence() -> None:
     """Shows no bar in this process from now on."""
     _outermost[0] = False
 
 
 @contextmanager
-def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]]:
+def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
     """Shows a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
     Of bars inside each other the outermost is shown.
@@ -32,22 +39,33 @@ def progress(what: str, total: int, unit: str) -> Iterator[Callable[[int], None]
         unit: The unit of the amount.
 
     Yields:
-        A function to call with the amount done since its last call.
+        A function to call with the amount done since its last call, and with what the bar is to
+        say after its numbers.
     """
     if not (_outermost[0] and sys.stderr is not None and sys.stderr.isatty()):
-        yield lambda _: None
+        yield _silent
         return
     try:
         from tqdm import tqdm
     except ModuleNotFoundError:
-        yield lambda _: None
+        yield _silent
         return
     scaled = total > 9999  # 12.3M is shorter than 12345678, but 10.0 no better than 10
     with tqdm(
         desc=what, total=total, unit=unit, unit_scale=scaled, delay=DELAY, leave=False
     ) as bar:
         _outermost[0] = False
+
+        def advance(done: int, note: str = "", /) -> None:
+            if note:
+                bar.set_postfix_str(note, refresh=False)
+            bar.update(done)
+
         try:
-            yield lambda done: bar.update(done) and None
+            yield advance
         finally:
             _outermost[0] = True
+
+
+def _silent(_done: int, _note: str = "", /) -> None:
+    """Shows nothing."""

@@ -193,6 +193,11 @@ class Runner:
         """Whether cases run side by side."""
         return self._lanes is not None
 
+    @property
+    def batch(self) -> int:
+        """How many cases run side by side at most; 1 if they run one by one."""
+        return 1 if self._lanes is None else self._lanes.size
+
     def run(
         self,
         cases: Iterable[CaseLike],

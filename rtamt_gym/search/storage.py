@@ -16,6 +16,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.search.campaign_files import finished
 from rtamt_gym.search.rows import MEASURES, Outcome, Row
 
 __all__ = ["load", "read_space", "save", "written_space"]
@@ -59,9 +60,14 @@ def save(path: Path, columns: Mapping[str, list[Any]], kept: Mapping[str, Any]) 
 def load(path: Path) -> tuple[list[Row], dict[str, Any]]:
     """Reads the rows that `save` has written, and what it kept beside them.
 
+    The rows of a folder are those of a campaign that are finished.
+
     Raises:
         InputError: If the file does not hold a record.
     """
+    if path.is_dir():
+        rows_of, kept_too = finished(path, load)
+        return [rows_of[number] for number in sorted(rows_of)], kept_too
     try:
         table = pq.read_table(path)
     except pa.ArrowInvalid as error:

@@ -6,8 +6,9 @@ import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import repeat
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
-from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.search.campaign import run_campaign
 from rtamt_gym.search.heights import Map, map_of
 from rtamt_gym.search.indices import Indices, indices
 from rtamt_gym.search.record import Record, check_columns, storage
@@ -29,6 +30,9 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Policy
+
+if TYPE_CHECKING:  # joblib is optional
+    from rtamt_gym.search.campaign_workers import Backend
 
 __all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
 
@@ -167,12 +171,8 @@ class Sweep:
         Raises:
             InputError: If the name does not end in ``.parquet``.
         """
-        also = {
-            "space": storage("Sweep.save").written_space(self.space),
-            "sampler": self.sampler,
-            "seed": self.seed,
-        }
-        self.record.write(path, "Sweep.save", also)
+        what = "Sweep.save"
+        self.record.write(path, what, _also(self.space, self.sampler, self.seed, what))
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Sweep:
@@ -215,6 +215,10 @@ def sweep(
     period: float | str | None = None,
     stop: Stop = "end",
     batch: int = 100,
+    n_jobs: int | None = None,
+    backend: Backend | None = None,
+    timeout: float | None = None,
+    folder: str | os.PathLike[str] | None = None,
     progress: bool = True,
     **options: Unpack[Options],
 ) -> Sweep:
@@ -243,6 +247,16 @@ def sweep(
         stop: When to stop a run, as for `simulate`; here ``"end"`` unless it is given, because the
             robustness of whole runs is compared.
         batch: How many simulations run side by side at most; 1: none do.
+        n_jobs: How many processes run simulations; -1: as many as there are cores. None: this one.
+            The record is the same, but for wall times. One that a simulation ends, by a crash, is
+            started again, and the simulation with it; ended again, its row has a
+            ``ChildProcessError``.
+        backend: Where the processes run: None: on this machine; ``"dask"``: on the workers of the
+            present Dask client; ``"ray"``: on those of Ray.
+        timeout: Seconds that a simulation may take, in a process of its own: one that takes longer
+            is ended, even if it hangs, and has a ``TimeoutError`` in its row.
+        folder: A folder for finished simulations. The same call goes on there after an
+            interruption, with those that are not finished; `Record.load` reads them at any time.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **options: ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
             ``at_termination`` and ``at_truncation`` as for `simulate`.
@@ -253,8 +267,10 @@ def sweep(
     Raises:
         SpecificationError: If a requirement is wrong.
         InputError: If there is no such system or requirement, the space does not fit, or an option
-            is wrong; if all simulations failed, with the error of the first.
-        InputTypeError: If an argument is not of the types above.
+            is wrong; if ``folder`` holds another campaign; if all simulations failed, with the
+            error of the first.
+        InputTypeError: If an argument is not of the types above, or the system cannot be sent to
+            another process.
 
     Warns:
         FailedSimulationWarning: If some simulations failed.
@@ -307,16 +323,24 @@ def sweep(
     check_columns([*varied.columns, *given.columns()], runner.requirements)
     cases = [{**varied.case(point), **given} for point in sample(varied, samples, sampler, seed)]
     seeds = range(seed, seed + len(cases)) if runner.takes_seeds else None
-    rows: dict[int, Row] = {}
-    what = f"sweep of {runner.name}"
-    with shown_progress(what, len(cases) if progress else 0, "run") as advance:
-        for index, row in runner.run(cases, seeds):
-            rows[index] = row
-            advance(1)
-    texts = {name: str(spec.formula) for name, spec in runner.requirements.items()}
-    record = Record((rows[index] for index in range(len(cases))), texts, runner.name)
+    record = run_campaign(
+        runner,
+        zip(cases, seeds or repeat(None), strict=False),
+        n_jobs=n_jobs,
+        backend=backend,
+        timeout=timeout,
+        folder=folder,
+        about=None if folder is None else _also(varied, sampler, seed, "sweep with folder="),
+        what=f"sweep of {runner.name}",
+        progress=progress,
+    )
     tell_failures(record)
     return Sweep(record, varied, sampler, seed, runner)
+
+
+def _also(space: Space, sampler: Sampler, seed: int, what: str) -> dict[str, Any]:
+    """What is kept of a sweep beside its record."""
+    return {"space": storage(what).written_space(space), "sampler": sampler, "seed": seed}
 
 
 def _checked_seed(seed: object) -> int:
