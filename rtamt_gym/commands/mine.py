@@ -31,7 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "0 if there is such a value, else 2."
     )
     parser.epilog = "example: rtamt mine 'always(speed < ?v)' --range v=0:200 -- runs/*.csv"
-    add_traces(parser, "mine")
+    add_traces(parser, "mine", "the requirement: a formula, or the path of a .stl file")
+    parser.usage = (
+        "rtamt mine [options] SPEC --range NAME=LOW:HIGH TRACE\n"
+        "       rtamt mine [options] SPEC --range NAME=LOW:HIGH -- TRACE..."
+    )
     parser.add_argument(
         "--range",
         action="append",

@@ -45,8 +45,20 @@ class Asked:
     columns: Columns
 
 
-def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
-    """Adds the specifications, the traces, and the options that say how they are read."""
+_SPECS = (
+    "the path of a .stl file or of a folder of them, name=path, or a formula; every requirement is "
+    "judged, which is a formula that no other formula of its text uses"
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _SPECS) -> None:
+    """Adds the specifications, the traces, and the options that say how they are read.
+
+    Args:
+        parser: The parser of the command.
+        command: Its name.
+        specs: The help line of the specifications.
+    """
     parser.usage = (
         f"rtamt {command} [options] SPEC... TRACE\n"
         f"       rtamt {command} [options] SPEC... -- TRACE..."
@@ -55,8 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser, command: str) -> None:
         "specs",
         nargs="+",
         metavar="SPEC",
-        help="the path of a .stl file or of a folder of them, name=path, or a formula; every "
-        "requirement is judged, which is a formula that no other formula of its text uses",
+        help=specs,
     )
     *others, last = extensions()
     parser.add_argument(

@@ -149,6 +149,11 @@ def template(
         raise InputTypeError(
             f"expected the text of a requirement or a specification, got {given!r}"
         )
+    if isinstance(given, str) and given.endswith(".stl") and len(given.split()) == 1:
+        raise SpecificationError(
+            f"expected the text of a requirement, got the path {given!r}; write "
+            f"Path({given!r}).read_text()"
+        )
     if not isinstance(ranges, Mapping):
         raise InputTypeError(
             f'expected the range of a parameter by its name, {{"v": (0, 100)}}, got {ranges!r}'

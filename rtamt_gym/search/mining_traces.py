@@ -15,6 +15,7 @@ import numpy as np
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError
+from rtamt_gym.checks.names import listing
 from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.recorded.progress import progress
@@ -148,6 +149,7 @@ def samples_of(
             read.append(_of_file(os.fspath(each), each, spec, seconds, end, options))
         elif isinstance(each, Mapping | np.ndarray) or hasattr(each, "columns"):
             name = f"trace {len(read)}"
+            _check_columns(name, each, spec)
             read.append(Samples(name, each, each, seconds, end or "cut", options))
         else:
             raise InputTypeError(
@@ -190,6 +192,19 @@ def _listed(traces: Any) -> list[Any]:  # noqa: ANN401
     return list(traces)
 
 
+def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
+    """Refuses a mapping without a variable, such as one of traces by name."""
+    variables = {each.partition(".")[0] for each in spec.variables} | {*spec.variables}
+    if not isinstance(given, Mapping) or not variables or variables & given.keys():
+        return
+    several = any(isinstance(each, Mapping) or hasattr(each, "columns") for each in given.values())
+    hint = "; several traces are a sequence: list(traces.values())" if several else ""
+    raise InputError(
+        f"{name}: expected columns by name, {listing(spec.variables)} among them, got "
+        f"{listing(given)}{hint}"
+    )
+
+
 def _is_a(given: object, module: str, name: str) -> bool:
     """Whether this is a `Run` or a `Sweep`; their modules need Gymnasium, which files do not."""
     room = {"run": "simulation", "sweep": "search"}[module]
@@ -227,6 +242,11 @@ def _of_file(
     end: AtTruncation | None,
     options: Reading,
 ) -> Samples:
+    if not Path(path).suffix and path != "-" and not Path(path).exists():
+        raise InputError(
+            f"there is no file {path!r}; of a system write "
+            f"mine(requirement, sweep({path!r}, ...), ranges)"
+        )
     if Path(path).is_dir():
         raise InputError(f'{path} is a folder; write sorted(Path("{path}").glob("*.csv"))')
     with open_recording(path) as recording:

@@ -141,6 +141,10 @@ def test_the_requirement_is_one_that_looks_at_the_trace() -> None:
     assert refusal("speed < ?v", kind=SpecificationError) == (
         "the requirement speaks of the first sample only; write always(speed < ?v)"
     )
+    assert refusal("slow.stl", kind=SpecificationError) == (
+        "expected the text of a requirement, got the path 'slow.stl'; write "
+        "Path('slow.stl').read_text()"
+    )
     assert refusal("a = always(speed < ?v); b = always(speed > 1)") == (
         "expected one requirement, got 'a', 'b'; mine one of them"
     )

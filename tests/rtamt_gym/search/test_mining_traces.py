@@ -196,4 +196,18 @@ def test_what_is_no_trace_is_refused(tmp_path: Path) -> None:
         refusal(tmp_path)
         == f'{tmp_path} is a folder; write sorted(Path("{tmp_path}").glob("*.csv"))'
     )
-    assert refusal([{"level": [1.0]}, {"lvl": [1.0]}]).startswith("trace 1: at v = 0: expected a ")
+    assert refusal([{"level": [1.0]}, {"lvl": [1.0]}]) == (
+        "trace 1: expected columns by name, 'level' among them, got 'lvl'"
+    )
+    assert refusal([{"level": [1.0]}, {"level": [float("nan")]}]) == (
+        "trace 1: at v = 0: variable 'level' is nan at sample 0; pass nan='hold' to keep the last "
+        "value instead"
+    )
+    assert refusal({"a": {"level": [1.0]}, "b": {"level": [2.0]}}) == (
+        "trace 0: expected columns by name, 'level' among them, got 'a', 'b'; several traces are a "
+        "sequence: list(traces.values())"
+    )
+    assert refusal("rtamt/RequestGrant-v0") == (
+        "there is no file 'rtamt/RequestGrant-v0'; of a system write "
+        "mine(requirement, sweep('rtamt/RequestGrant-v0', ...), ranges)"
+    )
