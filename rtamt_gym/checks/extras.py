@@ -21,6 +21,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "cma": "search",
     "optuna": "optuna",
     "joblib": "search",
+    "staliro": "taliro",
 }
 """The extra that installs each optional package."""
 

@@ -139,11 +139,11 @@ class Falsification:
         from rtamt_gym.search.saved_case import SavedCase, check_name
 
         check_name(path)
-        folder = Path(path).parent
-        saved = SavedCase.of(
-            self._runner, self.requirement, self.row, folder, system=system, policy=policy
-        )
-        saved.save(path)
+        # The search stops a run that cannot become the closest, once enough of it is known.
+        whole = self.row.ended != "known"
+        row = self.row if whole else Row.of(self.replay(), self.input)
+        names = {"system": system, "policy": policy}
+        SavedCase.of(self._runner, self.requirement, row, Path(path).parent, **names).save(path)
 
     def __repr__(self) -> str:
         what = "falsified" if self.falsified else "not falsified"
