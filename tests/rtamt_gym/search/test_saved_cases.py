@@ -1,0 +1,193 @@
+"""Saved cases: every kind of system runs again to the same bits; what cannot be named says so."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import named_systems
+import pytest
+import rtamt_envs  # noqa: F401 - registers the scenarios
+from fmus import library, write_fmu
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt_gym import Case, Fmus, Parameter, Runner, SavedCase, Signal, Space, falsify
+from rtamt_gym.inputs.space import SpaceLike
+
+
+class Kind(NamedTuple):
+    """A kind of system: what a runner is given, and what `SavedCase.of` is."""
+
+    system: Any
+    requirement: Any
+    space: SpaceLike
+    options: dict[str, Any] = {}  # noqa: RUF012 - nobody changes it
+    names: dict[str, str] = {}  # noqa: RUF012
+
+
+DRIVE = [Signal("drive", -2, 2, points=3, interpolation="pchip"), Parameter("gain", 0, 2)]
+KINDS: dict[str, Callable[[], Kind]] = {
+    "a scenario": lambda: Kind(
+        "rtamt/RequestGrant-v0",
+        "granted",
+        [Parameter("height", 2, 8), Parameter("limit", 1, 4)],
+    ),
+    "a scenario that is driven, one of several requirements": lambda: Kind(
+        "rtamt/AutomaticTransmission-v0",
+        ["AT2", "AT6a", "speed_low = always[0:2ms](speed < 0.1)"],
+        [Signal("throttle", 0, 100, points=3), Signal("brake", 0, 325, points=2)],
+        {"duration": 6.0, "align": "outward"},
+    ),
+    "an environment with arguments and a policy": lambda: Kind(
+        gym.make("CartPole-v1", max_episode_steps=40, sutton_barto_reward=True),
+        {"up": "always(abs(angle) < 0.1)", "left": "eventually(x < 0)"},
+        [Parameter("env.gravity", 5, 25), Parameter("env.length", 0.2, 2)],
+        {
+            "signals": {"angle": "obs[2]", "x": "obs[0]", "u": ("action", 0.0)},
+            "policy": named_systems.lean,
+            "at_termination": "failure",
+        },
+    ),
+    "an environment below a wrapper": lambda: Kind(
+        named_systems.wrapped(),
+        "always(abs(angle) < 0.1)",
+        [Parameter("env.gravity", 5, 25)],
+        {"signals": {"angle": "obs[2]"}, "policy": named_systems.lean, "at_termination": "cut"},
+        {"system": "named_systems:wrapped"},
+    ),
+    "a model of MuJoCo": lambda: Kind(
+        named_systems.pendulum(),
+        "always(abs(angle) < 1.5)",
+        [Parameter("qpos[0]", -2, 2), Signal("ctrl[0]", -1, 1, points=3)],
+        {"signals": {"angle": "qpos[0]"}, "duration": 1.0},
+        {"system": "named_systems:pendulum"},
+    ),
+    "a model of MuJoCo with a policy": lambda: Kind(
+        named_systems.pendulum(),
+        "always(abs(angle) < 1.5)",
+        [Parameter("qpos[0]", -2, 2)],
+        {"signals": {"angle": "qpos[0]"}, "duration": 1, "policy": named_systems.swing},
+        {"system": "named_systems:pendulum"},
+    ),
+    "a function of time": lambda: Kind(
+        named_systems.wave,
+        "always(y < 1)",
+        DRIVE,
+        {"period": "100ms", "duration": 2.0} | {"signals": {"y": "x"}, "view": "step"},
+    ),
+    "a generator function": lambda: Kind(
+        named_systems.pump,
+        "output float x\nalways(x < 2)",
+        [Parameter("inflow", 0, 1)],
+        {"period": 1, "semantics": "output-robustness", "duration": math.inf},
+    ),
+    "a model of psy-taliro": lambda: Kind(
+        named_systems.decay,
+        "always[0:4](x < 5)",
+        [*named_systems.decay.space],
+        {},
+        {"system": "named_systems:decay"},
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def tank(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("models")
+    return write_fmu(folder / "tank.fmu", library(3, folder), 3)
+
+
+def check(kind: Kind, coordinates: list[float], seed: int, path: Path) -> None:
+    """Saves a case of a system, reads the file and runs it: everything is as it was."""
+    with Runner(kind.system, kind.requirement, stop="violation", **kind.options) as runner:
+        space = Space([*kind.space], duration=6)
+        case = space.case(coordinates[: space.dimension])
+        seeds = [seed] if runner.takes_seeds else None
+        ((_, row),) = runner.run([case], seeds)
+        assert not row.error, row.error
+        for name, outcome in row.outcomes.items():
+            saved = SavedCase.of(runner, name, row, path.parent, **kind.names)
+            saved.save(path)
+            read = SavedCase.load(path)
+            assert read == saved
+            assert read.to_json() == saved.to_json() == path.read_text()
+            run = read.replay()
+            assert run.case == case
+            assert run.seed == row.seed
+            if row.ended != "violation" or outcome.verdict is rtamt.Verdict.VIOLATED:
+                final = run.courses[name].final
+                assert math.copysign(1, final) == math.copysign(1, outcome.robustness)
+                assert final == outcome.robustness
+                assert run.courses[name].verdict is outcome.verdict
+                assert read.gives(run)
+                assert read.repeats(run)
+                assert read.newer() == {}
+
+
+def points(dimension: int = 6) -> st.SearchStrategy[list[float]]:
+    return st.lists(st.floats(0, 1), min_size=dimension, max_size=dimension)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(coordinates=points(), seed=st.integers(0, 2**32))
+def test_a_saved_case_runs_again_to_the_same_bits(
+    kind: str, coordinates: list[float], seed: int, tmp_path: Path
+) -> None:
+    check(KINDS[kind](), coordinates, seed, tmp_path / "case.json")
+
+
+@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(coordinates=points())
+def test_fmus_are_found_beside_the_file(
+    tank: Path, coordinates: list[float], tmp_path: Path
+) -> None:
+    system = Fmus(
+        {"first": tank, "second": tank},
+        inputs={"second.inflow": "first.level", "first.gear": 2},
+        parameters={"first.area": 2.0},
+        step=0.05,
+    )
+    space = [Signal("first.inflow", 0, 3, points=3), Parameter("second.drain", 0, 1)]
+    options = {"duration": 2.0, "period": 0.1, "signals": {"x": "second.level"}}
+    path = tmp_path / "case.json"
+    check(Kind(system, "always(x < 1.5)", space, options), coordinates, 0, path)
+    named = json.loads(path.read_text())["system"]["fmus"]
+    assert (tmp_path / named["first"]).resolve() == tank.resolve()
+    assert not Path(named["first"]).is_absolute()
+
+
+@pytest.mark.parametrize("requirement", [["AT1", "AT6a"], "always(rpm < 9000)"])
+def test_what_a_search_has_found_is_saved_as_it_is(requirement: Any, tmp_path: Path) -> None:  # noqa: ANN401
+    found = falsify("rtamt/AutomaticTransmission-v0", requirement, budget=20, seed=3)
+    found.save(tmp_path / "case.json")
+    saved = SavedCase.load(tmp_path / "case.json")
+    assert (saved.case, saved.seed) == (found.input, found.row.seed)
+    assert saved.name == found.requirement
+    run = saved.replay()
+    assert saved.repeats(run)
+    assert run.courses[saved.name].final == found.replay().courses[saved.name].final
+    assert (run.courses[saved.name].verdict is rtamt.Verdict.VIOLATED) == found.falsified
+
+
+def test_another_robustness_and_another_verdict_are_told_apart(tmp_path: Path) -> None:
+    with Runner(named_systems.pump, "always(x < 2)", period=1, stop="violation") as runner:
+        ((_, row),) = runner.run([{"inflow": 0.5}])
+        saved = SavedCase.of(runner, "spec", row, tmp_path)
+    kept = json.loads(saved.to_json())
+    kept["versions"] |= {"python": "2.7", "numpy": "0.1", "other": "1"}
+    kept["case"]["inflow"] = 0.49
+    (tmp_path / "near.json").write_text(json.dumps(kept))
+    near = SavedCase.load(tmp_path / "near.json")
+    assert (near.gives(near.replay()), near.repeats(near.replay())) == (True, False)
+    assert near.newer()["python"][0] == "2.7"
+    assert set(near.newer()) == {"python", "numpy"}
+    kept["case"]["inflow"] = 0.1
+    (tmp_path / "far.json").write_text(json.dumps(kept))
+    far = SavedCase.load(tmp_path / "far.json")
+    assert (far.gives(far.replay()), far.repeats(far.replay())) == (False, False)
+    assert near.case == Case({"inflow": 0.49})

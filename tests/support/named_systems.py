@@ -1,0 +1,83 @@
+"""Systems that a file can name: ``named_systems:pump``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import gymnasium as gym
+import mujoco  # type: ignore[import-untyped]
+import staliro
+
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.search.taliro import TaliroSystem
+
+PENDULUM = """
+<mujoco model="pendulum">
+  <option timestep="0.01"/>
+  <worldbody><body pos="0 0 1">
+    <joint name="hinge" axis="0 1 0" damping=".05"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02"/>
+  </body></worldbody>
+  <actuator><motor joint="hinge"/></actuator>
+</mujoco>
+"""
+
+
+def wave(time: float, gain: float, drive: Callable[[float], float]) -> Mapping[str, float]:
+    """A function of time."""
+    return {"x": gain * drive(time) + time / 7}
+
+
+def pump(inflow: float, leak: float = 0.1) -> Iterator[Mapping[str, float]]:
+    """A generator function."""
+    level = 1.0
+    for _ in range(20):
+        yield {"x": level}
+        level += inflow - leak * level
+
+
+def pendulum() -> Any:  # noqa: ANN401 - MuJoCo is not typed
+    """A model and its data."""
+    model = mujoco.MjModel.from_xml_string(PENDULUM)
+    return model, mujoco.MjData(model)
+
+
+def lean(obs: Any) -> int:  # noqa: ANN401
+    """A policy for a pole on a cart."""
+    return int(obs[2] + 0.1 * obs[3] > 0)
+
+
+def swing(_model: Any, data: Any) -> None:  # noqa: ANN401
+    """A policy for the pendulum."""
+    data.ctrl[0] = -0.1 * data.qvel[0]
+
+
+def wrapped() -> gym.Env[Any, Any]:
+    """An environment below a wrapper."""
+    return gym.wrappers.TimeAwareObservation(gym.make("CartPole-v1"))
+
+
+@staliro.model
+def _decay(inputs: staliro.Inputs[staliro.Sample]) -> staliro.Trace[dict[str, float]]:
+    height, rate = inputs.static["height"], inputs.static["rate"]
+    return staliro.Trace({0.5 * i: {"x": height * (1 - rate) ** i} for i in range(9)})
+
+
+decay = TaliroSystem(
+    _decay,
+    staliro.TestOptions(static_inputs={"height": (0.0, 9.0), "rate": (0.0, 1.0)}),
+    period=0.5,
+)
+
+
+class Lamp:
+    """What is no function, and has a method that is none of its own."""
+
+    def burn(self, time: float) -> Mapping[str, float]:
+        """A bound method."""
+        return {"x": time}
+
+
+burn = Lamp().burn
+drive = Waveform([0, 1], [2, 3])
