@@ -20,7 +20,7 @@ from rtamt_gym.search.rows import Row
 from rtamt_gym.search.runner import Runner
 from rtamt_gym.search.scales import in_scales, spreads
 from rtamt_gym.search.trace import Trace
-from rtamt_gym.simulation.record import Stop
+from rtamt_gym.search.whole import MakeRunner, Whole, judged_whole
 
 __all__ = ["Search", "SearchOver"]
 
@@ -29,8 +29,6 @@ _WORST: Final = 1e12
 
 _FIRST: Final = 8
 """The runs that scales come from."""
-
-MakeRunner = Callable[[Mapping[str, Specification], Stop], Runner]
 
 
 class SearchOver(BaseException):
@@ -86,7 +84,7 @@ class Search:
         self._traces: dict[int, Trace] = {}
         self._valued = list(self._specs)
         self._least: list[str] = []
-        self._runner = runner
+        self._runner: Runner | Whole = runner
         self.groups = _groups(space)
         self.rows: list[Row] = []
         self.points: list[Floats] = []
@@ -165,7 +163,11 @@ class Search:
             in_units = in_scales(self._specs, scales)
             scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
             self._valued = list(scaled)
-        self._runner = self._make({**self._specs, **scaled}, "known")
+        every = {**self._specs, **scaled}
+        if judged_whole(every, self._whole):
+            self._runner = Whole(self._make, every)
+        else:
+            self._runner = self._make(every, "known")
 
     def _run(self, asked: Floats, level: float) -> Floats:
         """Runs points and keeps their rows.
@@ -179,15 +181,16 @@ class Search:
         seeds = None
         if self._runner.takes_seeds:
             seeds = range(self._seed + begin, self._seed + begin + len(cases))
-        above = None
-        if self._runner is not self._whole:
-            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
         found: dict[int, Row] = {}
         traces: dict[int, Trace] = {}
-        keep = None if self.scales is not None else traces.__setitem__
+        if self.scales is None:
+            over = self._whole.run(cases, seeds, keep=traces.__setitem__)
+        else:
+            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
+            over = self._runner.run(cases, seeds, above=above)
         first = len(cases)  # of those that violate
         try:
-            for index, row in self._runner.run(cases, seeds, keep=keep, above=above):
+            for index, row in over:
                 found[index] = row
                 self.advance(1)
                 if self._violated(row) is not None:

@@ -203,7 +203,7 @@ def speed(rows: Sequence[str], lanes: int = 100) -> None:
     print(f"{'':5} {'ms a run':>9}   to the violation or the end, {lanes} lanes")
     for requirement in rows:
         with Runner(ROWS[requirement].system, requirement, stop="violation", batch=lanes) as runner:
-            space = Space(runner.inputs)
+            space = Space(runner.inputs, duration=ROWS[requirement].whole)
             points = np.random.default_rng(0).random((lanes, space.dimension))
             cases = [space.case(point) for point in points]
             dict(runner.run(cases, range(lanes)))  # compiles the model
