@@ -10,7 +10,7 @@ import numpy as np
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.search.evolution import climb
+from rtamt_gym.search.evolution import Climb, population_of
 from rtamt_gym.search.points import extremes, quasi_random, take
 from rtamt_gym.search.portfolio import portfolio
 from rtamt_gym.search.protocol import Evaluate, Optimizer
@@ -69,8 +69,10 @@ def _corners(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> No
 def _cma(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
     """CMA-ES from random starts; after every second climb the population doubles."""
     for number in count():
-        size = (4 + int(3 * np.log(max(dimension, 2)))) * 2 ** (number // 2)
-        climb(evaluate, rng.random(dimension), rng, sigma=0.3, population=size)
+        size = population_of(dimension) * 2 ** (number // 2)
+        climb = Climb(rng.random(dimension), rng, sigma=0.3, population=size)
+        while not climb.over:
+            climb.tell(evaluate(climb.ask(), climb.level))
 
 
 def _dual_annealing(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:

@@ -3,24 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice, product
+from itertools import cycle, islice, product
 
 import numpy as np
 
 from rtamt_gym.search.protocol import Floats
 
-__all__ = ["extremes", "few_pieces", "quasi_random", "take"]
+__all__ = ["Pieces", "extremes", "quasi_random", "spread", "take"]
 
 _CHUNK = 16
 """Points that a sequence makes at a time: a power of two, as its balance needs."""
 
 _PIECES = (1, 2, 3)
-"""Numbers of pieces that inputs have before they have all of theirs."""
+"""The least numbers of pieces that inputs have."""
 
 
 def take(points: Iterator[Floats], count: int, dimension: int) -> Floats:
     """The next points, fewer where there are no more: an array of shape (points, dimension)."""
     return np.array(list(islice(points, count))).reshape(-1, dimension)
+
+
+class Pieces:
+    """Points whose inputs have a few pieces: each keeps a value over neighbouring coordinates.
+
+    Attributes:
+        dimension: The number of pieces of all inputs together.
+
+    Args:
+        groups: The coordinates of each input.
+        count: The pieces of an input; one with fewer coordinates has those.
+    """
+
+    def __init__(self, groups: Sequence[slice], count: int) -> None:
+        pieces, begin = [], 0
+        for size in map(_size, groups):
+            own = min(size, count)
+            pieces.append(begin + np.arange(size) * own // size)
+            begin += own
+        self.dimension = begin
+        self._piece = np.concatenate(pieces)  # of each coordinate
+
+    def stretched(self, values: Floats) -> Floats:
+        """Points from values of their pieces, shape (points, pieces)."""
+        return values[:, self._piece]
+
+    def means(self, point: Floats) -> Floats:
+        """The mean of a point over each piece."""
+        sums = np.bincount(self._piece, point)
+        means: Floats = sums / np.bincount(self._piece)
+        return means
 
 
 def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
@@ -39,24 +70,25 @@ def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
             yield np.repeat(corner, sizes)
 
 
-def few_pieces(groups: Sequence[slice], rng: np.random.Generator) -> Iterator[Floats]:
-    """Quasi-random points without end, in turn with inputs of one, two, three and all pieces.
+def spread(groups: Sequence[slice], rng: np.random.Generator) -> Iterator[Floats]:
+    """Quasi-random points without end, of inputs that move much and of inputs that move little.
 
-    An input of few pieces keeps a value over several neighbouring control points. Uniform points
-    over all control points hardly ever keep an input high or low for long, which most violations
-    need.
+    Every second point has all control points; their values have the arcsine distribution, which
+    prefers the ends of the range. Every fourth has half as many pieces, and every fourth one, two
+    or three in turn: an input of few pieces keeps a value over several neighbouring control points.
+    Uniform points over all control points hardly ever keep an input high or low for long.
     """
-    sizes = np.array([_size(each) for each in groups])
-    shapes = {tuple(np.minimum(sizes, pieces)) for pieces in _PIECES} | {tuple(sizes)}
-    sequences = [(shape, quasi_random(sum(shape), rng)) for shape in sorted(shapes)]
-    while True:
-        for shape, sequence in sequences:
-            values = np.split(next(sequence), np.cumsum(shape)[:-1])
-            stretched = [
-                each[np.arange(size) * len(each) // size]
-                for each, size in zip(values, sizes, strict=True)
-            ]
-            yield np.concatenate(stretched)
+    most = max(map(_size, groups))
+    half = (most + 1) // 2
+    few = [count for count in _PIECES if count < half] or [half]
+    shapes = {count: Pieces(groups, count) for count in (most, half, *few)}
+    sequences = {count: quasi_random(shape.dimension, rng) for count, shape in shapes.items()}
+    for least in cycle(few):
+        for count in (most, half, most, least):
+            values = next(sequences[count])[None]
+            if count == most > 1:
+                values = np.sin(values * (np.pi / 2)) ** 2
+            yield shapes[count].stretched(values)[0]
 
 
 def quasi_random(dimension: int, rng: np.random.Generator) -> Iterator[Floats]:

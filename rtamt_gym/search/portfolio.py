@@ -2,44 +2,97 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from itertools import cycle
 from typing import Final
 
 import numpy as np
 
-from rtamt_gym.search.evolution import climb
-from rtamt_gym.search.points import extremes, few_pieces, take
-from rtamt_gym.search.protocol import Evaluate
+from rtamt_gym.search.evolution import Climb
+from rtamt_gym.search.points import Pieces, extremes, spread, take
+from rtamt_gym.search.protocol import Evaluate, Floats
 
 __all__ = ["portfolio"]
 
 _CORNERS: Final = 16
 """The most corners that are run."""
 
-_POINTS: Final = 32
+_POINTS: Final = 24
 """The quasi-random points before the first climb."""
 
-_SHARE: Final = 4
-"""After a climb, one quasi-random point for so many points of the climb."""
+_POPULATION: Final = 12
+"""The points of a generation."""
+
+_FEW: Final = 2
+"""The pieces of an input in every second climb."""
+
+_SIGMA: Final = 0.45
+"""The standard deviation of the first generation of a climb."""
+
+_EVERY: Final = 6
+"""The generations after which as many quasi-random points follow as one generation has."""
+
+_FLAT: Final = 8
+"""Before a climb on values that are flat, quasi-random points for so many generations."""
+
+_STARTS: Final = 4
+"""A quasi-random point is of use if it is among so many best that no climb has begun at."""
 
 
 def portfolio(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
     """Corners, then quasi-random points, then CMA-ES with restarts from the best of these.
 
-    All inputs constant at the ends of their ranges come first, 16 such points at most. Then come 32
-    quasi-random points of one, two, three and all pieces in turn. CMA-ES climbs from the best of
-    them; when a climb has converged, further quasi-random points follow, a quarter of what the
-    climb took, and the next climb begins at the best point that none has begun at.
+    All inputs constant at the ends of their ranges come first, 16 such points at most. Then come 24
+    quasi-random points, see `spread`. CMA-ES climbs from the best of
+    them, with 12 points in a generation; after every sixth generation come 12 more quasi-random
+    points. When a climb has converged or found nothing better in 12 generations, the next begins at
+    the best point that none has begun at; every second moves inputs of two pieces alone. Where a
+    quarter of the points share the least value, up to 96 more quasi-random points come before a
+    climb.
     """
     corners = take(extremes(evaluate.groups), _CORNERS, dimension)
-    spread = few_pieces(evaluate.groups, rng)
-    points = np.concatenate([corners, take(spread, _POINTS, dimension)])
-    values = evaluate(points)
-    begun = np.zeros(len(points), np.bool_)
-    while True:
-        best = int(np.where(begun, np.inf, values).argmin())
-        begun[best] = True
-        count = climb(evaluate, points[best], rng, sigma=0.3, population=8)
-        more = take(spread, count // _SHARE + 1, dimension)
-        points = np.concatenate([points, more])
-        values = np.concatenate([values, evaluate(more)])
-        begun = np.concatenate([begun, np.zeros(len(more), np.bool_)])
+    starts = _Starts(spread(evaluate.groups, rng), dimension)
+    starts.evaluate(evaluate, corners, _POINTS)
+    generations = 0
+    for shape in cycle((Pieces(evaluate.groups, dimension), Pieces(evaluate.groups, _FEW))):
+        for _ in range(_FLAT):
+            if starts.flat:
+                starts.evaluate(evaluate, np.empty((0, dimension)), _POPULATION)
+        mean = shape.means(starts.take())
+        climb = Climb(mean, rng, sigma=_SIGMA, population=_POPULATION)
+        while not climb.over:
+            climb.tell(evaluate(shape.stretched(climb.ask()), climb.level))
+            generations += 1
+            if generations % _EVERY == 0:
+                starts.evaluate(evaluate, np.empty((0, dimension)), _POPULATION)
+
+
+class _Starts:
+    """Points with their values; climbs begin at the best, each at another."""
+
+    def __init__(self, spread: Iterator[Floats], dimension: int) -> None:
+        self._spread = spread
+        self._dimension = dimension
+        self._points = np.empty((0, dimension))
+        self._values = np.empty(0)
+
+    def evaluate(self, evaluate: Evaluate, points: Floats, count: int) -> None:
+        """Evaluates points, and further ones of the sequence."""
+        more = np.concatenate([points, take(self._spread, count, self._dimension)])
+        best = np.sort(self._values)[:_STARTS]
+        values = evaluate(more, best[-1] if len(best) == _STARTS else math.inf)
+        self._points = np.concatenate([self._points, more])
+        self._values = np.concatenate([self._values, values])
+
+    @property
+    def flat(self) -> bool:
+        """Whether a quarter of the points have the least value: it does not say where to climb."""
+        return 4 * np.count_nonzero(self._values == self._values.min()) >= len(self._values)
+
+    def take(self) -> Floats:
+        """The best point, which is taken out."""
+        at = int(self._values.argmin())
+        self._values[at] = math.inf
+        point: Floats = self._points[at]
+        return point

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from rtamt import InputError, Specification, Verdict
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.search.points import few_pieces, take
+from rtamt_gym.search.points import spread, take
 from rtamt_gym.search.protocol import Floats
 from rtamt_gym.search.rows import Row
 from rtamt_gym.search.runner import Runner
@@ -101,8 +101,8 @@ class Search:
             return self._run(asked, level)
         missing = _FIRST - len(asked)
         if missing > 0:
-            spread = few_pieces(self.groups, self._rng)
-            self._run(take(spread, missing, self._space.dimension), math.inf)
+            others = spread(self.groups, self._rng)
+            self._run(take(others, missing, self._space.dimension), math.inf)
         begin = len(self.rows)
         self._run(asked[:_FIRST], math.inf)
         self.scales = spreads(self._specs, self._traces.values())
@@ -173,7 +173,7 @@ class Search:
         """Runs points and keeps their rows.
 
         Raises:
-            SearchOver: If one violates, or the budget is spent.
+            SearchOver: If one violates, the budget is spent, or all have failed, eight at least.
         """
         begin = len(self.rows)
         asked = asked[: self._budget - begin]
@@ -203,7 +203,8 @@ class Search:
                     if index in traces and not found[index].error:
                         self._traces[len(self.rows)] = traces[index]
                     self._keep(found[index], asked[index])
-        if self.violated is not None or len(self.rows) >= self._budget:
+        over = self.violated is not None or len(self.rows) >= self._budget
+        if over or (len(self.rows) >= _FIRST and all(row.error for row in self.rows)):
             raise SearchOver
         return np.array(self.values[begin:])
 
