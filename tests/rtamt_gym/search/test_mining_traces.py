@@ -87,16 +87,17 @@ def test_files_and_runs_bring_their_periods_and_all_need_one_for_a_bound(tmp_pat
 
 
 def test_the_end_of_a_run_is_read_as_the_run_read_it() -> None:
-    text = "always(level > 2 implies eventually[0:1](level < ?v))"
-    samples = [{"level": x} for x in (1.0, 3.0, 2.0, 3.0)]
-    own = simulate(samples, text.replace("?v", "5"), period=1, stop="end")
-    assert (own.ended, own.verdict.name) == ("terminated", "SATISFIED")
-    # The last sample has to be below the constant by itself if the run is all there is.
-    assert mine(text, own, RANGE, tolerance=0.5).value == 3.5
-    columns = {"level": [1.0, 3.0, 2.0, 3.0, 2.5]}
-    with pytest.raises(InputError, match="UNDECIDED"):
-        mine(text, {"level": [1.0, 3.0, 2.0, 3.0]}, {"v": (0, 2.5)}, tolerance=0.5, end="open")
-    assert mine(text, columns, RANGE, tolerance=0.5, end="complete").value == 3.0
+    # The window of the last sample reaches past the end: nothing is there, or it is not known.
+    text = "always(always[0:1](level < ?v))"
+    levels = [1.0, 3.0, 2.0, 3.0]
+    samples = [{"level": level} for level in levels]
+    run = simulate(samples, text.replace("?v", "5"), period=1, stop="end")
+    assert (run.ended, run.verdict.name) == ("terminated", "SATISFIED")
+    assert mine(text, run, RANGE, tolerance=0.5).value == 3.5
+    assert mine(text, {"level": levels}, RANGE, tolerance=0.5, end="complete").value == 3.5
+    for options in ({"traces": {"level": levels}}, {"traces": run, "end": "cut"}):
+        with pytest.raises(InputError, match="is nearest to it at v = 10, UNDECIDED"):
+            mine(text, ranges=RANGE, **options)
 
 
 def test_a_run_that_was_stopped_is_said() -> None:
