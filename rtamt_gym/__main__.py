@@ -60,7 +60,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         options.specs += [options.trace, *rest]
         options.trace = options.specs.pop()
     elif rest and "requirements" in options and not any(text.startswith("-") for text in rest):
-        options.requirements += rest  # those behind the first option
+        options.requirements = [*options.requirements, *rest]  # those behind the first option
     elif rest:
         # argparse leaves them to the parser of all commands.
         raise InputError(

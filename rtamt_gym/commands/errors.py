@@ -14,6 +14,8 @@ _OPTIONS = (
     # The library's errors give advice in Python; on the command line the same advice is an option,
     # or nothing.
     (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
+    (r"\berror\.falsification holds \d+ simulations?: ", ""),
+    (r"give a space, as in \w+\(.*\)$", "write --vary mass=1:2"),
     (r"view='step'", "--view step"),
     (r"; pass nan='hold' to keep the last value instead$", ""),
     (r"\bperiod= ?", "--period "),

@@ -55,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "requirements",
         nargs="*",
+        default=[],
         metavar="REQUIREMENT",
         help="the name of one of the scenario's requirements, such as AT6a; a formula, name = "
         "formula, or the path of a .stl file; the search ends at the first that is violated "
@@ -180,6 +181,11 @@ _READING = ("view", "semantics", "align", "at_termination", "at_truncation")
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
     """The name of the system that an argument gives, as `named_system` takes it."""
+    if text.endswith(".py"):
+        raise InputError(
+            f"expected a system as module:function, got the name of a file; write "
+            f"{text.removesuffix('.py').replace('/', '.')}:FUNCTION"
+        )
     if text.lower().endswith(".fmu"):
         name: dict[str, Any] = {"fmus": {Path(text).stem: text}}
     elif re.fullmatch(r"[\w.]+:[\w.]+", text):
@@ -215,8 +221,10 @@ def _lines(found: Falsification, options: argparse.Namespace, notes: list[str]) 
 
 def _to_json(found: Falsification) -> str:
     """The outcome as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
+    from rtamt_gym.search.report import strict_json
+
     height = found.robustness
-    return json.dumps(
+    return strict_json(
         {
             "rtamt": rtamt.__version__,
             "system": found.record.system,
@@ -237,7 +245,5 @@ def _to_json(found: Falsification) -> str:
             "scales": dict(found.scales),
             "gap": found.coverage.gap,
             "distance": found.coverage.distance,
-        },
-        indent=2,
-        allow_nan=False,
+        }
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping
 from textwrap import wrap
@@ -18,7 +19,7 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.search.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
-__all__ = ["case_lines", "failures", "summary", "to_json"]
+__all__ = ["case_lines", "failures", "strict_json", "summary", "to_json"]
 
 
 def summary(record: Record) -> list[str]:
@@ -82,6 +83,17 @@ def to_json(record: Record, options: Mapping[str, Any]) -> str:
 
 def _finite(cell: Any) -> Any:  # noqa: ANN401 - a cell of a table
     return str(cell) if isinstance(cell, float) and not np.isfinite(cell) else cell
+
+
+def strict_json(kept: Mapping[str, Any]) -> str:
+    """Strict JSON over several lines, in which a list of numbers or texts is one line."""
+    text = json.dumps(kept, indent=2, allow_nan=False)
+    # No text of JSON holds a newline.
+    return re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{_one_line(found[1])}]", text)
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def case_lines(case: Case) -> list[str]:

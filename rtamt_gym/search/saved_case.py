@@ -6,7 +6,6 @@ import json
 import math
 import os
 import platform
-import re
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -21,6 +20,7 @@ from rtamt import InputError, Specification, Verdict
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.search.naming import import_path, named_object, named_system, system_name
+from rtamt_gym.search.report import strict_json
 from rtamt_gym.search.rows import Row
 from rtamt_gym.search.runner import Runner
 from rtamt_gym.simulation.policies import policy_of
@@ -41,8 +41,6 @@ _KEYS: Final = (
     *("format", "system", "requirement", "case", "seed", "duration", "period", "signals"),
     *("policy", "reading", "expected", "versions"),
 )
-
-_LISTS: Final = re.compile(r"\[\n[^\[\]{}]*\n *\]")
 
 _OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
 
@@ -205,9 +203,7 @@ class SavedCase:
             },
             "versions": dict(self.versions),
         }
-        text = json.dumps(kept, indent=2, allow_nan=False)
-        # A list of numbers is one line; no text holds a newline.
-        return _LISTS.sub(lambda found: " ".join(found[0].split()), text) + "\n"
+        return strict_json(kept) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the case into a file, whose name ends in ``.json``.
@@ -233,8 +229,8 @@ class SavedCase:
             raise InputError(f"{where} holds no case: expected JSON, got {error}") from error
         if not isinstance(kept, dict) or kept.get("format") != _FORMAT:
             raise InputError(
-                f'{where} holds no case: expected JSON with "format": "{_FORMAT}"; '
-                'Falsification.save("case.json") writes it'
+                f'{where} holds no case: expected JSON whose "format" is "{_FORMAT}", as rtamt falsify '
+                "--save and Falsification.save write it"
             )
         try:
             return cls(**_read(kept), folder=Path(path).parent)

@@ -127,8 +127,8 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
         return read(json.dumps(kept | changes))
 
     no_case = (
-        'case.json holds no case: expected JSON with "format": "rtamt case 1"; '
-        'Falsification.save("case.json") writes it'
+        'case.json holds no case: expected JSON whose "format" is "rtamt case 1", as rtamt falsify '
+        "--save and Falsification.save write it"
     )
     assert read("[]") == read("{}") == with_(format="rtamt case 2") == no_case
     assert read("{") == (

@@ -1,0 +1,168 @@
+"""`rtamt falsify` and `rtamt replay`: what they print and write, exit codes, and mistakes."""
+
+import json
+from pathlib import Path
+
+import pytest
+from fmus import library, write_fmu
+
+from rtamt_gym import Case, Parameter, Record, Run, SavedCase, falsify
+from rtamt_gym.__main__ import main
+
+SYSTEM = "rtamt/RequestGrant-v0"
+SAVE = ["--save", "case.json"]
+SPACE = [Parameter("height", 2, 8), Parameter("limit", 0, 5)]
+Output = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def lines(capsys: Output, code: int, *arguments: str) -> list[str]:
+    """What a command prints; no line is too long."""
+    assert main([*arguments]) == code, capsys.readouterr()
+    out = capsys.readouterr().out.splitlines()
+    assert all(len(line) <= 80 for line in out)
+    return out
+
+
+def test_what_is_found_is_told_saved_drawn_and_run_again(capsys: Output) -> None:
+    files = ["--save", "case.json", "--plot", "found.png", "--record", "runs.parquet"]
+    vary = ["--vary", "height=2:8", "--vary", "limit=0:5"]
+    told = lines(capsys, 1, "falsify", SYSTEM, "--seed", "3", *vary, "granted", *files)
+    found = falsify(SYSTEM, "granted", SPACE, seed=3)
+    text = str(found).splitlines()
+    assert told[: len(text)] == text
+    assert told[len(text) :] == [
+        "",
+        *str(found.explain()).splitlines(),
+        "",
+        "case: case.json (run it again: rtamt replay case.json)",
+        "picture: found.png",
+        "record: runs.parquet",
+    ]
+    assert Record.load("runs.parquet") == found.record
+    assert Path("found.png").stat().st_size > 1000
+    assert SavedCase.load("case.json").case == found.input
+    replayed = ["replay", "case.json", "--explain", "--save", "run.parquet", "--plot", "run.svg"]
+    told = lines(capsys, 0, *replayed)
+    height = f"{found.robustness:.6g}"
+    assert f"VIOLATED, robustness {height}: as expected, to the last bit" in told
+    for line in str(found.explain()).splitlines():
+        assert line in told
+    assert Run.load("run.parquet").courses["granted"].final == found.robustness
+    assert Path("run.svg").stat().st_size > 1000
+
+
+def test_nothing_found_exits_0_and_says_what_was_seen(capsys: Output) -> None:
+    told = lines(capsys, 0, "falsify", SYSTEM, "--vary", "height=1:2", "--budget", "9")
+    assert told[0] == f"granted of {SYSTEM} was not violated: robustness 1"
+    assert any(line.startswith("9 simulations; ") for line in told)
+    assert any("seen, without any guarantee: 9 simulations in 1 column" in line for line in told)
+
+
+def test_json_is_strict_and_is_all_that_is_printed(capsys: Output) -> None:
+    arguments = [SYSTEM, "always(req < 9 or gnt < -1)", "--vary", "height=2:8", "--budget", "5"]
+    told = json.loads("\n".join(_printed(capsys, 0, "falsify", *arguments, "--json")))
+    assert told["falsified"] is False
+    assert (told["system"], told["simulations"], told["budget"], told["seed"]) == (SYSTEM, 5, 5, 0)
+    assert list(Case.from_json(json.dumps(told["input"]))) == ["height"]
+    assert told["robustness"] == pytest.approx(1.0)
+
+
+def _printed(capsys: Output, code: int, *arguments: str) -> list[str]:
+    assert main([*arguments]) == code
+    return capsys.readouterr().out.splitlines()
+
+
+def test_functions_fmus_and_environments_are_systems(capsys: Output, tmp_path: Path) -> None:
+    write_fmu(tmp_path / "tank.fmu", library(3, tmp_path), 3)
+    low = ["always(level < 1.5)", "--duration", "2", "--save", "case.json"]
+    vary = ["--vary", "inflow=0:3,points=2"]
+    assert lines(capsys, 1, "falsify", "tank.fmu", *low, *vary)[0].startswith("spec of tank is")
+    assert json.loads(Path("case.json").read_text())["system"]["fmus"] == {"tank": "tank.fmu"}
+    assert lines(capsys, 0, "replay", "case.json")[0] == "spec of tank"
+    swung = ["always(abs(angle) < 1)", "--signal", "angle=qpos[0]", "--vary", "qpos[0]=-2:2"]
+    more = ["--duration", "1", "--save", "case.json"]
+    lines(capsys, 1, "falsify", "named_systems:pendulum", *swung, *more)
+    assert lines(capsys, 0, "replay", "case.json")[0] == "spec of pendulum"
+    stood = ["always(abs(angle) < 0.1)", "--signal", "angle=obs[2]", "--at-termination", "failure"]
+    acts = ["--policy", "named_systems:lean", "--vary", "env.gravity=5:50", "--budget", "20"]
+    code = main(["falsify", "CartPole-v1", *stood, *acts, "--save", "case.json"])
+    capsys.readouterr()
+    assert code in {0, 1}
+    assert "as expected, to the last bit" in lines(capsys, 0, "replay", "case.json")[-1]
+
+
+def test_another_verdict_exits_1_and_names_what_has_changed(capsys: Output) -> None:
+    lines(capsys, 1, "falsify", SYSTEM, "--vary", "height=2:8", "--vary", "limit=0:5", *SAVE)
+    kept = json.loads(Path("case.json").read_text())
+    kept["case"] |= {"limit": 5.0}
+    kept["versions"]["numpy"] = "0.1"
+    Path("case.json").write_text(json.dumps(kept))
+    told = lines(capsys, 1, "replay", "case.json")
+    at = next(i for i, line in enumerate(told) if line.startswith("SATISFIED, robustness "))
+    height = f"{kept['expected']['robustness']:.6g}"
+    assert told[at + 1] == f"expected VIOLATED, robustness {height}: it is not"
+    assert told[at + 2].startswith("run by numpy ")
+    assert told[at + 2].endswith("(then 0.1)")
+
+
+MISTAKES = {
+    (): "the following arguments are required: SYSTEM; see rtamt falsify --help",
+    ("tank.py", "a > 1"): (
+        "expected a system as module:function, got the name of a file; write tank:FUNCTION"
+    ),
+    ("named_systems:pump", "always(x < 2)"): (
+        "pump does not say what to vary; write --vary mass=1:2"
+    ),
+    ("named_systems:pump",): (
+        "named_systems:pump has no requirements of its own; write 'always(x < 1)'"
+    ),
+    ("named_systems:pump", "a > 1", "--env-kwarg", "leak=1"): (
+        "--env-kwarg is for environments, got it for named_systems:pump; --set is for all"
+    ),
+    ("named_systems:pump", "a > 1", "--policy", "zero"): (
+        "--policy is for environments, got it for named_systems:pump"
+    ),
+    (SYSTEM, "grantd"): (
+        f"{SYSTEM} has no requirement 'grantd'; it has 'granted'; did you mean 'granted'?"
+    ),
+    (SYSTEM, "--optimizer", "cam"): (
+        "there is no optimizer 'cam'; there are 'portfolio', 'random', 'sobol', 'corners', 'cma', "
+        "'dual_annealing', 'differential_evolution', 'tpe'; did you mean 'cma'?"
+    ),
+    (SYSTEM, "--save", "case.yaml"): (
+        "cannot write case.yaml: expected a name that ends in .json, in which a case is kept"
+    ),
+    (SYSTEM, "--policy", "random"): (
+        "--policy random: expected a policy that acts alike each time; vary what acts with "
+        "--vary NAME=LOW:HIGH,points=N"
+    ),
+    (SYSTEM, "always(rq < 2)", "--budget", "2"): (
+        "all 2 simulations failed, the first with InputError: variable 'rq' has no signal; the "
+        "signals are 'req', 'gnt'; did you mean 'req'?"
+    ),
+    (SYSTEM, "--bugdet", "2"): "unrecognized arguments: --bugdet 2; see rtamt falsify --help",
+}
+
+
+@pytest.mark.parametrize("arguments", MISTAKES)
+def test_mistakes_exit_2_with_one_message(arguments: tuple[str, ...], capsys: Output) -> None:
+    assert main(["falsify", *arguments]) == 2
+    assert capsys.readouterr().err == f"rtamt: error: {MISTAKES[arguments]}\n"
+
+
+def test_a_file_that_is_no_case_exits_2(capsys: Output) -> None:
+    Path("case.json").write_text("{}")
+    assert main(["replay", "case.json"]) == 2
+    assert capsys.readouterr().err == (
+        'rtamt: error: case.json holds no case: expected JSON whose "format" is "rtamt case 1", as '
+        "rtamt falsify --save and Falsification.save write it\n"
+    )
+    assert main(["replay", "none.json"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: cannot open none.json: No such file or directory\n"
+    )
