@@ -103,35 +103,40 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
         (
             "randm",
             (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got 'randm'; "
+                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                "got 'randm'; "
                 "did you mean 'random'?"
             ),
         ),
         (
             "rtamt_driver",
             (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
+                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                "got "
                 "'rtamt_driver'; write rtamt_driver:FUNCTION for a function of a module"
             ),
         ),
         *(
             (
                 text,
-                f"--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got {text!r}",
+                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                f"got {text!r}",
             )
             for text in ("", ":", ":act", "sb3:", "sb3", "a b")
         ),
         (
             "rtamt_driver:",
             (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
+                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                "got "
                 "'rtamt_driver:'; write rtamt_driver:FUNCTION for a function of a module"
             ),
         ),
         (
             "best.zip",
             (
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got 'best.zip'; "
+                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                "got 'best.zip'; "
                 "write sb3:best.zip"
             ),
         ),
