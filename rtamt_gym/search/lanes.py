@@ -172,6 +172,31 @@ class Lanes:
             due = steps if actions is None else actions[done : done + steps]
             made = env.unwrapped.rollout(due, batch.active)  # type: ignore[attr-defined]  # see `runner`
 
+    def whole(self, cases: Sequence[Case], seeds: Sequence[int | None]) -> list[tuple[Row, Trace]]:
+        """Runs cases of one kind, ``size`` at most, to the end without monitors.
+
+        Gives the row of each, without outcomes, and its samples.
+
+        Raises:
+            Exception: What the environment raises in any lane.
+        """
+        begin = time.perf_counter()
+        env, panel = self._made(len(cases))
+        first = self._reset(env, cases, seeds)[None]
+        actions = self._driven(cases, env.num_envs)
+        due = self.steps if actions is None else actions
+        active = np.arange(env.num_envs) < len(cases)
+        made = env.unwrapped.rollout(due, active)  # type: ignore[attr-defined]  # see `runner`
+        samples = np.concatenate([first, made])[:, :, list(self._elements.values())]
+        simulated = seconds(self.steps, panel.period)
+        wall = (time.perf_counter() - begin) / len(cases)
+        found = []
+        for lane, (case, seed) in enumerate(zip(cases, seeds, strict=True)):
+            values = np.ascontiguousarray(samples[:, lane].T)
+            trace = Trace(dict(zip(self._elements, values, strict=True)), panel.period)
+            found.append((Row(case, seed, {}, self.end, simulated, wall), trace))
+        return found
+
     def close(self) -> None:
         """Frees the vector environment."""
         if self._env is not None:

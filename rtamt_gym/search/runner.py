@@ -5,31 +5,34 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
-from typing import Any, NamedTuple, Self, TypedDict, Unpack, cast, get_args
+from typing import Any, NamedTuple, Self, Unpack, cast, get_args
 
 import gymnasium as gym
-from gymnasium.vector import VectorEnv
 
 import rtamt
-from rtamt import InputError, InputTypeError
+from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
-from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import Align, Nan, View, read_period
+from rtamt_gym.judges.interface import Interface
+from rtamt_gym.search.having_lanes import lanes_of
 from rtamt_gym.search.lanes import Judging, Lanes
 from rtamt_gym.search.requirements import Requirements, load_requirements
 from rtamt_gym.search.rows import Row
+from rtamt_gym.search.runner_options import (
+    Options,
+    check_options,
+    check_system,
+    duration_of,
+    name_of,
+)
 from rtamt_gym.search.trace import Trace
-from rtamt_gym.signals.signals import Element, SignalLike, own_signals, parse_signals
-from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
@@ -40,19 +43,6 @@ __all__ = ["CaseLike", "Options", "Runner"]
 
 CaseLike = Mapping[str, float | Waveform]
 """What one simulation is given: a number or a waveform for each name."""
-
-
-class Options(TypedDict, total=False):
-    """How runs are judged: options of `rtamt_gym.simulate`, which describes them."""
-
-    view: View
-    nan: Nan
-    align: Align | None
-    semantics: Semantics
-    inputs: Names | None
-    outputs: Names | None
-    at_termination: AtTermination | None
-    at_truncation: AtTruncation
 
 
 class Runner:
@@ -117,16 +107,16 @@ class Runner:
         **options: Unpack[Options],
     ) -> None:
         check_choice("stop", stop, get_args(Stop))
-        _check_options(options)
+        check_options(options)
         check_count("batch=", batch)
         if duration is not None and duration != math.inf:
             duration = check_number("duration", duration)
-        _check_system(system)
+        check_system(system)
         self._made = make(system) if isinstance(system, str) else None
         self._system = self._made if self._made is not None else system
         try:
             simulation = getattr(self._system, "unwrapped", None)
-            self.name = _name_of(self._system)
+            self.name = name_of(self._system)
             own = getattr(simulation, "requirements", {})
             self.requirements = load_requirements(requirements, own, self.name)
             self._simulated = {
@@ -138,7 +128,7 @@ class Runner:
             } | options
             scenario = getattr(simulation, "scenario", None)
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
-            self.duration = _duration_of(self._system, duration)
+            self.duration = duration_of(self._system, duration)
             judging = Judging(
                 stop,
                 options.get("view", "episode"),
@@ -153,7 +143,7 @@ class Runner:
             )
             self._lanes = None
             if policy is None and batch > 1:
-                self._lanes = _lanes(
+                self._lanes = lanes_of(
                     self._system, self.requirements, signals, duration, period, judging, batch
                 )
         except BaseException:
@@ -221,32 +211,47 @@ class Runner:
         Raises:
             InputError: If there are not as many seeds as cases, or the system takes none.
         """
-        listed = [Case(case) for case in cases]
-        given: list[int | None] = [None] * len(listed) if seeds is None else list(seeds)
-        if len(given) != len(listed):
-            raise InputError(f"expected {len(listed)} seeds, one for each case, got {len(given)}")
-        if seeds is not None and not self.takes_seeds:
-            raise InputError(f"seeds= are for environments, got some for {self.name}")
-        task = _Task(listed, given, keep, above)
-        lanes = self._lanes
-        if lanes is None:
-            for index in range(len(listed)):
-                yield index, self._row(task, index)
-            return
-        kinds = ((lanes.kind(case), index) for index, case in enumerate(listed))
-        for kind, group in groupby(sorted(kinds, key=_sort_key), itemgetter(0)):
-            indices = [index for _, index in group]
-            if kind is None:
+        task = self._task(cases, seeds, keep, above)
+        for indices, lanes in self._groups(task.cases):
+            if lanes is None:
                 for index in indices:
                     yield index, self._row(task, index)
-                continue
-            for begin in range(0, len(indices), lanes.size):
-                yield from self._batch(lanes, task, indices[begin : begin + lanes.size])
+            else:
+                yield from self._batch(lanes, task, indices)
+
+    def whole(
+        self, cases: Iterable[CaseLike], seeds: Sequence[int] | None = None
+    ) -> Iterator[tuple[int, Row, Trace]]:
+        """Runs cases to their end, in lanes without monitors; leaves out those that fail.
+
+        Gives the row of each, without outcomes, and its samples, with the index of the case.
+
+        Raises:
+            InputError: As `run` does.
+        """
+        task = self._task(cases, seeds, None, None)
+        for indices, lanes in self._groups(task.cases):
+            for each in [indices] if lanes is not None else [[index] for index in indices]:
+                found: list[tuple[Row, Trace]] = []
+                own, given = [task.cases[i] for i in each], [task.seeds[i] for i in each]
+                with suppress(Exception):  # `run` has it in the rows of the cases
+                    if lanes is not None:
+                        found = lanes.whole(own, given)
+                    else:
+                        run = self.simulate(own[0], given[0], stop="end")
+                        row = replace(Row.of(run, own[0]), outcomes={})
+                        found = [(row, Trace(run.signals, run.period))]
+                for index, (row, trace) in zip(each, found, strict=False):
+                    yield index, row, trace
 
     def simulate(
-        self, case: CaseLike, seed: int | None = None, above: Mapping[str, float] | None = None
+        self,
+        case: CaseLike,
+        seed: int | None = None,
+        above: Mapping[str, float] | None = None,
+        stop: Stop | None = None,
     ) -> Run:
-        """Runs one case and keeps every sample.
+        """Runs one case and keeps every sample; `stop` in place of the runner's own if given.
 
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
@@ -256,6 +261,8 @@ class Runner:
             options = options | {"seed": seed}
         if above is not None:
             options = options | {"above": above}
+        if stop is not None:
+            options = options | {"stop": stop}
         return simulate(self._system, self.requirements, case=Case(case), **options)
 
     def judge(self, name: str, trace: Trace) -> float:
@@ -269,6 +276,36 @@ class Runner:
             self.requirements[name], trace.signals, trace.period, n=trace.samples, **options
         )
         return float(heights.min() if self._simulated.get("view") == "step" else heights[0])
+
+    def _task(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None,
+        keep: Callable[[int, Trace], object] | None,
+        above: Mapping[str, float] | None,
+    ) -> _Task:
+        listed = [Case(case) for case in cases]
+        given: list[int | None] = [None] * len(listed) if seeds is None else list(seeds)
+        if len(given) != len(listed):
+            raise InputError(f"expected {len(listed)} seeds, one for each case, got {len(given)}")
+        if seeds is not None and not self.takes_seeds:
+            raise InputError(f"seeds= are for environments, got some for {self.name}")
+        return _Task(listed, given, keep, above)
+
+    def _groups(self, cases: Sequence[Case]) -> Iterator[tuple[list[int], Lanes | None]]:
+        """The indices of cases that run side by side, with their lanes; None: one by one."""
+        lanes = self._lanes
+        if lanes is None:
+            yield list(range(len(cases))), None
+            return
+        kinds = ((lanes.kind(case), index) for index, case in enumerate(cases))
+        for kind, group in groupby(sorted(kinds, key=_sort_key), itemgetter(0)):
+            indices = [index for _, index in group]
+            if kind is None:
+                yield indices, None
+                continue
+            for begin in range(0, len(indices), lanes.size):
+                yield indices[begin : begin + lanes.size], lanes
 
     def _batch(self, lanes: Lanes, task: _Task, indices: list[int]) -> Iterator[tuple[int, Row]]:
         """Runs a batch in lanes; after an error, those that are not over one by one."""
@@ -317,100 +354,3 @@ def _renumbered(
 
 def _sort_key(item: tuple[str | None, int]) -> tuple[str, int]:
     return item[0] or "", item[1]
-
-
-def _check_options(options: Mapping[str, Any]) -> None:
-    """Refuses options that `simulate` does not have, or that have no such value."""
-    known = Options.__annotations__
-    for name in options:
-        if name not in known:
-            raise InputTypeError(
-                f"expected options that simulate has, one of {listing(known)}, got {name}="
-                f"{nearest(name, known)}"
-            )
-    choices = {"view": View, "nan": Nan, "at_truncation": AtTruncation}
-    for name, values in choices.items():
-        if name in options:
-            check_choice(name, options[name], get_args(values))
-
-
-def _check_system(system: object) -> None:
-    """Refuses a system that is not the same a second time, or that is many."""
-    if isinstance(system, Iterator) or type(system).__name__ == "StepMonitor":
-        raise InputTypeError(
-            "expected a system that starts anew for each case, such as the id of an environment, "
-            f"a pair (model, data) or a function, got {system!r}"
-        )
-    if isinstance(system, VectorEnv):
-        raise InputTypeError(
-            f"expected one environment, or its id, got {system}; lanes are made of it where it has "
-            "them"
-        )
-    if isinstance(system, str) and system.endswith(".fmu"):
-        raise InputTypeError(
-            f"expected a system to run, got the name of a file; write Fmus({system!r})"
-        )
-
-
-def _name_of(system: Any) -> str:  # noqa: ANN401
-    if isinstance(system, gym.Env):
-        return system.spec.id if system.spec else type(system.unwrapped).__name__
-    return str(getattr(system, "name", "") or getattr(system, "__name__", type(system).__name__))
-
-
-def _duration_of(system: Any, duration: float | None) -> float | None:  # noqa: ANN401
-    """The longest duration of a run: that which is given, or the time limit of an environment."""
-    if duration is not None:
-        return None if duration == math.inf else duration
-    if not isinstance(system, gym.Env) or system.spec is None:
-        return None
-    period, limit = read_period(system), system.spec.max_episode_steps
-    return None if period is None or limit is None else float(exact(period) * limit)
-
-
-def _lanes(
-    system: Any,  # noqa: ANN401
-    specs: Mapping[str, rtamt.Specification],
-    signals: Mapping[str, SignalLike] | None,
-    duration: float | None,
-    period: float | str | None,
-    judging: Judging,
-    batch: int,
-) -> Lanes | None:
-    """The lanes that run the cases of an environment; None if it has none, or they do not do."""
-    spec = system.spec if isinstance(system, gym.Env) else None
-    if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
-        return None
-    elements = _elements(system, specs, signals)
-    vector = gym.make_vec(spec, num_envs=1)
-    has_rollout = hasattr(vector.unwrapped, "rollout")
-    vector.close()
-    if elements is None or not has_rollout or spec.max_episode_steps is None:
-        return None
-    period = read_period(system) if period is None else period
-    panel = Panel(specs, period, judging.view, interface=judging.interface, align=judging.align)
-    most = None
-    if duration is not None and duration != math.inf:
-        most = int(exact(duration) / (panel.period or 1))
-    return Lanes(system, specs, elements, period, most, judging, batch)
-
-
-def _elements(
-    env: gym.Env[Any, Any],
-    specs: Mapping[str, rtamt.Specification],
-    signals: Mapping[str, SignalLike] | None,
-) -> dict[str, int] | None:
-    """The element of the observation that each variable reads; None if one reads something else."""
-    variables = list(dict.fromkeys(name for spec in specs.values() for name in spec.variables))
-    own = own_signals(env)
-    chosen = {name: (signals or {}).get(name, own.get(name)) for name in variables}
-    texts = {name: read for name, read in chosen.items() if isinstance(read, str)}
-    if set(texts) != set(variables) or not set(signals or {}) <= set(variables):
-        return None
-    try:
-        bound = [each.bind(env) for each in parse_signals(texts, variables, SOURCES)]
-    except rtamt.RtamtError:  # which the first simulation raises, in words of its own
-        return None
-    if not all(isinstance(read, Element) for read in bound):
-        return None
-    return dict(zip(variables, (cast("Element", read).index for read in bound), strict=True))

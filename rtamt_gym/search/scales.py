@@ -14,7 +14,7 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.search.trace import Trace
 
-__all__ = ["alone", "given_scales", "in_scales", "needs_scales", "spreads"]
+__all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]
 
 
 def needs_scales(specs: Iterable[Specification]) -> bool:
@@ -76,18 +76,14 @@ def in_scales(
     return {name: _in_scales(spec, scales) for name, spec in specs.items()}
 
 
-def alone(spec: Specification, formula: Formula) -> Specification:
-    """A formula with the declarations of a specification, without the formulas of its text."""
+def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specification:
+    own = {each: scales[str(each)] for each in _predicates([spec]) if str(each) in scales}
+    formula = rtamt.scaled(spec.formula, own)
+    # Named formulas of the text are no part of the new one.
     bare = replace(
         spec, formula=formula, name=None, formulas={}, positions={}, uses={}, requirement=None
     )
     return replace(bare, text=str(bare))
-
-
-def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specification:
-    own = {each: scales[str(each)] for each in _predicates([spec]) if str(each) in scales}
-    formula = rtamt.scaled(spec.formula, own)
-    return alone(spec, formula)
 
 
 def _predicates(specs: Iterable[Specification]) -> list[Formula]:

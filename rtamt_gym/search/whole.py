@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from rtamt import Formula, Specification, Verdict, conjunction, predicates
+from rtamt import Formula, RtamtError, Specification, Verdict
 from rtamt.language.node import Node
 from rtamt_gym.search.rows import Outcome, Row
 from rtamt_gym.search.runner import CaseLike, Runner
-from rtamt_gym.search.scales import alone
 from rtamt_gym.search.trace import Trace
 from rtamt_gym.simulation.record import Stop
 
@@ -50,25 +50,22 @@ class Whole:
     """
 
     def __init__(self, make: MakeRunner, specs: Mapping[str, Specification]) -> None:
-        # Monitors of next to no cost, which read the same variables.
-        self._samples = make({name: _reading(spec) for name, spec in specs.items()}, "end")
-        self._monitored = make(specs, "known")
+        self._runner = make(specs, "known")
         self._names = list(specs)
         self._horizon = max(spec.horizon for spec in specs.values())
 
     @property
     def takes_seeds(self) -> bool:
         """As `Runner.takes_seeds`."""
-        return self._samples.takes_seeds
+        return self._runner.takes_seeds
 
     def close(self) -> None:
         """Closes what has been made."""
-        self._samples.close()
-        self._monitored.close()
+        self._runner.close()
 
     def judge(self, name: str, trace: Trace) -> float:
         """The robustness of a requirement on samples that were kept."""
-        return self._monitored.judge(name, trace)
+        return self._runner.judge(name, trace)
 
     def run(
         self,
@@ -79,20 +76,20 @@ class Whole:
     ) -> Iterator[tuple[int, Row]]:
         """Runs cases, as `Runner.run` does."""
         listed = list(cases)
-        heights: dict[int, dict[str, float]] = {}
-
-        def keep(index: int, trace: Trace) -> None:
-            heights[index] = {name: self.judge(name, trace) for name in self._names}
-
-        for index, row in self._samples.run(listed, seeds, keep=keep):
-            found = heights.pop(index, {})
-            known = not row.error and row.simulated >= self._horizon
-            if known and not np.signbit(list(found.values())).any():
-                yield index, _satisfied(row, found)
+        satisfied: dict[int, Row] = {}
+        for index, row, trace in self._runner.whole(listed, seeds):
+            if row.simulated < self._horizon:
                 continue
-            own = None if seeds is None else [seeds[index]]
-            for _, again in self._monitored.run([listed[index]], own, above=above):
-                yield index, again
+            with suppress(RtamtError):  # of samples that cannot be judged
+                heights = {name: self.judge(name, trace) for name in self._names}
+                if not np.signbit(list(heights.values())).any():
+                    satisfied[index] = _satisfied(row, heights)
+        yield from satisfied.items()
+        for index in range(len(listed)):
+            if index not in satisfied:
+                own = None if seeds is None else [seeds[index]]
+                for _, row in self._runner.run([listed[index]], own, above=above):
+                    yield index, row
 
 
 def _satisfied(row: Row, heights: Mapping[str, float]) -> Row:
@@ -102,10 +99,6 @@ def _satisfied(row: Row, heights: Mapping[str, float]) -> Row:
         for name, height in heights.items()
     }
     return replace(row, outcomes=outcomes)
-
-
-def _reading(spec: Specification) -> Specification:
-    return alone(spec, conjunction(predicates(spec.formula)).always())
 
 
 def _nests(formula: Formula) -> bool:

@@ -1,0 +1,83 @@
+"""What a runner is given: the options of its runs, and its system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, TypedDict, get_args
+
+import gymnasium as gym
+from gymnasium.vector import VectorEnv
+
+from rtamt import InputTypeError
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.numbers import exact
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
+from rtamt_gym.judges.interface import Names, Semantics
+from rtamt_gym.judges.specs import Align, Nan, View, read_period
+
+__all__ = ["Options", "check_options", "check_system", "duration_of", "name_of"]
+
+
+class Options(TypedDict, total=False):
+    """How runs are judged: options of `rtamt_gym.simulate`, which describes them."""
+
+    view: View
+    nan: Nan
+    align: Align | None
+    semantics: Semantics
+    inputs: Names | None
+    outputs: Names | None
+    at_termination: AtTermination | None
+    at_truncation: AtTruncation
+
+
+def check_options(options: Mapping[str, Any]) -> None:
+    """Refuses options that `simulate` does not have, or that have no such value."""
+    known = Options.__annotations__
+    for name in options:
+        if name not in known:
+            raise InputTypeError(
+                f"expected options that simulate has, one of {listing(known)}, got {name}="
+                f"{nearest(name, known)}"
+            )
+    choices = {"view": View, "nan": Nan, "at_truncation": AtTruncation}
+    for name, values in choices.items():
+        if name in options:
+            check_choice(name, options[name], get_args(values))
+
+
+def check_system(system: object) -> None:
+    """Refuses a system that is not the same a second time, or that is many."""
+    if isinstance(system, Iterator) or type(system).__name__ == "StepMonitor":
+        raise InputTypeError(
+            "expected a system that starts anew for each case, such as the id of an environment, "
+            f"a pair (model, data) or a function, got {system!r}"
+        )
+    if isinstance(system, VectorEnv):
+        raise InputTypeError(
+            f"expected one environment, or its id, got {system}; lanes are made of it where it has "
+            "them"
+        )
+    if isinstance(system, str) and system.endswith(".fmu"):
+        raise InputTypeError(
+            f"expected a system to run, got the name of a file; write Fmus({system!r})"
+        )
+
+
+def name_of(system: Any) -> str:  # noqa: ANN401
+    """The name under which a system stands in results."""
+    if isinstance(system, gym.Env):
+        return system.spec.id if system.spec else type(system.unwrapped).__name__
+    return str(getattr(system, "name", "") or getattr(system, "__name__", type(system).__name__))
+
+
+def duration_of(system: Any, duration: float | None) -> float | None:  # noqa: ANN401
+    """The longest duration of a run: that which is given, or the time limit of an environment."""
+    if duration is not None:
+        return None if duration == math.inf else duration
+    if not isinstance(system, gym.Env) or system.spec is None:
+        return None
+    period, limit = read_period(system), system.spec.max_episode_steps
+    return None if period is None or limit is None else float(exact(period) * limit)
