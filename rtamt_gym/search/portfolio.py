@@ -88,7 +88,8 @@ class _Starts:
     @property
     def flat(self) -> bool:
         """Whether a quarter of the points have the least value: it does not say where to climb."""
-        return 4 * np.count_nonzero(self._values == self._values.min()) >= len(self._values)
+        least = np.count_nonzero(self._values == self._values.min())
+        return bool(4 * least >= len(self._values))
 
     def take(self) -> Floats:
         """The best point, which is taken out."""

@@ -203,8 +203,9 @@ class Search:
                     if index in traces and not found[index].error:
                         self._traces[len(self.rows)] = traces[index]
                     self._keep(found[index], asked[index])
-        over = self.violated is not None or len(self.rows) >= self._budget
-        if over or (len(self.rows) >= _FIRST and all(row.error for row in self.rows)):
+        spent = len(self.rows) >= self._budget
+        failed = len(self.rows) >= _FIRST and all(row.error for row in self.rows)
+        if self.violated is not None or spent or failed:
             raise SearchOver
         return np.array(self.values[begin:])
 

@@ -30,6 +30,8 @@ def idle(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
     """Evaluates nothing."""
 
 
+COMMON: dict[str, Any] = {"space": X, "period": 1, "budget": 20}
+
 CLIP = "points.clip(0, 1) moves points into it"
 
 
@@ -122,7 +124,7 @@ CLIP = "points.clip(0, 1) moves points into it"
 )
 def test_mistakes_are_told(options: dict[str, Any], error: type[RtamtError], message: str) -> None:
     with pytest.raises(error) as told:
-        falsify(plain, "always(y >= 0)", **{"space": X, "period": 1, "budget": 20} | options)
+        falsify(plain, "always(y >= 0)", **{**COMMON, **options})
     assert str(told.value) == message
 
 
