@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
-from rtamt.language.node import Node
 from rtamt_gym.search.rows import Outcome, Row
 from rtamt_gym.search.runner import CaseLike, Runner
 from rtamt_gym.search.trace import Trace
@@ -106,12 +106,12 @@ def _nests(formula: Formula) -> bool:
     return any(_timed(node) and any(map(_combines, node.args)) for node in formula.nodes())
 
 
-def _combines(node: Node) -> bool:
+def _combines(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
     """Whether a node combines formulas, one of which has a window."""
     if len(node.args) > 1 and any(_timed(each) for arg in node.args for each in arg.nodes()):
         return True
     return any(map(_combines, node.args))
 
 
-def _timed(node: Node) -> bool:
-    return node.op is not None and node.op.timed
+def _timed(node: Any) -> bool:  # noqa: ANN401 - a formula or a term
+    return node.op is not None and bool(node.op.timed)
