@@ -13,6 +13,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_envs import scenario_of
 from rtamt_envs.lanes import Lanes
 from rtamt_envs.scenario import Declared, Episode, Floats, Quantity, Scenario
+from rtamt_gym.checks.extras import naming_extra
 
 __all__ = ["ScenarioEnv", "box", "numbers"]
 
@@ -121,8 +122,10 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         if self.render_mode is None:
             gym.logger.warn('to draw, make the environment with render_mode="rgb_array"')
             return None
-        from rtamt_envs.pictures import frame
-
+        try:
+            from rtamt_envs.pictures import frame
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "render") from error
         return frame(self.scenario, self.episode())
 
     def episode(self) -> Episode:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Final, cast
 
 import gymnasium as gym
@@ -83,7 +84,6 @@ class Lanes:
         self._period = period
         self.judging = judging
         simulation: Any = env.unwrapped
-        self._dt = float(simulation.dt)
         self._actions: tuple[str, ...] = tuple(simulation.action_names)
         self._parameters = frozenset(simulation.parameters)
         space: Any = env.action_space
@@ -139,7 +139,7 @@ class Lanes:
         batch = _Batch(self, panel, env.num_envs, len(cases), above or {})
         begin = time.perf_counter()
         made = self._reset(env, cases, seeds)[None]
-        actions = self._driven(cases, env.num_envs)
+        actions = self._driven(cases, env.num_envs, panel.period or Fraction(1))
         kept: list[Floats] = []
         while True:
             # By samples, variables and lanes, which monitors read fastest.
@@ -236,7 +236,7 @@ class Lanes:
         found: Floats = env.reset(seed=every, options=options)[0]
         return found
 
-    def _driven(self, cases: Sequence[Case], num: int) -> Floats | None:
+    def _driven(self, cases: Sequence[Case], num: int, period: Fraction) -> Floats | None:
         """The actions of every step, shape (steps, lanes, actions); None: the baseline acts."""
         if self.kind(cases[0]) == "baseline":
             return None
@@ -245,7 +245,7 @@ class Lanes:
             for i, name in enumerate(self._actions):
                 entry = case[name]
                 actions[:, lane, i] = (
-                    entry.of_steps(self._dt, self.steps) if isinstance(entry, Waveform) else entry
+                    entry.of_steps(period, self.steps) if isinstance(entry, Waveform) else entry
                 )
         return actions
 

@@ -98,6 +98,9 @@ class Record(Sequence[Row]):
             other.system,
         )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Record, (self.rows, dict(self.requirements), self.system)
+
     __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
 
     def __repr__(self) -> str:

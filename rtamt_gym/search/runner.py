@@ -29,11 +29,11 @@ from rtamt_gym.search.runner_options import (
     check_options,
     check_system,
     duration_of,
-    name_of,
 )
 from rtamt_gym.search.trace import Trace
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.environments import make
+from rtamt_gym.simulation.kinds import as_system
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
@@ -116,7 +116,7 @@ class Runner:
         self._system = self._made if self._made is not None else system
         try:
             simulation = getattr(self._system, "unwrapped", None)
-            self.name = name_of(self._system)
+            self.name = as_system(self._system, policy, None, None, None, substeps=False).name
             own = getattr(simulation, "requirements", {})
             self.requirements = load_requirements(requirements, own, self.name)
             self._simulated = {
@@ -128,7 +128,7 @@ class Runner:
             } | options
             scenario = getattr(simulation, "scenario", None)
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
-            self.duration = duration_of(self._system, duration)
+            self.duration = duration_of(self._system, duration, period)
             judging = Judging(
                 stop,
                 options.get("view", "episode"),

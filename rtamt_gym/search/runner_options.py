@@ -9,15 +9,15 @@ from typing import Any, TypedDict, get_args
 import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
+import rtamt
 from rtamt import InputTypeError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.checks.numbers import exact
 from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.judges.specs import Align, Nan, View, read_period
 
-__all__ = ["Options", "check_options", "check_system", "duration_of", "name_of"]
+__all__ = ["Options", "check_options", "check_system", "duration_of"]
 
 
 class Options(TypedDict, total=False):
@@ -42,10 +42,15 @@ def check_options(options: Mapping[str, Any]) -> None:
                 f"expected options that simulate has, one of {listing(known)}, got {name}="
                 f"{nearest(name, known)}"
             )
-    choices = {"view": View, "nan": Nan, "at_truncation": AtTruncation}
+    choices: dict[str, tuple[str | None, ...]] = {
+        "view": get_args(View),
+        "nan": get_args(Nan),
+        "at_termination": (None, *get_args(AtTermination)),
+        "at_truncation": get_args(AtTruncation),
+    }
     for name, values in choices.items():
         if name in options:
-            check_choice(name, options[name], get_args(values))
+            check_choice(name, options[name], values)
 
 
 def check_system(system: object) -> None:
@@ -66,18 +71,16 @@ def check_system(system: object) -> None:
         )
 
 
-def name_of(system: Any) -> str:  # noqa: ANN401
-    """The name under which a system stands in results."""
-    if isinstance(system, gym.Env):
-        return system.spec.id if system.spec else type(system.unwrapped).__name__
-    return str(getattr(system, "name", "") or getattr(system, "__name__", type(system).__name__))
-
-
-def duration_of(system: Any, duration: float | None) -> float | None:  # noqa: ANN401
+def duration_of(
+    system: Any,  # noqa: ANN401
+    duration: float | None,
+    period: float | str | None,
+) -> float | None:
     """The longest duration of a run: that which is given, or the time limit of an environment."""
     if duration is not None:
         return None if duration == math.inf else duration
     if not isinstance(system, gym.Env) or system.spec is None:
         return None
-    period, limit = read_period(system), system.spec.max_episode_steps
-    return None if period is None or limit is None else float(exact(period) * limit)
+    given = read_period(system) if period is None else period
+    step, limit = rtamt.Monitor("true", period=given).period, system.spec.max_episode_steps
+    return None if step is None or limit is None else float(step * limit)

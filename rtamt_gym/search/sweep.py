@@ -78,7 +78,7 @@ class Sweep:
         """Runs a simulation of the sweep again, alone, and keeps every sample.
 
         Raises:
-            InputError: If the sweep was read from a file, which does not hold the system.
+            InputError: If the sweep comes from a file or a pickle, which do not hold the system.
             InputTypeError: If it is given something else than a row.
         """
         if not isinstance(row, Row):
@@ -88,7 +88,7 @@ class Sweep:
             )
         if self._runner is None:
             raise InputError(
-                "a sweep that was read from a file holds no system to run; write "
+                "a sweep that comes from a file or a pickle holds no system to run; write "
                 "simulate(system, specs, case=row.case, seed=row.seed)"
             )
         return self._runner.simulate(row.case, row.seed)
@@ -186,6 +186,10 @@ class Sweep:
             raise InputError(f"{path} holds a record and no sweep; read it with Record.load")
         space = storage("Sweep.load").read_space(also["space"])
         return Sweep(record, space, also["sampler"], also["seed"])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles without the system, as `save` writes it: a system may not go to a process."""
+        return Sweep, (self.record, self.space, self.sampler, self.seed)
 
     def __repr__(self) -> str:
         return f"<Sweep {repr(self.record).removeprefix('<Record ')}"

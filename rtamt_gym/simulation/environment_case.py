@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -280,8 +281,9 @@ def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) ->
     for field in name.removeprefix(_ATTRIBUTE).split("."):
         owner = value
         if not hasattr(owner, field):
-            meant = nearest(field, dir(owner)).replace("'", f"'{reached}.", 1)
-            raise InputError(f"{system} has no {name!r}{meant}")
+            known = [each for each in dir(owner) if not each.startswith("_")]
+            meant = nearest(field, known).replace("'", f"'{reached}.", 1)
+            raise InputError(f"{system} has no {name!r}{meant or _numbers_of(owner, reached)}")
         value, reached = getattr(owner, field), f"{reached}.{field}"
     if not isinstance(value, Real):
         raise InputError(
@@ -289,3 +291,17 @@ def _attribute(system: str, name: str, number: float, env: gym.Env[Any, Any]) ->
             f"{type(value).__name__} {value!r}"
         )
     return _Attribute(name, owner, field, like(value, name, number))
+
+
+def _numbers_of(owner: Any, reached: str) -> str:  # noqa: ANN401
+    """The numbers that an object has as attributes, for a message."""
+    named = []
+    for field in dir(owner):
+        value = inspect.getattr_static(owner, field, None)  # a property is not asked
+        if (
+            isinstance(value, int | float)
+            and not isinstance(value, bool)
+            and not field.startswith("_")
+        ):
+            named.append(f"{reached}.{field}")
+    return f"; its numbers are {listing(named)}" if named else ""

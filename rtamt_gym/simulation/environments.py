@@ -28,7 +28,7 @@ def make(
     Raises:
         InputError: If there is no such environment (names the nearest), or it cannot be made.
     """
-    name = env_id.rpartition(":")[2].rpartition("-v")[0]
+    name = env_id.rpartition(":")[2].partition("-v")[0]
     if env_id.startswith("rtamt/"):
         import_module("rtamt_envs")
     elif ":" not in env_id and not _known(name) and find_spec("highway_env"):
@@ -39,8 +39,13 @@ def make(
         )
     except (gym.error.Error, ModuleNotFoundError) as error:
         hint = ""
-        if isinstance(error, gym.error.NameNotFound) and not find_spec("highway_env"):
-            hint = "; the environments of highway-env need pip install '.[highway]'"
+        if isinstance(error, gym.error.NameNotFound):
+            import_module("rtamt_envs")
+            named = {spec.name: spec.id for spec in gym.registry.values() if spec.namespace}
+            if name in named:
+                hint = f" Did you mean: `{named[name]}`?"
+            elif not find_spec("highway_env"):
+                hint = "; the environments of highway-env need pip install '.[highway]'"
         raise InputError(f"cannot make {env_id}: {error}{hint}") from error
     except Exception as error:
         if not options:

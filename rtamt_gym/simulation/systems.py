@@ -338,19 +338,24 @@ def named_signals(variables: Sequence[str], signals: Mapping[str, Any] | None) -
     return [given.get(name, name) for name in dict.fromkeys([*variables, *given])]
 
 
+_ROUNDING = Fraction(1, 10**11)
+"""How far, of its own size, a period is rounded at most where it becomes a fraction."""
+
+
 def whole_steps(whole: Fraction, step: Fraction, what: str, of: str) -> int:
-    """The number of steps in a whole, both in seconds.
+    """The number of steps in a whole, both in seconds, one of them rounded perhaps.
 
     Raises:
         InputError: If the whole is not a multiple of the step. The message calls the whole
             ``what`` and the step ``of``, and names the nearest multiples.
     """
     count = whole / step
-    if count.denominator != 1:
+    near = round(count)
+    if abs(count - near) > near * _ROUNDING:
         less, more = math.floor(count) * step, math.ceil(count) * step
         ways = f"{float(less):g} s or {float(more):g} s" if less else f"{float(more):g} s"
         raise InputError(
             f"the {what} {float(whole):g} s is not a multiple of the {of} {float(step):g} s "
             f"({float(count):g} steps); use {ways}"
         )
-    return count.numerator
+    return near

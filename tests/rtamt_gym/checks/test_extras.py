@@ -78,6 +78,18 @@ def test_what_needs_a_missing_package_names_its_extra(
     assert said(caught, without=without).startswith(f"{without} {message}")
 
 
+def test_a_scenario_that_draws_names_the_extra_of_matplotlib() -> None:
+    code = (
+        "import gymnasium as gym, rtamt_envs\n"
+        "env = gym.make('rtamt/RequestGrant-v0', render_mode='rgb_array')\n"
+        "env.reset()\n"
+        "try:\n    env.render()\nexcept ModuleNotFoundError as e:\n    print(e)"
+    )
+    assert said(code, without="matplotlib") == (
+        "render needs matplotlib, which is not installed; from the checkout: pip install '.[plot]'"
+    )
+
+
 def test_environments_are_monitored_without_mujoco() -> None:
     code = (
         "import gymnasium as gym\nfrom rtamt_gym import *\n"

@@ -274,6 +274,16 @@ def test_without_an_id_the_newest_environments_are_listed_by_where_they_come_fro
                 "Did you mean: `CartPole`?"
             ),
         ),
+        *(
+            (
+                [name],
+                (
+                    f"cannot make {name}: Environment `RequestGrant` doesn't exist. "
+                    "Did you mean: `rtamt/RequestGrant-v0`?"
+                ),
+            )
+            for name in ("RequestGrant-v0", "RequestGrant")
+        ),
         (
             ["CartPole-v1", "--env-kwarg", "a=1"],
             (

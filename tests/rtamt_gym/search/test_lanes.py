@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rtamt_gym import Case, Parameter, Runner, Signal, Waveform
+from rtamt_gym import Case, Parameter, Runner, Signal, Waveform, sweep
 from rtamt_gym.inputs.ranges import Interpolation
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.rows import Row
@@ -158,6 +158,24 @@ def test_an_error_within_a_batch_leaves_the_other_cases(monkeypatch: pytest.Monk
         )
         rows = dict(runner.run([{"delay": 1.0}, {"delay": 2.0}], [1, 2]))
     assert all(same(rows[i], expected[i]) for i in range(2))
+
+
+@pytest.mark.parametrize("period", [0.2, "50ms"])
+def test_waveforms_follow_the_period_that_is_given(period: float | str) -> None:
+    request = Signal("request", 0, 8, points=4, interpolation="linear")
+    options: dict[str, Any] = {"samples": 4, "sampler": "random", "period": period}
+    records = []
+    for batch in (1, 100):
+        done = sweep("rtamt/RequestGrant-v0", "always(req < 3)", [request], batch=batch, **options)
+        assert {row.simulated for row in done.record} == {done.space.duration}
+        records.append(done.record)
+    assert records[0] == records[1]
+    # The period says how fast time goes by, not what is simulated.
+    usual = sweep(
+        "rtamt/RequestGrant-v0", "always(req < 3)", [request], samples=4, sampler="random"
+    )
+    heights = [done.numbers("robustness(spec)").tolist() for done in (records[0], usual.record)]
+    assert heights[0] == heights[1]
 
 
 def wrapped() -> gym.Env[Any, Any]:

@@ -1,6 +1,7 @@
 """Sweeps: what is run, what is kept, and mistakes."""
 
 import math
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -90,7 +91,8 @@ def test_signals_last_as_long_as_a_run() -> None:
         assert row.outcomes["spec"].robustness == 9 - max(wave.values)
 
 
-MODEL = """<mujoco><option timestep="0.01"/><worldbody><body name="ball"><freejoint/>
+MODEL = """<mujoco model="rolling"><option timestep="0.01"/><worldbody>
+<body name="ball"><freejoint/>
 <geom name="ball" size="0.1" mass="1"/></body></worldbody></mujoco>"""
 
 
@@ -112,6 +114,7 @@ def test_a_model_starts_each_run_where_it_stood() -> None:
     heights = [row.outcomes["spec"].robustness for row in done.record]
     assert heights == again
     assert np.diff(heights) == pytest.approx([0.5, 0.5])
+    assert done.record.system == "rolling"
     assert (data.qpos == before).all()
 
 
@@ -195,9 +198,12 @@ def test_a_sweep_that_is_saved_is_loaded_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         loaded.replay(loaded.worst())
     assert str(caught.value) == (
-        "a sweep that was read from a file holds no system to run; write "
+        "a sweep that comes from a file or a pickle holds no system to run; write "
         "simulate(system, specs, case=row.case, seed=row.seed)"
     )
+    pickled = pickle.loads(pickle.dumps(done))
+    assert (pickled.record, pickled.space) == (done.record, done.space)
+    assert str(pickled.indices()) == str(done.indices())
     done.record.save(path)
     with pytest.raises(InputError) as caught:
         Sweep.load(path)
@@ -299,6 +305,27 @@ def broken(x: float) -> Iterator[dict[str, float]]:
                 "'inputs', 'outputs', 'at_termination', 'at_truncation', got at_trunction=; did "
                 "you mean 'at_truncation'?"
             ),
+        ),
+        (
+            (SYSTEM,),
+            {"at_termination": "cutt"},
+            InputError,
+            "expected at_termination=None or 'complete' or 'cut' or 'failure', got 'cutt'",
+        ),
+        (
+            (3, "always(x < 1)", [INFLOW]),
+            {},
+            InputTypeError,
+            (
+                "expected an environment, a pair (model, data) of MuJoCo, a StepMonitor, Fmus, a "
+                "function of time or an iterable of samples, got 3"
+            ),
+        ),
+        (
+            (SYSTEM,),
+            {"policy": 3},
+            InputTypeError,
+            "expected a policy, a function from observation to action, got 3",
         ),
         (
             (SYSTEM,),

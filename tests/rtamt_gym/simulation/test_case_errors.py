@@ -97,7 +97,7 @@ def test_what_cannot_be_set_or_is_set_by_the_reset_is_refused() -> None:
         return str(caught.value)
 
     assert message("env.fixed").startswith("cannot set 'env.fixed' of Windy: ")
-    assert message("env.drawn") == "Windy has no 'env.drawn'"
+    assert message("env.drawn") == "Windy has no 'env.drawn'; its numbers are 'env.wind'"
     env.reset()
     assert message("env.drawn") == (
         "'env.drawn' of the case is 2.0, but the reset of Windy sets it to 0.5: it cannot be chosen"

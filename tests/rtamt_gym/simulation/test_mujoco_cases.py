@@ -128,6 +128,15 @@ def test_a_model_runs_as_the_case_says_and_stays_as_it_was(case: dict[str, Any])
     assert after == before
 
 
+@given(st.floats(0.005, 0.04))
+def test_a_timestep_may_be_any_number(timestep: float) -> None:
+    run = simulate(cart(), LOW, SIGNALS, case={"opt.timestep": timestep}, duration=0.2, stop="end")
+    seen = np.array([run.signals[name] for name in SIGNALS]).T
+    assert np.array_equal(seen, np.array(by_hand({"opt.timestep": timestep}, len(seen) - 1)))
+    assert run.duration == pytest.approx(timestep * (len(seen) - 1), rel=1e-11)
+    assert run.duration <= 0.2 < run.duration + timestep + 1e-11
+
+
 def test_what_the_case_drives_the_policy_does_not() -> None:
     def push(_model: Any, data: Any) -> None:  # noqa: ANN401
         data.ctrl[:] = 0.1, 0.2
