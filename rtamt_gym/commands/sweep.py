@@ -7,6 +7,7 @@ import textwrap
 import warnings
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError
@@ -15,6 +16,7 @@ from rtamt_gym.commands.arguments import (
     add_environment,
     add_output,
     check_outputs,
+    positive,
     read_options,
     read_signals,
     whole,
@@ -98,6 +100,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="end",
         help="when to stop a simulation (default: end)",
     )
+    parser.add_argument(
+        "-j",
+        dest="n_jobs",
+        type=positive,
+        metavar="N",
+        help="run simulations in N processes of their own: one that crashes loses itself alone",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=float,
+        metavar="SECONDS",
+        help="end a simulation that takes longer, even if it hangs; it runs in another process",
+    )
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        metavar="FOLDER",
+        help="keep finished simulations there; after an interruption the same command goes on",
+    )
     add_output(parser, "--save", "write the record as a Parquet file, a row for each simulation")
     add_output(parser, "--json", "write the record as strict JSON")
     add_output(parser, "--heat-map", "draw the robustness over two columns, see --x and --y")
@@ -147,6 +168,9 @@ def run(options: argparse.Namespace) -> int:
                 duration=options.duration,
                 period=options.period,
                 stop=options.stop,
+                n_jobs=options.n_jobs,
+                timeout=options.timeout,
+                folder=options.folder,
             )
     for name, formula in done.requirements.items():
         print(f"{name}: {formula}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from typing import TYPE_CHECKING, Any, Final
@@ -187,6 +188,8 @@ class _Note:
                 self._saved += self._duration - row.simulated
 
     def __str__(self) -> str:
+        if self._least == math.inf:
+            return ""
         saved = f", {self._saved:.0f} s of simulation saved" if self._saved else ""
         return f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
 
@@ -213,7 +216,7 @@ def _elsewhere(
     sent = Recipe(runner).pickled(runner.name)
     with workers.chosen(backend, n_jobs) as (count, threads):
         chunks.share(count)
-        setup = Setup(uuid4().hex, sent, timeout, threads)
+        setup = Setup(uuid4().hex, sent, timeout, threads, tuple(sys.path))
         with closing(workers.spread(run_chunk, setup, chunks, count)) as over:
             try:
                 yield over

@@ -53,12 +53,14 @@ class Setup:
         recipe: The recipe of the runner, pickled.
         timeout: The seconds that a run may take; None: any.
         threads: How many threads the libraries of a process may start.
+        path: Where the program finds modules; a worker looks there before it looks elsewhere.
     """
 
     name: str
     recipe: bytes = field(repr=False)
     timeout: float | None
     threads: int
+    path: tuple[str, ...] = ()
 
 
 def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Row]]:
@@ -131,8 +133,9 @@ class _Process:
         self.connection, theirs = Pipe()
         alive, self._alive = os.pipe()  # nothing is written: it says by its end that we have ended
         passed = (theirs.fileno(), alive)
+        path = list(dict.fromkeys([*setup.path, *sys.path]))
         code = (
-            f"import sys; sys.path[:] = {sys.path!r}\n"
+            f"import sys; sys.path[:] = {path!r}\n"
             f"from rtamt_gym.search.campaign_child import main; main{(*passed, _IDLE)!r}"
         )
         threads = dict.fromkeys(_THREADS, str(setup.threads))

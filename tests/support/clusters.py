@@ -1,0 +1,43 @@
+"""What every cluster is held to: its record is that of one process, with deaths and hangs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from campaign_systems import tank_runner, troubled
+
+from rtamt_gym import Parameter, sweep
+from rtamt_gym.search.campaign import run_campaign
+from rtamt_gym.search.record import Record
+
+__all__ = ["check"]
+
+
+def check(backend: Any, folder: Path) -> None:  # noqa: ANN401
+    """Runs campaigns on a cluster that is there.
+
+    Args:
+        backend: The name of the backend.
+        folder: A folder for files.
+    """
+    runner = tank_runner(troubled(folder))
+    fine = [({"inflow": i / 40, "trouble": 0}, None) for i in range(40)]
+    here = run_campaign(runner, fine)
+    assert run_campaign(runner, fine, backend=backend, folder=folder / "runs") == here
+    assert Record.load(folder / "runs") == here
+    troubles = [
+        (case | {"trouble": trouble}, None)
+        for (case, _), trouble in zip(fine, [1, 0, 4], strict=False)
+    ]
+    record = run_campaign(runner, troubles, backend=backend, timeout=5)
+    assert [row.error for row in record] == [
+        "ChildProcessError: the run ended its process with exit status 3, twice",
+        "",
+        "TimeoutError: the run was ended after timeout=5 s",
+    ]
+    assert record[1] == here[1]
+    options: Any = {"samples": 20, "progress": False}
+    grants: Any = ("rtamt/RequestGrant-v0", "always(gnt < 3)", [Parameter("noise", 0.1, 1)])
+    there = sweep(*grants, **options, batch=4, backend=backend)
+    assert there.record == sweep(*grants, **options).record
