@@ -139,7 +139,7 @@ class Lanes:
         batch = _Batch(self, panel, env.num_envs, len(cases), above or {})
         begin = time.perf_counter()
         made = self._reset(env, cases, seeds)[None]
-        actions = self._driven(cases, env.num_envs, panel.period or Fraction(1))
+        actions = self._driven(cases, env.num_envs, panel.period)
         kept: list[Floats] = []
         while True:
             # By samples, variables and lanes, which monitors read fastest.
@@ -183,7 +183,7 @@ class Lanes:
         begin = time.perf_counter()
         env, panel = self._made(len(cases))
         first = self._reset(env, cases, seeds)[None]
-        actions = self._driven(cases, env.num_envs)
+        actions = self._driven(cases, env.num_envs, panel.period)
         due = self.steps if actions is None else actions
         active = np.arange(env.num_envs) < len(cases)
         made = env.unwrapped.rollout(due, active)  # type: ignore[attr-defined]  # see `runner`
@@ -236,7 +236,7 @@ class Lanes:
         found: Floats = env.reset(seed=every, options=options)[0]
         return found
 
-    def _driven(self, cases: Sequence[Case], num: int, period: Fraction) -> Floats | None:
+    def _driven(self, cases: Sequence[Case], num: int, period: Fraction | None) -> Floats | None:
         """The actions of every step, shape (steps, lanes, actions); None: the baseline acts."""
         if self.kind(cases[0]) == "baseline":
             return None
@@ -245,7 +245,9 @@ class Lanes:
             for i, name in enumerate(self._actions):
                 entry = case[name]
                 actions[:, lane, i] = (
-                    entry.of_steps(period, self.steps) if isinstance(entry, Waveform) else entry
+                    entry.of_steps(period or 1, self.steps)
+                    if isinstance(entry, Waveform)
+                    else entry
                 )
         return actions
 
