@@ -229,8 +229,8 @@ class SavedCase:
             raise InputError(f"{where} holds no case: expected JSON, got {error}") from error
         if not isinstance(kept, dict) or kept.get("format") != _FORMAT:
             raise InputError(
-                f'{where} holds no case: expected JSON whose "format" is "{_FORMAT}", as rtamt falsify '
-                "--save and Falsification.save write it"
+                f'{where} holds no case: expected JSON whose "format" is "{_FORMAT}", as rtamt '
+                "falsify --save and Falsification.save write it"
             )
         try:
             return cls(**_read(kept), folder=Path(path).parent)
