@@ -105,9 +105,12 @@ def _entry(name: str, entry: float | Waveform) -> list[str]:
     """An entry of a case: a number, or the values of a waveform at its times."""
     if not isinstance(entry, Waveform):
         return [f"  {name} = {number(entry)}"]
-    if len(entry.values) == 1:
+    if len(set(entry.values)) == 1:
         return [f"  {name} = {number(entry.values[0])} throughout"]
     points = zip(entry.times, entry.values, strict=True)
-    values = ", ".join(f"{number(value)} at {number(time)} s" for time, value in points)
+    # Lines break behind a control point, not within: a blank that does not break is none to `wrap`.
+    values = [f"{number(value)}\xa0at\xa0{number(time)}\xa0s" for time, value in points]
     how = {"hold": "steps"}.get(entry.interpolation, entry.interpolation)
-    return wrap(f"{name}, {how}: {values}", 79, initial_indent="  ", subsequent_indent="    ")
+    text = f"{name}, {how}: {', '.join(values)}"
+    lines = wrap(text, 79, initial_indent="  ", subsequent_indent="    ")
+    return [line.replace("\xa0", " ") for line in lines]
