@@ -1,12 +1,15 @@
 """`rtamt sweep`: what it prints, what it writes, and mistakes."""
 
 import json
+import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from rtamt_gym import Record, Sweep
 from rtamt_gym.__main__ import main
+from rtamt_gym.search.samplers import Sampler
 
 SYSTEM = "rtamt/RequestGrant-v0"
 Output = pytest.CaptureFixture[str]
@@ -23,6 +26,14 @@ def lines(capsys: Output, *arguments: str) -> list[str]:
     out = capsys.readouterr().out.splitlines()
     assert all(len(line) <= 80 for line in out)
     return out
+
+
+def test_every_sampler_can_be_named(capsys: Output) -> None:
+    with pytest.raises(SystemExit):
+        main(["sweep", "--help"])
+    found = re.search(r"--sampler \{(.*?)\}", capsys.readouterr().out)
+    assert found is not None
+    assert sorted(found[1].split(",")) == sorted(get_args(Sampler))
 
 
 def test_a_grid_prints_its_map(capsys: Output) -> None:
