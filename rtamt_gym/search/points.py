@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import cycle, islice, product
+from itertools import chain, cycle, islice, product
 
 import numpy as np
 
@@ -57,14 +57,15 @@ class Pieces:
 def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
     """All points whose inputs are constant at an end of their range, each once.
 
-    All inputs low and all high come first, then the others in an order of low discrepancy: the
-    first few of many hold every pair of inputs in every combination about equally often.
+    All inputs low and all high come first, then corners among which every two inputs have all four
+    combinations equally often, then the rest. Of up to 15 inputs, the first 16 corners hold every
+    combination of every two.
     """
     sizes = [_size(each) for each in groups]
     count = len(groups)
     seen = set()
     first = [(0.0,) * count, (1.0,) * count]
-    for corner in (*first, *islice(_rounded(count), 64 * count), *_all(count)):
+    for corner in chain(first, _balanced(count), _all(count)):
         if corner not in seen:
             seen.add(corner)
             yield np.repeat(corner, sizes)
@@ -108,16 +109,16 @@ def _size(group: slice) -> int:
     return int(group.stop - group.start)
 
 
-def _rounded(count: int) -> Iterator[tuple[float, ...]]:
-    """Corners next to the points of a Sobol sequence."""
-    from scipy.stats import qmc
+def _balanced(count: int) -> Iterator[tuple[float, ...]]:
+    """Corners among which every two inputs have all four combinations equally often.
 
-    if count > qmc.Sobol.MAXDIM:
-        return
-    sequence = qmc.Sobol(count, scramble=False)
-    while True:
-        for point in sequence.random(_CHUNK):
-            yield tuple(np.floor(2.0 * point).tolist())
+    They are the rows of a Hadamard matrix without its constant column, in a mixed order.
+    """
+    from scipy.linalg import hadamard
+
+    rows = hadamard(1 << count.bit_length())[:, 1 : count + 1]
+    for row in np.random.default_rng(0).permutation(rows):
+        yield tuple((row > 0).astype(float).tolist())
 
 
 def _all(count: int) -> Iterator[tuple[float, ...]]:
