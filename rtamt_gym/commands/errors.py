@@ -16,6 +16,7 @@ _OPTIONS = (
     (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
     (r"\berror\.falsification holds \d+ simulations?: ", ""),
     (r"give a space, as in \w+\(.*\)$", "write --vary mass=1:2"),
+    (r"write Signal\('.*', \.\.\., duration=30\) or .*$", "give --duration 30, in seconds"),
     (r"view='step'", "--view step"),
     (r"; pass nan='hold' to keep the last value instead$", ""),
     (r"\btimeout= as\b", "--timeout as"),

@@ -75,9 +75,9 @@ def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
         yield f"{got}: as expected, to the last bit"
         return
     yield got
-    same = "the verdict is that, the robustness is not" if saved.gives(made) else "it is not"
+    other = "another robustness" if saved.gives(made) else "another verdict"
     yield from _wrapped(
-        f"expected {saved.verdict.name}, robustness {number(saved.robustness)}: {same}", ""
+        f"expected {saved.verdict.name}, robustness {number(saved.robustness)}: {other}", ""
     )
     changes = [f"{name} {now} (then {then})" for name, (then, now) in saved.newer().items()]
     if changes:

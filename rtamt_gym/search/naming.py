@@ -47,6 +47,8 @@ def system_name(system: Any, folder: Path) -> dict[str, Any]:  # noqa: ANN401
     path = import_path(system)
     if path is None:
         what = getattr(system, "__qualname__", None) or f"a {type(system).__name__}"
+        if isinstance(system, tuple | list):  # all others would not have run
+            what = "a pair (model, data)"
         raise InputError(
             f"cannot save a case of {what}, which no other program can import; {_WAY_OUT}"
         )
@@ -56,9 +58,15 @@ def system_name(system: Any, folder: Path) -> dict[str, Any]:  # noqa: ANN401
 def named_system(name: Mapping[str, Any], folder: Path) -> Any:  # noqa: ANN401
     """The system that a file names.
 
+    Modules are found where Python looks for them, in the working directory, and from now on in the
+    folder of the file.
+
     Raises:
         InputError: If it is no name of a system, or there is no such system.
     """
+    beside = str(folder.resolve())
+    if beside not in sys.path:
+        sys.path.append(beside)
     match {**name}:
         case {"environment": str(env_id), **rest} if set(rest) <= {"arguments", "steps"}:
             return make(env_id, rest.get("steps"), rest.get("arguments"))

@@ -105,7 +105,7 @@ def test_another_verdict_exits_1_and_names_what_has_changed(capsys: Output) -> N
     told = lines(capsys, 1, "replay", "case.json")
     at = next(i for i, line in enumerate(told) if line.startswith("SATISFIED, robustness "))
     height = f"{kept['expected']['robustness']:.6g}"
-    assert told[at + 1] == f"expected VIOLATED, robustness {height}: it is not"
+    assert told[at + 1] == f"expected VIOLATED, robustness {height}: another verdict"
     assert told[at + 2].startswith("run by numpy ")
     assert told[at + 2].endswith("(then 0.1)")
 
@@ -144,6 +144,9 @@ MISTAKES = {
     (SYSTEM, "always(rq < 2)", "--budget", "2"): (
         "all 2 simulations failed, the first with InputError: variable 'rq' has no signal; the "
         "signals are 'req', 'gnt'; did you mean 'req'?"
+    ),
+    ("named_systems:wave", "a > 1", "--vary", "drive=0:1,points=2"): (
+        "signal 'drive' has no duration; give --duration 30, in seconds"
     ),
     (SYSTEM, "--bugdet", "2"): "unrecognized arguments: --bugdet 2; see rtamt falsify --help",
 }

@@ -41,7 +41,7 @@ def test_what_cannot_be_imported_is_refused_with_the_way_out(tmp_path: Path) -> 
     ] == [
         f"cannot save a case of {here}, which no other program can import{NAMED}",
         f"cannot save a case of a partial, which no other program can import{NAMED}",
-        f"cannot save a case of a tuple, which no other program can import{NAMED}",
+        f"cannot save a case of a pair (model, data), which no other program can import{NAMED}",
         f"cannot save a case of CartPole-v1 below the wrapper 'TimeAwareObservation'{NAMED}",
         f"cannot save a case of CartPoleEnv, which was not made by gymnasium.make{NAMED}",
     ]

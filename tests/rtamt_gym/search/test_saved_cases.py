@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -191,3 +192,30 @@ def test_another_robustness_and_another_verdict_are_told_apart(tmp_path: Path) -
     far = SavedCase.load(tmp_path / "far.json")
     assert (far.gives(far.replay()), far.repeats(far.replay())) == (False, False)
     assert near.case == Case({"inflow": 0.49})
+
+
+def test_modules_are_found_beside_the_file_of_systems_and_of_policies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "def pump(inflow):\n    yield {'x': inflow}\n\ndef stay(obs):\n    return 0\n"
+    requirement = "always(x < 2)"
+    for module, kind in {
+        "beside_one": Kind(named_systems.pump, requirement, [Parameter("inflow", 0, 1)]),
+        "beside_two": Kind(
+            gym.make("CartPole-v1"),
+            requirement,
+            [Parameter("env.gravity", 5, 25)],
+            {"signals": {"x": "obs[0]"}, "policy": named_systems.lean, "at_termination": "cut"},
+        ),
+    }.items():
+        monkeypatch.setattr(sys, "path", [*sys.path])
+        (tmp_path / f"{module}.py").write_text(text)
+        with Runner(kind.system, requirement, period=1, **kind.options) as runner:
+            ((_, row),) = runner.run([Space([*kind.space]).case([0.5])])
+            names = (
+                {"policy": f"{module}:stay"} if runner.takes_seeds else {"system": f"{module}:pump"}
+            )
+            saved = SavedCase.of(runner, "spec", row, tmp_path, **names)
+        saved.save(tmp_path / "case.json")
+        assert SavedCase.load(tmp_path / "case.json").replay().case == row.case
+        assert sys.modules[module].__file__ == str(tmp_path / f"{module}.py")
