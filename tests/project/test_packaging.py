@@ -112,7 +112,18 @@ def test_no_requirement_has_an_upper_bound(
 def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distribution) -> None:
     extras = distribution.metadata.get_all("Provides-Extra")
     assert extras is not None
-    promised = {"gym", "cases", "search", "highway", "plot", "files", "mdf", "pandas", "fmi"}
+    promised = {
+        "gym",
+        "cases",
+        "search",
+        "taliro",
+        "highway",
+        "plot",
+        "files",
+        "mdf",
+        "pandas",
+        "fmi",
+    }
     promised |= {"pytest", "test", "dev"}
     assert set(extras) == promised
 
