@@ -9,10 +9,10 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event
 from typing import Self
 
 from rtamt_gym.search.runner import CaseLike, Runner
@@ -21,6 +21,11 @@ __all__ = ["Alive", "noted", "program", "tank", "tank_runner", "tank_tasks", "tr
 
 System = Callable[..., Iterator[dict[str, float]]]
 Tasks = list[tuple[CaseLike, int | None]]
+
+
+def rest(seconds: float) -> None:
+    """Does nothing for a while."""
+    Event().wait(seconds)
 
 
 def tank(inflow: float) -> Iterator[dict[str, float]]:
@@ -57,7 +62,7 @@ def troubled(folder: Path) -> System:
             os.kill(os.getpid(), signal.SIGKILL)
         elif trouble == 3:
             while True:
-                time.sleep(1)
+                rest(1)
         elif trouble == 4:
             ctypes.PyDLL(None).sleep(100)  # which keeps the lock of the interpreter
         elif trouble == 5:
@@ -88,7 +93,7 @@ class Alive:
         for _ in range(10_000):
             if self._read():
                 return True
-            time.sleep(0.01)  # no process holds it now
+            rest(0.01)  # no process holds it now
         return False
 
     def is_over(self) -> bool:
@@ -134,11 +139,11 @@ def noted(file: Path, alive: Path, hangs: float = math.inf) -> System:
             opened.write(f"{inflow!r}\n")
         if inflow >= hangs:
             while not list(alive.parent.glob("*/part-*")):  # others are to be on the disk by then
-                time.sleep(0.01)
+                rest(0.01)
             os.write(held, b".")
             subprocess.Popen(["sleep", "1000"], pass_fds=[held])  # noqa: S607 - any sleep does
             ctypes.PyDLL(None).sleep(1000)
-        time.sleep(0.002)
+        rest(0.002)
         yield from tank(inflow)
         os.close(held)
 

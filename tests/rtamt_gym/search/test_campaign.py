@@ -17,6 +17,7 @@ from mujoco_models import arm
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Case, Parameter, Sweep, sweep
+from rtamt_gym.__main__ import main
 from rtamt_gym.search import campaign, campaign_process
 from rtamt_gym.search.campaign import run_campaign
 from rtamt_gym.search.campaign_process import Setup, end_processes, run_chunk
@@ -197,6 +198,22 @@ def test_a_folder_holds_one_campaign_that_one_process_runs(tmp_path: Path) -> No
     assert row.error == (
         f"InputError: another process runs the campaign in {tmp_path / 'both'}; wait for it, or "
         "end it"
+    )
+
+
+def test_the_command_goes_on_in_its_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = ["--folder", str(tmp_path / "runs")]
+    command = ["sweep", GRANTS, "--vary", "noise=0.1:1", "--samples", "8"]
+    assert main([*command, "-j", "2", "--timeout", "100", *folder]) == 0
+    first = capsys.readouterr().out
+    assert main([*command, *folder]) == main(command) == 0
+    assert capsys.readouterr().out == first * 2
+    assert len(Record.load(tmp_path / "runs")) == 8
+    assert main([*command, "--timeout", "-1"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: expected --timeout as a finite number above 0, got -1.0\n"
     )
 
 
