@@ -14,6 +14,7 @@ import numpy as np
 from rtamt import InputError, Specification, Verdict
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
@@ -21,6 +22,7 @@ from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.search.coverage import coverage_of
 from rtamt_gym.search.falsification import Falsification
 from rtamt_gym.search.optimizers import OptimizerLike, find_optimizer
+from rtamt_gym.search.protocol import Optimizer
 from rtamt_gym.search.record import Record, check_columns
 from rtamt_gym.search.reduction import reduced
 from rtamt_gym.search.requirements import Requirements
@@ -224,7 +226,7 @@ def falsify(
         with shown_progress(what, budget if progress else 0, "run") as search.advance:
             try:
                 with suppress(SearchOver):
-                    chosen(search, varied.dimension, np.random.default_rng(of_optimizer))
+                    _optimize(chosen, name, search, np.random.default_rng(of_optimizer))
             finally:
                 search.close()
         _check_rows(search, runner, name)
@@ -235,6 +237,13 @@ def falsify(
         if search.rows:
             _carry(error, result())
         raise
+
+
+def _optimize(optimizer: Optimizer, name: str, search: Search, rng: np.random.Generator) -> None:
+    try:
+        optimizer(search, search.dimension, rng)
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, f"optimizer={name!r}") from error
 
 
 def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:

@@ -102,7 +102,7 @@ class Search:
         missing = _FIRST - len(asked)
         if missing > 0:
             others = spread(self.groups, self._rng)
-            self._run(take(others, missing, self._space.dimension), math.inf)
+            self._run(take(others, missing, self.dimension), math.inf)
         begin = len(self.rows)
         self._run(asked[:_FIRST], math.inf)
         self.scales = spreads(self._specs, self._traces.values())
@@ -113,6 +113,11 @@ class Search:
         self._traces.clear()
         first = np.array(self.values[begin:])
         return np.concatenate([first, self._run(asked[_FIRST:], level)])
+
+    @property
+    def dimension(self) -> int:
+        """The number of coordinates of a point."""
+        return self._space.dimension
 
     @property
     def best(self) -> int:
@@ -140,7 +145,7 @@ class Search:
             got = f"shape {asked.shape}"
         except (TypeError, ValueError):  # rows of different lengths, or no numbers
             asked, got = np.empty(0), repr(points)
-        dimension = self._space.dimension
+        dimension = self.dimension
         if asked.ndim != 2 or asked.shape[1] != dimension:
             raise InputError(
                 f"expected the optimizer to evaluate points of shape (k, {dimension}), a row for "

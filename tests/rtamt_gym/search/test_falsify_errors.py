@@ -1,5 +1,6 @@
 """Mistakes in a search are told at once and in full; what a search has found is never lost."""
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -207,3 +208,15 @@ def test_a_violation_that_does_not_come_again_is_told() -> None:
     with pytest.warns(IrreproducibleWarning, match=told):
         found = falsify(moody, "always(y >= 0)", X, period=1)
     assert (found.falsified, found.simulations, found.reductions) == (True, 4, 0)
+
+
+def test_an_optimizer_whose_package_is_missing_names_the_extra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    with pytest.raises(ModuleNotFoundError) as told:
+        falsify(plain, "always(y >= 0)", X, period=1, optimizer="tpe")
+    assert str(told.value) == (
+        "optimizer='tpe' needs optuna, which is not installed; "
+        "from the checkout: pip install '.[optuna]'"
+    )
