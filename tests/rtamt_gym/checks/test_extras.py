@@ -23,6 +23,7 @@ def said(code: str, *, without: str = "") -> str:
 
 
 OF_INPUTS = {"Case", "Parameter", "Signal", "Space", "Waveform"}
+OF_TRACES = {"Mined", "mine"}
 OF_MUJOCO = {"Snapshot", "StepMonitor", "evaluate_rollouts"}
 
 
@@ -33,7 +34,7 @@ OF_MUJOCO = {"Snapshot", "StepMonitor", "evaluate_rollouts"}
         ("fmpy", set()),
         ("fmpy matplotlib pyarrow highway_env", set()),
         ("mujoco", OF_MUJOCO),
-        ("gymnasium mujoco fmpy", ALL - OF_INPUTS),
+        ("gymnasium mujoco fmpy", ALL - OF_INPUTS - OF_TRACES),
     ],
 )
 def test_a_star_imports_what_the_installed_packages_allow(without: str, lacks: set[str]) -> None:
