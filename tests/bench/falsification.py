@@ -21,14 +21,17 @@ import csv
 import math
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from statistics import mean, median
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import rtamt_envs  # noqa: F401 - registers the scenarios
 
 from rtamt_gym import Runner, Space, falsify
+from rtamt_gym.search import search as searching
 
 RESULTS = Path(__file__).parent / "results" / "falsification.csv"
 
@@ -122,19 +125,29 @@ COLUMNS = (
 )
 
 
+ONE_BY_ONE = {"dual_annealing", "tpe", "psy annealing"}
+"""Optimizers that ask for one point at a time."""
+
+
 def search(requirement: str, optimizer: str, seed: int) -> Search:
-    """Runs one search."""
+    """Runs one search.
+
+    In a lane alone, monitors take fifty times the simulation. Runs of optimizers that ask for one
+    point at a time are therefore judged at their end: the same robustness, and no run is stopped.
+    """
     system, budget, _ = ROWS[requirement]
+    whole = patch.object(searching, "judged_whole", return_value=True)
     begin = time.process_time()
-    found = falsify(
-        system,
-        requirement,
-        budget=budget,
-        seed=seed,
-        optimizer=TALIRO.get(optimizer, optimizer),
-        scales="plain" if optimizer in TALIRO else None,
-        reduce=False,
-    )
+    with whole if optimizer in ONE_BY_ONE else nullcontext():
+        found = falsify(
+            system,
+            requirement,
+            budget=budget,
+            seed=seed,
+            optimizer=TALIRO.get(optimizer, optimizer),
+            scales="plain" if optimizer in TALIRO else None,
+            reduce=False,
+        )
     took = 1000 * (time.process_time() - begin)
     simulated = round(found.simulated_time, 2)
     counts = (int(found.falsified), found.simulations, simulated, round(took, 1))
