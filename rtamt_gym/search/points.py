@@ -47,12 +47,6 @@ class Pieces:
         """Points from values of their pieces, shape (points, pieces)."""
         return values[:, self._piece]
 
-    def means(self, point: Floats) -> Floats:
-        """The mean of a point over each piece."""
-        sums = np.bincount(self._piece, point)
-        means: Floats = sums / np.bincount(self._piece)
-        return means
-
 
 def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
     """All points whose inputs are constant at an end of their range, each once.

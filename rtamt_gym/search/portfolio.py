@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import cycle
 from typing import Final
 
 import numpy as np
 
 from rtamt_gym.search.evolution import Climb
-from rtamt_gym.search.points import Pieces, extremes, spread, take
+from rtamt_gym.search.points import extremes, quasi_random, spread, take
 from rtamt_gym.search.protocol import Evaluate, Floats
 
 __all__ = ["portfolio"]
@@ -23,9 +22,6 @@ _POINTS: Final = 24
 
 _POPULATION: Final = 12
 """The points of a generation."""
-
-_FEW: Final = 2
-"""The pieces of an input in every second climb."""
 
 _SIGMA: Final = 0.45
 """The standard deviation of the first generation of a climb."""
@@ -44,25 +40,25 @@ def portfolio(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> N
     """Corners, then quasi-random points, then CMA-ES with restarts from the best of these.
 
     All inputs constant at the ends of their ranges come first, 16 such points at most. Then come 24
-    quasi-random points, see `spread`. CMA-ES climbs from the best of
-    them, with 12 points in a generation; after every sixth generation come 12 more quasi-random
-    points. When a climb has converged or found nothing better in 12 generations, the next begins at
-    the best point that none has begun at; every second moves inputs of two pieces alone. Where a
-    quarter of the points share the least value, up to 96 more quasi-random points come before a
-    climb.
+    quasi-random points, see `spread`. CMA-ES climbs from the best of them, with 12 points in a
+    generation; after every sixth generation come 12 more quasi-random points. When a climb has
+    converged or found nothing better in 12 generations, the next begins at the best point that none
+    has begun at. Where a quarter of the points share the least value, up to 96 more points come
+    before a climb. These are even in the whole space: values that are all the same are those of
+    requirements about events, such as shifts of gears, which inputs that move much bring about.
     """
     corners = take(extremes(evaluate.groups), _CORNERS, dimension)
     starts = _Starts(spread(evaluate.groups, rng), dimension)
     starts.evaluate(evaluate, corners, _POINTS)
+    even = quasi_random(dimension, rng)
     generations = 0
-    for shape in cycle((Pieces(evaluate.groups, dimension), Pieces(evaluate.groups, _FEW))):
+    while True:
         for _ in range(_FLAT):
             if starts.flat:
-                starts.evaluate(evaluate, np.empty((0, dimension)), _POPULATION)
-        mean = shape.means(starts.take())
-        climb = Climb(mean, rng, sigma=_SIGMA, population=_POPULATION)
+                starts.evaluate(evaluate, take(even, _POPULATION, dimension), 0)
+        climb = Climb(starts.take(), rng, sigma=_SIGMA, population=_POPULATION)
         while not climb.over:
-            climb.tell(evaluate(shape.stretched(climb.ask()), climb.level))
+            climb.tell(evaluate(climb.ask(), climb.level))
             generations += 1
             if generations % _EVERY == 0:
                 starts.evaluate(evaluate, np.empty((0, dimension)), _POPULATION)
