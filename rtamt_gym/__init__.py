@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
-    from rtamt_gym.search.falsification import Falsification
-    from rtamt_gym.search.falsify import falsify
-    from rtamt_gym.search.mining import Mined, mine
-    from rtamt_gym.search.record import Record
-    from rtamt_gym.search.runner import Runner
-    from rtamt_gym.search.saved_case import SavedCase
-    from rtamt_gym.search.sweep import Sweep, sweep
+    from rtamt_gym.search.falsification.falsification import Falsification
+    from rtamt_gym.search.falsification.falsify import falsify
+    from rtamt_gym.search.mining.mining import Mined, mine
+    from rtamt_gym.search.runs.record import Record
+    from rtamt_gym.search.runs.runner import Runner
+    from rtamt_gym.search.runs.saved_case import SavedCase
+    from rtamt_gym.search.sweeps.sweep import Sweep, sweep
     from rtamt_gym.signals.signals import Step
     from rtamt_gym.simulation.fmi import Fmus
     from rtamt_gym.simulation.run import Run
@@ -69,15 +69,15 @@ if TYPE_CHECKING:
 _MODULES = {
     "Case": "rtamt_gym.inputs.case",
     "CostEnv": "rtamt_gym.wrappers.cost",
-    "Falsification": "rtamt_gym.search.falsification",
+    "Falsification": "rtamt_gym.search.falsification.falsification",
     "Fmus": "rtamt_gym.simulation.fmi",
-    "Mined": "rtamt_gym.search.mining",
+    "Mined": "rtamt_gym.search.mining.mining",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
-    "Record": "rtamt_gym.search.record",
+    "Record": "rtamt_gym.search.runs.record",
     "Run": "rtamt_gym.simulation.run",
-    "Runner": "rtamt_gym.search.runner",
-    "SavedCase": "rtamt_gym.search.saved_case",
+    "Runner": "rtamt_gym.search.runs.runner",
+    "SavedCase": "rtamt_gym.search.runs.saved_case",
     "Signal": "rtamt_gym.inputs.ranges",
     "Snapshot": "rtamt_gym.mujoco.snapshots",
     "Space": "rtamt_gym.inputs.space",
@@ -85,15 +85,15 @@ _MODULES = {
     "StepMonitor": "rtamt_gym.mujoco.step_monitor",
     "StlMonitor": "rtamt_gym.wrappers.monitor",
     "StlReward": "rtamt_gym.wrappers.reward",
-    "Sweep": "rtamt_gym.search.sweep",
+    "Sweep": "rtamt_gym.search.sweeps.sweep",
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
-    "falsify": "rtamt_gym.search.falsify",
-    "mine": "rtamt_gym.search.mining",
+    "falsify": "rtamt_gym.search.falsification.falsify",
+    "mine": "rtamt_gym.search.mining.mining",
     "simulate": "rtamt_gym.simulation.simulate",
-    "sweep": "rtamt_gym.search.sweep",
+    "sweep": "rtamt_gym.search.sweeps.sweep",
 }
 
 

@@ -31,7 +31,7 @@ from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.falsification import Falsification
+    from rtamt_gym.search.falsification.falsification import Falsification
 
 __all__ = ["add_arguments", "run"]
 
@@ -119,10 +119,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Searches, prints what was found and writes the files asked for; returns 1 if it violates."""
     from rtamt_gym.judges.specs import own_requirements
-    from rtamt_gym.search.falsify import IrreproducibleWarning, falsify
-    from rtamt_gym.search.naming import named_system
-    from rtamt_gym.search.saved_case import check_name
-    from rtamt_gym.search.sweep import FailedSimulationWarning
+    from rtamt_gym.search.falsification.falsify import IrreproducibleWarning, falsify
+    from rtamt_gym.search.runs.naming import named_system
+    from rtamt_gym.search.runs.saved_case import check_name
+    from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.simulation.policies import policy_of
 
     check_outputs(options.save, options.record, picture=options.plot)
@@ -199,7 +199,7 @@ def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:
 
 def _lines(found: Falsification, options: argparse.Namespace, notes: list[str]) -> Iterator[str]:
     """What was found, why, and the files that hold it."""
-    from rtamt_gym.search.report import failures
+    from rtamt_gym.search.runs.report import failures
 
     yield str(found)
     if not math.isnan(found.robustness):
@@ -221,7 +221,7 @@ def _lines(found: Falsification, options: argparse.Namespace, notes: list[str]) 
 
 def _to_json(found: Falsification) -> str:
     """The outcome as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
-    from rtamt_gym.search.report import strict_json
+    from rtamt_gym.search.runs.report import strict_json
 
     height = found.robustness
     return strict_json(

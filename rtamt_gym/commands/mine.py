@@ -18,8 +18,8 @@ from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.trace import Trace
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.mining import Mined
-    from rtamt_gym.search.mining_traces import Samples
+    from rtamt_gym.search.mining.mining import Mined
+    from rtamt_gym.search.mining.traces import Samples
 
 __all__ = ["add_arguments", "run"]
 
@@ -58,9 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Mines the parameter and prints what was found; returns 0."""
-    from rtamt_gym.search.mining import mined_over
-    from rtamt_gym.search.mining_requirement import check_parameter, template, unmarked
-    from rtamt_gym.search.mining_traces import notes_on
+    from rtamt_gym.search.mining.mining import mined_over
+    from rtamt_gym.search.mining.requirement import check_parameter, template, unmarked
+    from rtamt_gym.search.mining.traces import notes_on
 
     name, low, high = _read_range(options.range)
     tolerance = _read_tolerance(options.tolerance)
@@ -130,7 +130,7 @@ def _text_of(word: str) -> str:
 
 def _read(asked: Asked, path: str) -> Samples:
     """Reads a trace as the rules say."""
-    from rtamt_gym.search.mining_traces import Samples
+    from rtamt_gym.search.mining.traces import Samples
 
     trace, period = read_trace_of(asked, path)
     if not isinstance(trace, Trace):

@@ -12,7 +12,7 @@ from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.tables import counted, number, sample_text
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.saved_case import SavedCase
+    from rtamt_gym.search.runs.saved_case import SavedCase
     from rtamt_gym.simulation.run import Run
 
 __all__ = ["add_arguments", "run"]
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the case, prints the run and its verdict; returns 1 if it is not the expected one."""
-    from rtamt_gym.search.saved_case import SavedCase
+    from rtamt_gym.search.runs.saved_case import SavedCase
 
     check_outputs(options.save, picture=options.plot, inputs=[options.case])
     saved = SavedCase.load(options.case)
@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
         print("", f"run: {options.save}", sep="\n")
     if options.plot:
         from rtamt_gym.drawing import save
-        from rtamt_gym.search.falsification import with_inputs
+        from rtamt_gym.search.falsification.falsification import with_inputs
         from rtamt_gym.simulation.plot import draw
 
         save(draw([with_inputs(made, saved.case)]), options.plot)
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _lines(saved: SavedCase, made: Run) -> Iterator[str]:
-    from rtamt_gym.search.report import case_lines
+    from rtamt_gym.search.runs.report import case_lines
 
     course = made.courses[saved.name]
     yield f"{saved.name} of {made.system}"

@@ -26,7 +26,7 @@ from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.sweep import Sweep
+    from rtamt_gym.search.sweeps.sweep import Sweep
 
 __all__ = ["add_arguments", "run"]
 
@@ -129,7 +129,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the sweep, prints what came of it and writes the files asked for; returns 0."""
-    from rtamt_gym.search.sweep import FailedSimulationWarning, sweep
+    from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning, sweep
     from rtamt_gym.simulation.environments import make
     from rtamt_gym.simulation.policies import policy_of
 
@@ -204,7 +204,7 @@ def _check_map(
     columns: Sequence[str], requirements: Collection[str], options: argparse.Namespace
 ) -> None:
     """Refuses a heat map that cannot be drawn, before anything runs."""
-    from rtamt_gym.search.heights import two_of
+    from rtamt_gym.search.sweeps.heights import two_of
 
     if len(requirements) > 1:
         raise InputError(f"--heat-map: expected one --requirement, got {listing(requirements)}")
@@ -235,7 +235,7 @@ def _moved(done: Sweep, name: str) -> str:
 
 def _write(done: Sweep, options: argparse.Namespace) -> None:
     """Writes the files that were asked for."""
-    from rtamt_gym.search.report import to_json
+    from rtamt_gym.search.runs.report import to_json
 
     if options.save:
         done.save(options.save)

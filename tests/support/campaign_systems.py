@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Event
 from typing import Self
 
-from rtamt_gym.search.runner import CaseLike, Runner
+from rtamt_gym.search.runs.runner import CaseLike, Runner
 
 __all__ = ["Alive", "noted", "program", "tank", "tank_runner", "tank_tasks", "troubled"]
 

@@ -8,8 +8,8 @@ from typing import Any
 from campaign_systems import tank_runner, troubled
 
 from rtamt_gym import Parameter, sweep
-from rtamt_gym.search.campaign import run_campaign
-from rtamt_gym.search.record import Record
+from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.search.runs.record import Record
 
 __all__ = ["check"]
 

@@ -10,7 +10,7 @@ import mujoco  # type: ignore[import-untyped]
 import staliro
 
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.search.taliro import TaliroSystem
+from rtamt_gym.search.falsification.taliro import TaliroSystem
 
 PENDULUM = """
 <mujoco model="pendulum">

@@ -9,7 +9,7 @@ import pytest
 
 from rtamt_gym import Record, Sweep
 from rtamt_gym.__main__ import main
-from rtamt_gym.search.samplers import Sampler
+from rtamt_gym.search.sweeps.samplers import Sampler
 
 SYSTEM = "rtamt/RequestGrant-v0"
 Output = pytest.CaptureFixture[str]

@@ -18,13 +18,14 @@ from mujoco_models import arm
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Case, Parameter, Sweep, sweep
 from rtamt_gym.__main__ import main
-from rtamt_gym.search import campaign, campaign_process
-from rtamt_gym.search.campaign import run_campaign
-from rtamt_gym.search.campaign_process import Setup, end_processes, run_chunk
-from rtamt_gym.search.campaign_recipe import Recipe
-from rtamt_gym.search.campaign_workers import chosen
-from rtamt_gym.search.record import Record
-from rtamt_gym.search.runner import Runner
+from rtamt_gym.search.campaigns import campaign
+from rtamt_gym.search.campaigns import process as campaign_process
+from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.search.campaigns.process import Setup, end_processes, run_chunk
+from rtamt_gym.search.campaigns.recipe import Recipe
+from rtamt_gym.search.campaigns.workers import chosen
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.runner import Runner
 
 GRANTS = "rtamt/RequestGrant-v0"
 NOISE = Parameter("noise", 0.1, 1)

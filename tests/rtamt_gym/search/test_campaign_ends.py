@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from campaign_systems import Alive, noted, program, tank_runner, tank_tasks, troubled
 
-from rtamt_gym.search.campaign import run_campaign
-from rtamt_gym.search.record import Record
+from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.search.runs.record import Record
 
 FINE, EXITS, KILLED, HANGS, RAISES, ONCE = 0, 1, 2, 4, 5, 6
 
@@ -41,7 +41,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from campaign_systems import noted, tank_runner, tank_tasks
-from rtamt_gym.search.campaign import run_campaign
+from rtamt_gym.search.campaigns.campaign import run_campaign
 place = Path(sys.argv[1])
 system = noted(place / "runs", place / "alive", hangs=0.5)
 run_campaign(tank_runner(system), tank_tasks(40), n_jobs=2, folder=place / "campaign")

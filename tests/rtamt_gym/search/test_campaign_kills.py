@@ -11,15 +11,16 @@ from typing import Any, Self
 import pytest
 from campaign_systems import Alive, program, tank_runner, tank_tasks
 
-from rtamt_gym.search import campaign_folder
-from rtamt_gym.search.campaign import run_campaign
-from rtamt_gym.search.record import Record
+from rtamt_gym.search.campaigns import folder as campaign_folder
+from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.search.runs.record import Record
 
 PROGRAM = """
 import os, random, signal, sys
 from pathlib import Path
 from campaign_systems import noted, tank_runner, tank_tasks
-from rtamt_gym.search import campaign, record, storage
+from rtamt_gym.search.campaigns import campaign
+from rtamt_gym.search.runs import record, storage
 
 SEED, COUNT, KILLS = map(int, sys.argv[1:4])
 PLACE = Path(sys.argv[4])
@@ -32,7 +33,7 @@ def trace(frame, event, _):
     global left
     code = frame.f_code
     # What is done for each task would hide what is done for each chunk.
-    if "rtamt_gym/search/campaign" not in code.co_filename or code.co_name in OF_TASKS:
+    if "rtamt_gym/search/campaigns" not in code.co_filename or code.co_name in OF_TASKS:
         return None
     if event == "line":
         left -= 1

@@ -9,7 +9,7 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 
 import rtamt
 from rtamt_gym import Falsification, Parameter, falsify, simulate
-from rtamt_gym.search.optimizers import OPTIMIZERS
+from rtamt_gym.search.falsification.optimizers import OPTIMIZERS
 
 TRANSMISSION = "rtamt/AutomaticTransmission-v0"
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rtamt_gym.search.coverage import coverage_of
-from rtamt_gym.search.evolution import Climb
-from rtamt_gym.search.points import Pieces, extremes, spread, take
+from rtamt_gym.search.falsification.coverage import coverage_of
+from rtamt_gym.search.falsification.evolution import Climb
+from rtamt_gym.search.falsification.points import Pieces, extremes, spread, take
 
 SIZES = st.lists(st.integers(1, 7), min_size=1, max_size=4)
 

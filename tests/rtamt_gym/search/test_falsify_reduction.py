@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import rtamt
 from rtamt_gym import Case, Parameter, Signal, Waveform, falsify
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.reduction import reduced
-from rtamt_gym.search.rows import Row
+from rtamt_gym.search.falsification.reduction import reduced
+from rtamt_gym.search.runs.rows import Row
 
 SPACE = Space(
     [

@@ -10,9 +10,9 @@ import pytest
 from rtamt import InputError, Verdict
 from rtamt_gym import Parameter, Record, Sweep, sweep
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.indices import Indices, indices
-from rtamt_gym.search.rows import Outcome, Row
-from rtamt_gym.search.samplers import sample
+from rtamt_gym.search.runs.rows import Outcome, Row
+from rtamt_gym.search.sweeps.indices import Indices, indices
+from rtamt_gym.search.sweeps.samplers import sample
 
 LIMIT = math.pi
 A, B = 7.0, 0.1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rtamt_gym import Case, Parameter, Runner, Signal, Waveform, sweep
 from rtamt_gym.inputs.ranges import Interpolation
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.rows import Row
+from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop
 

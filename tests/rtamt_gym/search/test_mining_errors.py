@@ -9,7 +9,7 @@ import pytest
 import rtamt
 from rtamt import InputError, InputTypeError, ParseError, SpecificationError
 from rtamt_gym import mine
-from rtamt_gym.search.mining_requirement import unmarked
+from rtamt_gym.search.mining.requirement import unmarked
 
 CALM = {"speed": [10.0, 24.5, 18.0]}
 FAST = {"speed": [10.0, 22.0, 31.25, 12.0]}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rtamt import InputError, Verdict
 from rtamt_gym import Case, Record, Waveform
-from rtamt_gym.search.rows import Outcome, Row
+from rtamt_gym.search.runs.rows import Outcome, Row
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 NUMBERS = st.floats(allow_nan=False)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Parameter, Signal
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.samplers import Sampler, sample
+from rtamt_gym.search.sweeps.samplers import Sampler, sample
 
 FREE: tuple[Sampler, ...] = ("sobol", "lhs", "random")
 ALL: tuple[Sampler, ...] = (*FREE, "grid", "morris", "saltelli")

@@ -11,7 +11,7 @@ import pytest
 
 from rtamt import RtamtError
 from rtamt_gym import Fmus, Parameter, SavedCase, falsify
-from rtamt_gym.search.naming import import_path, named_object, named_system, system_name
+from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
 
 SPACE = [Parameter("inflow", 0, 1)]
 NAMED = (

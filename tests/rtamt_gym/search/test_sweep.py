@@ -13,7 +13,7 @@ import pytest
 
 from rtamt import InputError, InputTypeError, SpecificationError
 from rtamt_gym import Case, Parameter, Signal, Sweep, Waveform, simulate, sweep
-from rtamt_gym.search.sweep import FailedSimulationWarning
+from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
 
 DRY = {"dry": "always(level < 2)"}
 INFLOW, LEAK = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)

@@ -21,7 +21,7 @@ from staliro.specifications import rtamt as theirs
 
 import rtamt
 from rtamt_gym import Case, Parameter, Run, Runner, Signal, Waveform, falsify, simulate
-from rtamt_gym.search.taliro import TaliroProblem, TaliroSystem
+from rtamt_gym.search.falsification.taliro import TaliroProblem, TaliroSystem
 
 PERIOD = 0.25
 FACTORIES = {"hold": piecewise_constant, "linear": piecewise_linear, "pchip": pchip}

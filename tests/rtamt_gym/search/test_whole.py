@@ -11,8 +11,8 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 import rtamt
 from rtamt import Specification, Verdict
 from rtamt_gym import Runner, Space
-from rtamt_gym.search.rows import Row
-from rtamt_gym.search.whole import Whole, judged_whole
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.whole import Whole, judged_whole
 from rtamt_gym.simulation.record import Stop
 
 TRANSMISSION, CARS = "rtamt/AutomaticTransmission-v0", "rtamt/ChasingCars-v0"

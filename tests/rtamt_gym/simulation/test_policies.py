@@ -119,8 +119,10 @@ def test_a_function_of_a_module_in_the_working_directory_acts(
         *(
             (
                 text,
-                "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
-                f"got {text!r}",
+                (
+                    "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, "
+                    f"got {text!r}"
+                ),
             )
             for text in ("", ":", ":act", "sb3:", "sb3", "a b")
         ),

@@ -1,0 +1,1 @@
+"""Runs many cases on processes or machines, and loses none to a kill."""

@@ -1,0 +1,224 @@
+"""`run_campaign`: many runs, on several processes or machines, that a kill does not lose."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from typing import TYPE_CHECKING, Any, Final
+from uuid import uuid4
+
+from rtamt import InputError, Verdict
+from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.search.campaigns.folder import Folder, digest
+from rtamt_gym.search.campaigns.process import Setup, Task, end_processes, run_chunk
+from rtamt_gym.search.campaigns.recipe import Recipe
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import CaseLike, Runner
+
+if TYPE_CHECKING:  # joblib is optional
+    from rtamt_gym.search.campaigns.workers import Backend
+
+__all__ = ["run_campaign"]
+
+_Rows = list[tuple[int, Row]]
+"""Rows with the numbers of their tasks."""
+
+_SECONDS: Final = 1.0
+"""About how long a chunk should take: a kill loses that much, and its file is written in less."""
+
+_MOST: Final = 1000
+"""The most tasks of a chunk."""
+
+
+def run_campaign(
+    runner: Runner,
+    tasks: Iterable[tuple[CaseLike, int | None]],
+    *,
+    n_jobs: int | None = None,
+    backend: Backend | None = None,
+    timeout: float | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    about: Mapping[str, Any] | None = None,
+    what: str = "campaign",
+    progress: bool = False,
+) -> Record:
+    """Runs a case with its seed for each task; keeps a row of each.
+
+    The record does not depend on how many workers there are, or which run is over first.
+
+    Several tasks go to a worker at once, about a second's work, or as many as run side by side.
+
+    Args:
+        runner: Runs the cases. Other processes make it anew from what it was made of.
+        tasks: The case of each run, and its seed (None for a system without seeds).
+        n_jobs: How many runs, or batches of lanes, run at once, each in a process of its own;
+            -1: as many as there are cores. None: one after the other in this process, unless
+            ``backend`` or ``timeout`` is given.
+        backend: The backend of joblib that has the workers. None: this machine.
+            ``"dask"``: those of the present Dask client; ``"ray"``: those of Ray.
+        timeout: The seconds that a run may take. One that takes longer is ended, whatever it does,
+            and has a ``TimeoutError`` in its row; so is a run that ends its process twice,
+            with a ``ChildProcessError``. A first run may have code to compile.
+        folder: Where finished runs are kept. A campaign that was interrupted, by whatever, goes on
+            there with the runs that it does not have.
+        about: What is kept with the record, as JSON can write it, and tells the campaign from
+            others.
+        what: Names the campaign on the bar of progress.
+        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
+
+    Returns:
+        A row for each task, in their order.
+
+    Raises:
+        InputError: If an argument is wrong, the folder holds another campaign, or another process
+            cannot make the system.
+        InputTypeError: If the system cannot be sent to another process.
+    """
+    listed: list[Task] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
+    check_choice("backend", backend, (None, "dask", "ray"))
+    if timeout is not None:
+        timeout = check_number("timeout", timeout)
+    if n_jobs is not None and (type(n_jobs) is not int or n_jobs == 0):
+        raise InputError(f"expected n_jobs= as a whole number, or -1 for all cores, got {n_jobs!r}")
+    requirements = {name: str(spec.formula) for name, spec in runner.requirements.items()}
+    rows: dict[int, Row] = {}
+    with ExitStack() as stack:
+        kept = None
+        if folder is not None:
+            identity = {
+                "system": runner.name,
+                "requirements": requirements,
+                **Recipe(runner).identity(),
+                **(about or {}),
+                "number of runs": len(listed),
+                "runs": digest(task[1:] for task in listed),
+            }
+            kept = stack.enter_context(
+                Folder(folder, identity, about or {}, requirements, runner.name)
+            )
+            rows = kept.rows()
+        chunks = Chunks([task for task in listed if task[0] not in rows], runner)
+        if n_jobs is None and backend is None and timeout is None:
+            over: Iterator[_Rows] = (_run_here(runner, chunk) for chunk in chunks)
+        else:
+            over = stack.enter_context(_elsewhere(runner, chunks, n_jobs, backend, timeout))
+        note = _Note(runner.duration, rows.values())
+        bar = shown_progress(what, len(listed) if progress else 0, "run")
+        advance = stack.enter_context(bar)
+        advance(len(rows), str(note))
+        for finished in over:
+            if kept is not None:
+                kept.add(finished)
+            rows |= finished
+            chunks.learn(finished)
+            note.take(row for _, row in finished)
+            advance(len(finished), str(note))
+        record = Record((rows[i] for i in range(len(listed))), requirements, runner.name)
+        if kept is not None:
+            kept.finish(record)
+        return record
+
+
+class Chunks(Iterator[list[Task]]):
+    """Deals tasks out, in chunks that grow until they take about a second.
+
+    Where cases run side by side, a chunk is what runs at once.
+
+    Args:
+        tasks: The tasks.
+        runner: What runs them.
+    """
+
+    def __init__(self, tasks: Sequence[Task], runner: Runner) -> None:
+        self._tasks = tasks
+        self._batch = runner.batch
+        self._workers = 1
+        self._begin = 0
+        self._finished = 0
+        self._wall = 0.0
+
+    def share(self, workers: int) -> None:
+        """Makes chunks small enough for so many workers."""
+        self._workers = workers
+
+    def learn(self, rows: _Rows) -> None:
+        """Learns from finished tasks how long one takes."""
+        self._finished += len(rows)
+        self._wall += sum(row.wall for _, row in rows)
+
+    def __len__(self) -> int:
+        """The number of tasks that are left."""
+        return len(self._tasks) - self._begin
+
+    def __next__(self) -> list[Task]:
+        if not len(self):
+            raise StopIteration
+        size = self._batch
+        if self._batch == 1 and self._finished:
+            size = min(_MOST, max(1, int(_SECONDS * self._finished / max(self._wall, 1e-9))))
+        size = max(1, min(size, math.ceil(len(self) / self._workers)))
+        self._begin += size
+        return list(self._tasks[self._begin - size : self._begin])
+
+
+class _Note:
+    """What the bar of progress says: violations, the least robustness, simulated time saved."""
+
+    def __init__(self, duration: float | None, rows: Iterable[Row]) -> None:
+        self._duration = duration
+        self._violated = 0
+        self._least = math.inf
+        self._saved = 0.0
+        self.take(rows)
+
+    def take(self, rows: Iterable[Row]) -> None:
+        """Takes finished runs in."""
+        for row in rows:
+            outcomes = row.outcomes.values()
+            self._violated += any(each.verdict is Verdict.VIOLATED for each in outcomes)
+            self._least = min([self._least, *(each.robustness for each in outcomes)])
+            if row.ended in {"violation", "decided"} and self._duration is not None:
+                self._saved += self._duration - row.simulated
+
+    def __str__(self) -> str:
+        if self._least == math.inf:
+            return ""
+        saved = f", {self._saved:.0f} s of simulation saved" if self._saved else ""
+        return f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
+
+
+def _run_here(runner: Runner, tasks: Sequence[Task]) -> _Rows:
+    seeds: Any = [seed for _, _, seed in tasks] if runner.takes_seeds else None
+    over = runner.run([case for _, case, _ in tasks], seeds)
+    return [(tasks[index][0], row) for index, row in over]
+
+
+@contextmanager
+def _elsewhere(
+    runner: Runner,
+    chunks: Chunks,
+    n_jobs: int | None,
+    backend: Backend | None,
+    timeout: float | None,
+) -> Iterator[Iterator[_Rows]]:
+    """Gives the rows of each chunk as soon as a worker has run it; ends the workers at its end."""
+    try:
+        from rtamt_gym.search.campaigns import workers
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, "n_jobs=") from error
+    sent = Recipe(runner).pickled(runner.name)
+    with workers.chosen(backend, n_jobs) as (count, threads):
+        chunks.share(count)
+        setup = Setup(uuid4().hex, sent, timeout, threads, tuple(sys.path))
+        with closing(workers.spread(run_chunk, setup, chunks, count)) as over:
+            try:
+                yield over
+            finally:
+                end_processes(setup.name)

@@ -1,0 +1,61 @@
+"""What the process does that `campaign_process` starts: it makes a runner and runs tasks."""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import pickle
+import select
+import signal
+import sys
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
+
+from rtamt_gym.recorded.progress import silence
+
+if TYPE_CHECKING:  # the process ends with its parent before anything large is imported
+    from rtamt_gym.search.campaigns.recipe import Recipe
+
+__all__ = ["main"]
+
+
+def main(pipe: int, alive: int, idle: float) -> None:
+    """Runs tasks until there are no more.
+
+    Args:
+        pipe: The file descriptor of the pipe that brings tasks and takes rows.
+        alive: That of a pipe that ends when the process that has started this one ends.
+        idle: Seconds without tasks after which it ends too.
+    """
+    _end_with(alive)
+    faulthandler.enable()  # it says on stderr where a simulation crashed
+    silence()
+    connection = Connection(pipe)
+    try:
+        recipe: Recipe = pickle.loads(connection.recv_bytes())  # noqa: S301 - of our own parent
+        runner = recipe.runner()
+    except Exception as error:  # noqa: BLE001 - the parent raises it
+        connection.send(f"{type(error).__name__}: {error}")
+        return
+    connection.send("")
+    with runner, suppress(EOFError):  # the end of the pipe may come before that of `alive`
+        while connection.poll(idle) and (tasks := connection.recv()):
+            seeds = [seed for _, seed in tasks] if runner.takes_seeds else None
+            for over in runner.run([case for case, _ in tasks], seeds):
+                connection.send(over)
+            connection.send((0, None))
+
+
+def _end_with(alive: int) -> None:
+    """Ends this process, and what it starts, as soon as the one that has started it ends.
+
+    The system does it, by a signal: no code of ours runs while a simulation hangs in C.
+    """
+    import fcntl
+
+    signal.signal(signal.SIGIO, signal.SIG_DFL)
+    fcntl.fcntl(alive, fcntl.F_SETOWN, -os.getpgrp())
+    fcntl.fcntl(alive, fcntl.F_SETFL, fcntl.fcntl(alive, fcntl.F_GETFL) | os.O_ASYNC)
+    if select.select([alive], [], [], 0)[0]:  # it has ended already
+        sys.exit(1)

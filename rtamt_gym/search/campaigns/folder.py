@@ -1,0 +1,189 @@
+"""The folder of a campaign: finished runs as small Parquet files, so that it can go on later.
+
+Every file is complete from the moment it has its name, whenever the program or the machine dies.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any, Final, Self
+
+from rtamt import InputError
+from rtamt_gym.checks.names import listing
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.search.runs.files import CAMPAIGN, PARTS, RECORD, finished, read
+from rtamt_gym.search.runs.record import Record, storage
+from rtamt_gym.search.runs.rows import Row
+
+__all__ = ["Folder", "digest"]
+
+_WRITING: Final = "writing-"
+"""What the name of a file begins with until it is complete."""
+
+_WHAT: Final = "a campaign with folder="
+"""What needs the extra that reads and writes the files."""
+
+
+class Folder:
+    """The folder of one campaign, held by one process at a time.
+
+    Args:
+        path: The folder; it is made if there is none.
+        identity: What tells the campaign from others, as JSON can write it.
+        about: What is kept with the record, as JSON can write it.
+        requirements: The text of each requirement, by name.
+        system: The name of the system.
+
+    Raises:
+        InputError: If the folder holds another campaign, or files of something else, or another
+            process runs the campaign now.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        identity: Mapping[str, Any],
+        about: Mapping[str, Any],
+        requirements: Mapping[str, str],
+        system: str,
+    ) -> None:
+        self._path = Path(path)
+        self._about = about
+        self._requirements = requirements
+        self._system = system
+        kept = {
+            "system": system,
+            "requirements": dict(requirements),
+            "also": about,
+            "identity": identity,
+        }
+        text = json.dumps(kept, indent=1) + "\n"
+        found = self._check(json.loads(text)["identity"])
+        self._path.mkdir(parents=True, exist_ok=True)
+        self._lock = _locked(self._path)
+        try:
+            for left in self._path.glob(f"{_WRITING}*"):
+                left.unlink()
+            if not found:
+                self._write(CAMPAIGN, lambda path: path.write_text(text, encoding="utf-8"))
+            self._number = max(
+                (int(part.stem.rpartition("-")[2]) for part in self._path.glob(PARTS)), default=0
+            )
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Lets other processes have the folder."""
+        self._lock.close()
+
+    def rows(self) -> dict[int, Row]:
+        """The finished runs, by the numbers of their tasks."""
+        return finished(self._path, storage(_WHAT).load)[0]
+
+    def add(self, rows: Sequence[tuple[int, Row]]) -> None:
+        """Keeps finished runs, given with the numbers of their tasks; they are there for good."""
+        record = Record((row for _, row in rows), self._requirements, self._system)
+        numbers = [number for number, _ in rows]
+        self._number += 1
+        self._write(
+            f"part-{self._number:06d}.parquet",
+            lambda path: record.write(path, _WHAT, {"tasks": numbers}),
+        )
+
+    def finish(self, record: Record) -> None:
+        """Replaces the parts by one file of all runs."""
+        if not (self._path / RECORD).exists():
+            self._write(RECORD, lambda path: record.write(path, _WHAT, self._about))
+        for part in self._path.glob(PARTS):
+            part.unlink()
+
+    def _check(self, identity: Mapping[str, Any]) -> bool:
+        """Refuses a folder of something else; returns whether it holds this campaign."""
+        if not self._path.exists():
+            return False
+        if not self._path.is_dir():
+            raise InputError(f"expected folder= as a folder, got the file {self._path}")
+        if not (self._path / CAMPAIGN).exists():
+            others = [each.name for each in self._path.iterdir() if not _is_own(each.name)]
+            if others:
+                raise InputError(
+                    f"expected folder= as a new folder or that of a campaign, got {self._path}, "
+                    f"which holds {listing(sorted(others)[:3])}"
+                )
+            return False
+        found = read(self._path)["identity"]
+        for key in dict.fromkeys([*identity, *found]):
+            if identity.get(key) != found.get(key):
+                raise InputError(
+                    f"{self._path} holds another campaign: its {key} {_differing(found, key)}, not "
+                    f"{_short(identity.get(key))}; give another folder, or remove this one"
+                )
+        return True
+
+    def _write(self, name: str, write: Callable[[Path], object]) -> None:
+        """Writes a file that has its name when it is complete, and on the disk."""
+        unfinished = self._path / f"{_WRITING}{name}"
+        write(unfinished)
+        _to_disk(unfinished)
+        unfinished.replace(self._path / name)
+        _to_disk(self._path)
+
+
+def digest(tasks: Iterable[tuple[Case, int | None]]) -> str:
+    """A text that only these tasks have."""
+    found = hashlib.sha256()
+    for case, seed in tasks:
+        found.update(f"{case.to_json()} {seed}\n".encode())
+    return found.hexdigest()[:32]
+
+
+def _locked(path: Path) -> IO[str]:
+    """The lock of a folder; the system frees it when the process ends, however it ends."""
+    lock = (path / "lock").open("w", encoding="utf-8")
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # not on Windows
+        return lock
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        lock.close()
+        raise InputError(
+            f"another process runs the campaign in {path}; wait for it, or end it"
+        ) from error
+    return lock
+
+
+def _is_own(name: str) -> bool:
+    return name == "lock" or name.startswith(_WRITING)
+
+
+def _differing(found: Mapping[str, Any], key: str) -> str:
+    return f"is {_short(found[key])}" if key in found else "is not said"
+
+
+def _short(value: Any) -> str:  # noqa: ANN401 - as in JSON
+    text = json.dumps(value)
+    return text if len(text) <= 200 else f"{text[:197]}..."
+
+
+def _to_disk(path: Path) -> None:
+    """Waits until a file or folder is on the disk."""
+    with suppress(OSError):  # a folder on Windows
+        opened = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)

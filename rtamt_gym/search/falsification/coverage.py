@@ -1,0 +1,56 @@
+"""`Coverage`: how much of a space simulations have seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rtamt_gym.search.falsification.points import quasi_random, take
+from rtamt_gym.search.falsification.protocol import Floats
+
+__all__ = ["Coverage", "coverage_of"]
+
+_PROBES: Final = 512
+"""The points whose distances are measured: a power of two, which a Sobol sequence is even for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """How much of a space simulations have seen. It guarantees nothing about what lies between.
+
+    Attributes:
+        simulations: The number of simulations.
+        columns: The number of columns of the space.
+        gap: The widest part of the range of one column that no simulation lies in, as a share of
+            the range; of all columns the greatest. Columns are looked at one by one.
+        distance: How far a case of the space is from the nearest simulation: in the column in which
+            the two differ most, as a share of the range, the median over evenly spread cases.
+            Columns are looked at together: in many columns it is large after any number of
+            simulations that one can afford.
+    """
+
+    simulations: int
+    columns: int
+    gap: float
+    distance: float
+
+    def __str__(self) -> str:
+        simulations = "simulation" if self.simulations == 1 else "simulations"
+        one = self.columns == 1
+        return (
+            f"{self.simulations} {simulations} in {self.columns} {'column' if one else 'columns'}: "
+            f"no column has a gap wider than {self.gap:.2g} of its range; half of all cases differ "
+            f"from every simulated one by {self.distance:.2g} of a range or more in some column"
+        )
+
+
+def coverage_of(points: Floats) -> Coverage:
+    """How much of the unit cube points have seen: an array of shape (points, dimension)."""
+    count, dimension = points.shape
+    ends = np.zeros((1, dimension)), np.ones((1, dimension))
+    gap = np.diff(np.sort(np.concatenate([*ends, points]), axis=0), axis=0).max()
+    probes = take(quasi_random(dimension, np.random.default_rng(0)), _PROBES, dimension)
+    distances = [float(np.abs(points - probe).max(axis=1).min()) for probe in probes]
+    return Coverage(count, dimension, float(gap), float(np.median(distances)))

@@ -1,0 +1,205 @@
+"""`Falsification`: what a search for a violation has found."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from rtamt import Explanation
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.space import Space
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.search.falsification.coverage import Coverage
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.report import case_lines
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.tables import counted, number
+
+__all__ = ["Falsification", "with_inputs"]
+
+_WIDTH = 79
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Falsification:
+    """What a search for an input that violates a requirement has found; `falsify` makes it.
+
+    ``print`` tells all of it.
+
+    Attributes:
+        falsified: Whether a simulation violates a requirement.
+        requirement: The name of the requirement that is violated; if none is, of that which came
+            closest.
+        row: The simulation that violates, that of the reduced input; if none does, the closest.
+        found: The case that violates as it was found, before it was reduced; if none does, the
+            closest.
+        record: All simulations of the search, in their order; those of the reduction are not in it.
+        space: What was searched.
+        scales: The scale of each predicate, by its text; empty where the search used none.
+        coverage: How much of the space the simulations have seen.
+        reductions: The simulations that the reduction took.
+        optimizer: The name of the optimizer.
+        budget: The most simulations that the search could make.
+        seed: The seed of the search.
+    """
+
+    falsified: bool
+    requirement: str
+    row: Row
+    found: Case
+    record: Record
+    space: Space
+    scales: Mapping[str, float]
+    coverage: Coverage
+    reductions: int
+    optimizer: str
+    budget: int
+    seed: int
+    _runner: Runner = field(compare=False)
+
+    @property
+    def input(self) -> Case:
+        """The case that violates, reduced; if none does, the closest."""
+        return self.row.case
+
+    @property
+    def simulations(self) -> int:
+        """The number of simulations up to the one that violates, that included."""
+        return len(self.record)
+
+    @property
+    def simulated_time(self) -> float:
+        """The simulated seconds of these (steps if there is no period)."""
+        return math.fsum(row.simulated for row in self.record)
+
+    @property
+    def robustness(self) -> float:
+        """The robustness of `requirement` in `row`, in its own units; nan if it has none."""
+        outcome = self.row.outcomes.get(self.requirement)
+        return math.nan if outcome is None else outcome.robustness
+
+    def replay(self) -> Run:
+        """Runs `input` again, alone, and keeps every sample.
+
+        Raises:
+            RtamtError: As `rtamt_gym.simulate` does.
+        """
+        return self._runner.simulate(self.input, self.row.seed)
+
+    def explain(self) -> Explanation:
+        """Which sub-formulas and samples decide the robustness of `requirement` on `input`."""
+        return self.replay().explain(self.requirement)
+
+    def plot(self, path: str | os.PathLike[str]) -> None:
+        """Draws `input` and the run that it makes into a file: .png, .svg, .pdf.
+
+        Waveforms stand above the signals of the run; numbers are in the title. Needs the extra
+        ``plot``.
+
+        Raises:
+            InputError: If the extension is not that of a picture.
+        """
+        try:
+            from rtamt_gym import drawing
+            from rtamt_gym.simulation.plot import draw
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "Falsification.plot") from error
+        drawing.check_format(Path(path))
+        drawing.save(draw([with_inputs(self.replay(), self.input)]), Path(path))
+
+    def save(
+        self, path: str | os.PathLike[str], *, system: str | None = None, policy: str | None = None
+    ) -> None:
+        """Writes a file from which ``rtamt replay`` and `SavedCase.load` run `input` again.
+
+        It is strict JSON, and holds the system's name and arguments, the requirement's text, the
+        input, the seed, and the verdict and robustness that come of it. Scenarios and registered
+        environments are named by their ids, FMUs by their paths, functions by their modules.
+
+        Args:
+            path: The name of the file, which ends in ``.json``.
+            system: A name ``module:name`` for a system that has none: of an object, or of a
+                function without arguments that makes it.
+            policy: A name for a policy that has none, as ``rtamt run --policy`` takes it.
+
+        Raises:
+            InputError: If a file can hold no name of the system, the policy or a signal, with the
+                way out.
+        """
+        from rtamt_gym.search.runs.saved_case import SavedCase, check_name
+
+        check_name(path)
+        # The search stops a run that cannot become the closest, once enough of it is known.
+        whole = self.row.ended != "known"
+        row = self.row if whole else Row.of(self.replay(), self.input)
+        names = {"system": system, "policy": policy}
+        SavedCase.of(self._runner, self.requirement, row, Path(path).parent, **names).save(path)
+
+    def __repr__(self) -> str:
+        what = "falsified" if self.falsified else "not falsified"
+        return (
+            f"<Falsification: {self.requirement} of {self.record.system} {what}, "
+            f"{counted(self.simulations, 'simulation')}, robustness {number(self.robustness)}>"
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines())
+
+    def _lines(self) -> list[str]:
+        name, system = self.requirement, self.record.system
+        end = "is violated" if self.falsified else "was not violated"
+        lines = [f"{name} of {system} {end}: robustness {number(self.robustness)}"]
+        lines += _wrapped(self.record.requirements[name])
+        took = f"{self.simulated_time:.6g} simulated seconds, optimizer {self.optimizer}"
+        took += f", seed {self.seed}"
+        if self.falsified:
+            lines += ["", *_wrapped(f"simulation {self.simulations} of {self.budget}; {took}", "")]
+            lines.append("input:")
+        else:
+            runs = counted(self.simulations, "simulation")
+            lines += ["", *_wrapped(f"{runs}; {took}", ""), "input of the closest:"]
+        lines += case_lines(self.input)
+        if self.reductions:
+            before, after = _size(self.found), _size(self.input)
+            runs = counted(self.reductions, "more simulation")
+            lines += _wrapped(f"reduced from {before} numbers to {after} by {runs}", "")
+        if failed := len(self.record.failed()):
+            lines.append(f"{counted(failed, 'simulation')} failed: record.failed()")
+        if self.scales:
+            scales = ", ".join(f"{text}: {number(it)}" for text, it in self.scales.items())
+            lines += _wrapped(f"scales of the search: {scales}", "")
+        lines += _wrapped(f"seen, without any guarantee: {self.coverage}", "")
+        return lines
+
+
+def _wrapped(text: str, indent: str = "  ") -> list[str]:
+    return wrap(text, _WIDTH, initial_indent=indent, subsequent_indent="  ")
+
+
+def _size(case: Case) -> int:
+    """How many numbers describe a case."""
+    return len(case.columns())
+
+
+def with_inputs(run: Run, case: Case) -> Any:  # noqa: ANN401 - what is drawn as a run
+    """A run with the waveforms of its case among its signals, and the numbers as its label."""
+    from dataclasses import replace
+
+    times = np.arange(run.steps + 1) * float(run.period or 1)
+    waves = {
+        name: entry.at(times)
+        for name, entry in case.items()
+        if isinstance(entry, Waveform) and name not in run.signals
+    }
+    numbers = [f"{name}={entry:g}" for name, entry in case.items() if isinstance(entry, float)]
+    return replace(run, signals={**waves, **run.signals}, label=", ".join(numbers[:3]))

@@ -1,0 +1,126 @@
+"""Optimizers by name: how a search chooses its points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import count
+from typing import Final
+
+import numpy as np
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.search.falsification.evolution import Climb, population_of
+from rtamt_gym.search.falsification.points import extremes, quasi_random, take
+from rtamt_gym.search.falsification.portfolio import portfolio
+from rtamt_gym.search.falsification.protocol import Evaluate, Optimizer
+
+__all__ = ["OPTIMIZERS", "OptimizerLike", "find_optimizer"]
+
+OptimizerLike = str | Optimizer
+"""The name of an optimizer, or one's own."""
+
+_BATCH: Final = 64
+"""The points that are asked for at once where their number is free."""
+
+
+def find_optimizer(given: OptimizerLike) -> Optimizer:
+    """The optimizer of a name; one's own as it is.
+
+    Raises:
+        InputError: If there is no optimizer of this name.
+        InputTypeError: If it is neither a name nor a function.
+    """
+    if isinstance(given, str):
+        if given not in OPTIMIZERS:
+            raise InputError(
+                f"there is no optimizer {given!r}; there are {listing(OPTIMIZERS)}"
+                f"{nearest(given, OPTIMIZERS)}"
+            )
+        return OPTIMIZERS[given]
+    if not callable(given):
+        raise InputTypeError(
+            f"expected optimizer= as a name or a function (evaluate, dimension, rng), got {given!r}"
+        )
+    return given
+
+
+def _random(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+    """Independent uniform points."""
+    while True:
+        evaluate(rng.random((_BATCH, dimension)))
+
+
+def _sobol(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+    """A scrambled Sobol sequence."""
+    points = quasi_random(dimension, rng)
+    while True:
+        evaluate(take(points, _BATCH, dimension))
+
+
+def _corners(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:  # noqa: ARG001 - an optimizer's
+    """Inputs constant at the ends of their ranges, then every coordinate at an end of its own."""
+    for groups in (evaluate.groups, [slice(i, i + 1) for i in range(dimension)]):
+        points = extremes(groups)
+        while len(batch := take(points, _BATCH, dimension)):
+            evaluate(batch)
+
+
+def _cma(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+    """CMA-ES from random starts; after every second climb the population doubles."""
+    for number in count():
+        size = population_of(dimension) * 2 ** (number // 2)
+        climb = Climb(rng.random(dimension), rng, sigma=0.3, population=size)
+        while not climb.over:
+            climb.tell(evaluate(climb.ask(), climb.level))
+
+
+def _dual_annealing(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+    """Dual annealing of SciPy, as it comes."""
+    from scipy.optimize import dual_annealing
+
+    def value(point: np.ndarray) -> float:
+        return float(evaluate(point[None].clip(0.0, 1.0))[0])
+
+    while True:
+        dual_annealing(value, [(0.0, 1.0)] * dimension, seed=rng)
+
+
+def _differential_evolution(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+    """Differential evolution of SciPy; a generation runs as a whole."""
+    from scipy.optimize import differential_evolution
+
+    while True:
+        differential_evolution(
+            lambda points: evaluate(points.reshape(dimension, -1).T.clip(0.0, 1.0)),
+            [(0.0, 1.0)] * dimension,
+            vectorized=True,
+            updating="deferred",
+            polish=False,
+            seed=rng,
+        )
+
+
+def _tpe(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+    """The tree-structured Parzen estimator of Optuna."""
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=int(rng.integers(2**31))))
+    while True:
+        trial = study.ask()
+        point = [trial.suggest_float(str(i), 0.0, 1.0) for i in range(dimension)]
+        study.tell(trial, float(evaluate([point])[0]))
+
+
+OPTIMIZERS: Final[Mapping[str, Optimizer]] = {
+    "portfolio": portfolio,
+    "random": _random,
+    "sobol": _sobol,
+    "corners": _corners,
+    "cma": _cma,
+    "dual_annealing": _dual_annealing,
+    "differential_evolution": _differential_evolution,
+    "tpe": _tpe,
+}
+"""The optimizers by name."""

@@ -1,0 +1,94 @@
+"""Scales of predicates: what makes a robustness over several units one that a search can follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+import rtamt
+from rtamt import Formula, InputError, Specification
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.search.runs.trace import Trace
+
+__all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]
+
+
+def needs_scales(specs: Iterable[Specification]) -> bool:
+    """Whether some predicates read other variables than others do, and so may have other units."""
+    return len({_variables(each) for spec in specs for each in _predicates([spec])}) > 1
+
+
+def given_scales(
+    scales: Mapping[str, float], specs: Mapping[str, Specification]
+) -> dict[str, float]:
+    """Checks scales that were given; returns them by the canonical texts of the predicates.
+
+    Raises:
+        SpecificationError: If a name is no formula.
+        InputError: If a name is no predicate of a requirement, or a scale is not positive.
+    """
+    known = [str(each) for each in _predicates(specs.values())]
+    found = {}
+    for text, scale in scales.items():
+        name = str(rtamt.parse(text).formula)
+        if name not in known:
+            raise InputError(
+                f"scales= names {text!r}, which is no predicate; the predicates are "
+                f"{listing(known)}{nearest(name, known)}"
+            )
+        found[name] = check_number(f"scales[{text!r}]", scale)
+    return found
+
+
+def spreads(specs: Mapping[str, Specification], traces: Iterable[Trace]) -> dict[str, float]:
+    """The scales of predicates: the greatest difference of their robustness in all of the traces.
+
+    Predicates that read the same variables share the greatest of their scales. A predicate whose
+    robustness never changes, or is not finite, has no scale.
+    """
+    predicates = _predicates(specs.values())
+    low = dict.fromkeys(predicates, math.inf)
+    high = dict.fromkeys(predicates, -math.inf)
+    for trace in traces:
+        for each in predicates:
+            heights = rtamt.evaluate(each, trace.signals, n=trace.samples, nan="hold")
+            heights = heights[np.isfinite(heights)]
+            if len(heights):
+                low[each] = min(low[each], float(heights.min()))
+                high[each] = max(high[each], float(heights.max()))
+    found: dict[tuple[str, ...], float] = {}
+    for each in predicates:
+        spread = high[each] - low[each]
+        if 0 < spread < math.inf:
+            found[_variables(each)] = max(found.get(_variables(each), 0.0), spread)
+    shared = {str(each): found.get(_variables(each)) for each in predicates}
+    return {text: float(f"{scale:.3g}") for text, scale in shared.items() if scale is not None}
+
+
+def in_scales(
+    specs: Mapping[str, Specification], scales: Mapping[str, float]
+) -> dict[str, Specification]:
+    """The specifications with their predicates in units of the scales, by the same names."""
+    return {name: _in_scales(spec, scales) for name, spec in specs.items()}
+
+
+def _in_scales(spec: Specification, scales: Mapping[str, float]) -> Specification:
+    own = {each: scales[str(each)] for each in _predicates([spec]) if str(each) in scales}
+    formula = rtamt.scaled(spec.formula, own)
+    # Named formulas of the text are no part of the new one.
+    bare = replace(
+        spec, formula=formula, name=None, formulas={}, positions={}, uses={}, requirement=None
+    )
+    return replace(bare, text=str(bare))
+
+
+def _predicates(specs: Iterable[Specification]) -> list[Formula]:
+    return list(dict.fromkeys(each for spec in specs for each in rtamt.predicates(spec.formula)))
+
+
+def _variables(formula: Formula) -> tuple[str, ...]:
+    return tuple(sorted(Specification.of(formula).variables))

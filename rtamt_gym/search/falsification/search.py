@@ -1,0 +1,262 @@
+"""`Search`: what an optimizer evaluates points with, and what it leaves behind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from operator import itemgetter
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rtamt import InputError, Specification, Verdict
+from rtamt_gym.inputs.space import Space
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.search.falsification.points import spread, take
+from rtamt_gym.search.falsification.protocol import Floats
+from rtamt_gym.search.falsification.scales import in_scales, spreads
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.search.runs.whole import MakeRunner, Whole, judged_whole
+
+__all__ = ["Search", "SearchOver"]
+
+_WORST: Final = 1e12
+"""The value of a run that has none; optimizers compute with it, so it is finite."""
+
+_FIRST: Final = 8
+"""The runs that scales come from."""
+
+
+class SearchOver(BaseException):
+    """Ends an optimizer; it is no `Exception`, so that an optimizer does not catch it by chance."""
+
+
+class Search:
+    """Evaluates points for an optimizer, until one violates or the budget is spent.
+
+    The rows are as if the points had run one after the other, in the order in which they were asked
+    for: the search is over at the first that violates, and what runs beside it does not count.
+
+    Attributes:
+        groups: The coordinates of each input.
+        rows: The simulations so far.
+        points: Their points.
+        values: Their values: the least robustness over the requirements, in units of the scales.
+        scales: The scales by the text of a predicate; None while they are to be found.
+        violated: The requirement that the last row violates; None while none does.
+        advance: Is called with the number of simulations that are over.
+
+    Args:
+        make: Makes a runner of requirements.
+        runner: The runner of the requirements, which stops at violations alone.
+        space: What is searched.
+        fixed: What every simulation is given beside.
+        budget: The most simulations.
+        seed: The seed of the first simulation of an environment; each further one has one more.
+        rng: Random numbers for runs that scales come from.
+        scales: The scales; None: from the first runs.
+    """
+
+    def __init__(
+        self,
+        make: MakeRunner,
+        runner: Runner,
+        space: Space,
+        fixed: Mapping[str, float | Waveform],
+        budget: int,
+        seed: int,
+        rng: np.random.Generator,
+        scales: Mapping[str, float] | None,
+    ) -> None:
+        self._make = make
+        self._whole = runner
+        self._specs = runner.requirements
+        self._space = space
+        self._fixed = fixed
+        self._budget = budget
+        self._seed = seed
+        self._rng = rng
+        self.advance: Callable[[int], None] = lambda _: None
+        self._traces: dict[int, Trace] = {}
+        self._valued = list(self._specs)
+        self._least: list[str] = []
+        self._runner: Runner | Whole = runner
+        self.groups = _groups(space)
+        self.rows: list[Row] = []
+        self.points: list[Floats] = []
+        self.values: list[float] = []
+        self.scales = scales
+        self.violated: str | None = None
+        if scales is not None:
+            self._use(scales)
+
+    def __call__(self, points: ArrayLike, level: float = math.inf) -> Floats:
+        """Runs a simulation for each point; see `Evaluate`."""
+        asked = self._checked(points)
+        if self.scales is not None:
+            return self._run(asked, level)
+        missing = _FIRST - len(asked)
+        if missing > 0:
+            others = spread(self.groups, self._rng)
+            self._run(take(others, missing, self.dimension), math.inf)
+        begin = len(self.rows)
+        self._run(asked[:_FIRST], math.inf)
+        self.scales = spreads(self._specs, self._traces.values())
+        self._use(self.scales)
+        for index, trace in self._traces.items():
+            heights = {name: self._runner.judge(name, trace) for name in self._valued}
+            self._least[index], self.values[index] = self._worth(heights)
+        self._traces.clear()
+        first = np.array(self.values[begin:])
+        return np.concatenate([first, self._run(asked[_FIRST:], level)])
+
+    @property
+    def dimension(self) -> int:
+        """The number of coordinates of a point."""
+        return self._space.dimension
+
+    @property
+    def best(self) -> int:
+        """The index of the row that violates; while none does, of that with the least value."""
+        return len(self.rows) - 1 if self.violated else int(np.argmin(self.values))
+
+    @property
+    def closest(self) -> str:
+        """The requirement that the best row violates, or is closest to violate."""
+        return self.violated or self._least[self.best]
+
+    def close(self) -> None:
+        """Closes what runs the simulations, but for the runner that was given."""
+        if self._runner is not self._whole:
+            self._runner.close()
+
+    def _checked(self, points: ArrayLike) -> Floats:
+        """The points as an array.
+
+        Raises:
+            InputError: If they are no points of the unit cube.
+        """
+        try:
+            asked = np.array(points, np.float64)
+            got = f"shape {asked.shape}"
+        except (TypeError, ValueError):  # rows of different lengths, or no numbers
+            asked, got = np.empty(0), repr(points)
+        dimension = self.dimension
+        if asked.ndim != 2 or asked.shape[1] != dimension:
+            raise InputError(
+                f"expected the optimizer to evaluate points of shape (k, {dimension}), a row for "
+                f"each point, got {got}"
+            )
+        inside = (asked >= 0) & (asked <= 1)
+        if not inside.all():
+            row, column = np.argwhere(~inside)[0].tolist()
+            raise InputError(
+                f"expected the optimizer to evaluate points of the unit cube, got "
+                f"{asked[row, column]:g} in coordinate {column} of point {row}; "
+                "points.clip(0, 1) moves points into it"
+            )
+        return asked
+
+    def _use(self, scales: Mapping[str, float]) -> None:
+        """Judges runs in units of scales too, from now on, and stops them once all is known."""
+        scaled: dict[str, Specification] = {}
+        if scales:
+            in_units = in_scales(self._specs, scales)
+            scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
+            self._valued = list(scaled)
+        every = {**self._specs, **scaled}
+        if judged_whole(every, self._whole):
+            self._runner = Whole(self._make, every)
+        else:
+            self._runner = self._make(every, "known")
+
+    def _run(self, asked: Floats, level: float) -> Floats:
+        """Runs points and keeps their rows.
+
+        Raises:
+            SearchOver: If one violates, the budget is spent, or all have failed, eight at least.
+        """
+        begin = len(self.rows)
+        asked = asked[: self._budget - begin]
+        cases = [{**self._space.case(point), **self._fixed} for point in asked]
+        seeds = None
+        if self._runner.takes_seeds:
+            seeds = range(self._seed + begin, self._seed + begin + len(cases))
+        found: dict[int, Row] = {}
+        traces: dict[int, Trace] = {}
+        if self.scales is None:
+            over = self._whole.run(cases, seeds, keep=traces.__setitem__)
+        else:
+            above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
+            over = self._runner.run(cases, seeds, above=above)
+        first = len(cases)  # of those that violate
+        try:
+            for index, row in over:
+                found[index] = row
+                self.advance(1)
+                if self._violated(row) is not None:
+                    first = min(first, index)
+                if first < len(cases) and all(i in found for i in range(first)):
+                    break
+        finally:
+            for index in sorted(found):
+                if index <= first:
+                    if index in traces and not found[index].error:
+                        self._traces[len(self.rows)] = traces[index]
+                    self._keep(found[index], asked[index])
+        spent = len(self.rows) >= self._budget
+        failed = len(self.rows) >= _FIRST and all(row.error for row in self.rows)
+        if self.violated is not None or spent or failed:
+            raise SearchOver
+        return np.array(self.values[begin:])
+
+    def _keep(self, row: Row, point: Floats) -> None:
+        self.violated = self._violated(row)
+        heights = {name: _height(row, name) for name in self._valued}
+        least, value = self._worth(heights)
+        self._least.append(least)
+        self.values.append(value)
+        own = {name: row.outcomes[name] for name in self._specs if name in row.outcomes}
+        self.rows.append(replace(row, outcomes=own))
+        self.points.append(point)
+
+    def _violated(self, row: Row) -> str | None:
+        """The requirement that a run violates, the one with the least robustness; or None."""
+        if row.error:
+            return None
+        violated = [
+            (row.outcomes[value].robustness, name)
+            for name, value in zip(self._specs, self._valued, strict=True)
+            if row.outcomes[name].verdict is Verdict.VIOLATED
+        ]
+        return min(violated)[1] if violated else None
+
+    def _worth(self, heights: Mapping[str, float]) -> tuple[str, float]:
+        """The requirement with the least height, and what the height is worth."""
+        own = dict(zip(self._specs, heights.values(), strict=True))
+        worth = {
+            name: _WORST if math.isnan(height) else min(max(height, -_WORST), _WORST)
+            for name, height in own.items()
+        }
+        return min(worth.items(), key=itemgetter(1))
+
+
+def _height(row: Row, name: str) -> float:
+    """What a run hands to the optimizer: a robustness, or the bound that is known; else nan."""
+    if row.error:
+        return math.nan
+    outcome = row.outcomes[name]
+    return outcome.lower if row.ended == "known" else outcome.robustness
+
+
+def _groups(space: Space) -> Sequence[slice]:
+    groups, begin = [], 0
+    for each in space:
+        end = begin + len(each.columns)
+        groups.append(slice(begin, end))
+        begin = end
+    return groups

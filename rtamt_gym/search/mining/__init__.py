@@ -1,0 +1,1 @@
+"""Finds the tightest constant for which a requirement holds on all traces."""

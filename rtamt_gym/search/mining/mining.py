@@ -1,0 +1,292 @@
+"""`mine`: finds the tightest constant for which a requirement holds on all traces."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Literal, Unpack, get_args
+
+import rtamt
+from rtamt import Explanation, InputError
+from rtamt_gym.checks.arguments import check_choice
+from rtamt_gym.judges.ends import AtTruncation
+from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.search.mining.bisection import Found, Judged, tightest
+from rtamt_gym.search.mining.requirement import Ranges, Template, template
+from rtamt_gym.search.mining.traces import Period, Reading, Samples, Traces, samples_of
+from rtamt_gym.search.mining.values import Values, bounds_between, text_of, values_between
+from rtamt_gym.tables import counted, number, shorten
+
+__all__ = ["Mined", "Witness", "mine", "mined_over"]
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """A trace that lets no tighter value pass.
+
+    Attributes:
+        name: Its name: the path, the label of a run, or its number.
+        index: Its number among the traces, from 0.
+        robustness: Its robustness at the value that was found.
+        trace: What was handed over; of a sweep, the `Row`, which ``sweep.replay`` runs again.
+    """
+
+    name: str
+    index: int
+    robustness: float
+    trace: object = field(repr=False)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Mined:
+    """The tightest value of a parameter for which a requirement holds on all traces.
+
+    ``print`` shows the value, what decided it, and how far it was checked.
+
+    Attributes:
+        requirement: The requirement with its parameter, as it was given.
+        parameter: The name of the parameter.
+        value: The value. The requirement holds for it on all traces; that was judged.
+        side: ``"least"`` if the requirement holds from this value on, ``"greatest"`` if it holds up
+            to it.
+        fails_at: The neighbour of the value on the other side, for which it does not hold on all;
+            that was judged too.
+        low: The least value that was looked at.
+        high: The greatest value that was looked at.
+        specification: The requirement with the value in the place of the parameter.
+        traces: The number of traces.
+        witnesses: The traces that do not satisfy the requirement at ``fails_at``, the one with the
+            least robustness there first.
+        explanation: Which sub-formulas and samples decide the robustness of the first witness at
+            the value.
+        evaluations: How many times a trace was judged.
+        probes: At how many values, both ends among them, every trace was judged to see whether it
+            changes its verdict once at most.
+        notes: What else is to be known, in sentences.
+    """
+
+    requirement: str
+    parameter: str
+    value: float
+    side: Literal["least", "greatest"]
+    fails_at: float
+    low: float
+    high: float
+    specification: rtamt.Specification
+    traces: int
+    witnesses: tuple[Witness, ...]
+    explanation: Explanation
+    evaluations: int
+    probes: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def witness(self) -> Witness:
+        """The trace that decided the value: the first of ``witnesses``."""
+        return self.witnesses[0]
+
+    @property
+    def robustness(self) -> float:
+        """The robustness of the witness at the value."""
+        return self.witness.robustness
+
+    @property
+    def _formula(self) -> str:
+        """The text if it is one formula that shows its parameter, else the formula at the value."""
+        shows = f"?{self.parameter}" in self.requirement
+        return self.requirement if shows and "\n" not in self.requirement else self.formula
+
+    @property
+    def formula(self) -> str:
+        """The requirement as text, with the value in the place of the parameter."""
+        return str(self.specification.formula)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Mined {self.parameter} = {text_of(self.value)}, the {self.side}: "
+            f"{shorten(self._formula, 60)} on {counted(self.traces, 'trace')}>"
+        )
+
+    def __str__(self) -> str:
+        name, witness = self.parameter, self.witness
+        satisfy = "the trace satisfies" if self.traces == 1 else f"all {self.traces} traces satisfy"
+        value, fails_at, low, high = map(text_of, (self.value, self.fails_at, self.low, self.high))
+        others = counted(len(self.witnesses) - 1, "other")
+        alike = f", and {others} alike" if len(self.witnesses) > 1 else ""
+        checked = f"at the {self.probes} values that were tried from {low} to {high}"
+        evaluations = counted(self.evaluations, "evaluation")
+        texts = [
+            f"{name} = {value} is the {self.side} for which {satisfy} {self._formula}",
+            f"at {name} = {fails_at} {witness.name} does not{alike}",
+            f"no trace changes its verdict more than once {checked} ({evaluations})",
+            *(f"note: {note}" for note in self.notes),
+        ]
+        lines = [line for text in texts for line in _wrapped(text)]
+        lines += ["", *_wrapped(f"{witness.name} at {name} = {text_of(self.value)}:")]
+        case = getattr(witness.trace, "case", None)
+        if case:
+            columns = ", ".join(f"{key}={number(value)}" for key, value in case.columns().items())
+            lines += _wrapped(f"case: {columns}")
+        return "\n".join([*lines, str(self.explanation)])
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(
+        text, 80, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False
+    )
+
+
+def mine(
+    requirement: str | rtamt.Specification,
+    traces: Traces,
+    ranges: Ranges,
+    *,
+    constants: Mapping[str, float] | None = None,
+    tolerance: float | None = None,
+    period: Period | None = None,
+    end: AtTruncation | None = None,
+    progress: bool = True,
+    **reading: Unpack[Reading],
+) -> Mined:
+    """Finds the tightest value of a parameter for which a requirement holds on all traces.
+
+    A ``?`` before a name makes it the parameter: ``always(speed < ?v)``. It may stand in place of a
+    number in a predicate, which is then found to a tolerance, or of a bound in an interval,
+    ``eventually[0:?t](x > 1)``, which is then sought among the multiples of the period.
+
+    The requirement has to be monotone: all traces satisfy it from some value on, or up to it. That
+    is checked by judging, not proved: every trace is judged at 17 values spread over the range, and
+    one that changes its verdict twice is refused with the values that show it. Then bisection finds
+    the value. What it finds is certain: at the value all traces were judged to satisfy the
+    requirement, and at its neighbour one was judged not to.
+
+    Args:
+        requirement: A text with a parameter ``?name``; or a text or a specification that defines a
+            constant of this name (``const float v = 3``), which is then the parameter.
+        traces: One trace or several: columns by name, data frames, paths of files as
+            ``rtamt monitor`` reads them, `Run`s; or a `Sweep`, whose simulations are run again,
+            once, to their end (those that failed are left out).
+        ranges: The least and the greatest value of the parameter: ``{"v": (0, 200)}``.
+        constants: Values of other parameters and constants.
+        tolerance: The distance of two values that are told apart; their multiples are tried. 0: all
+            floats. None: the power of ten at or below a 100,000th of the range. Not for a bound.
+        period: Seconds between samples. None: those of a file or a run, else bounds count samples.
+        end: The reading of the end of a trace, as for `rtamt.judge`. None: ``"complete"`` for a run
+            that its system has ended, else ``"cut"``. What is undecided does not satisfy.
+        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
+        **reading: ``semantics``, ``inputs``, ``outputs``, ``nan`` and ``align``, as for
+            `rtamt.judge`. A run has the ``align`` that it was judged with.
+
+    Raises:
+        SpecificationError: If the requirement is wrong for some value of the range.
+        InputError: If the requirement is not monotone, or holds for no value of the range, or for
+            all; if there is not one parameter with a range; if a trace cannot be read or judged.
+        InputTypeError: If an argument is not of the types above.
+        OSError: If there is no such file.
+
+    Example:
+        >>> from rtamt_gym import mine
+        >>> calm = {"speed": [10.0, 24.5, 18.0]}
+        >>> fast = {"speed": [10.0, 22.0, 31.25, 12.0]}
+        >>> mined = mine("always(speed < ?v)", [calm, fast], {"v": (0, 50)}, tolerance=0.1)
+        >>> mined
+        <Mined v = 31.3, the least: always(speed < ?v) on 2 traces>
+        >>> mined.witness.name, round(mined.robustness, 2), mined.explanation.causes
+        ('trace 1', 0.05, (Cause(variable='speed', sample=2, value=31.25),))
+        >>> mine("eventually[0:?t](speed > 20)", [calm, fast], {"t": (0, 3)})
+        <Mined t = 1, the least: eventually[0:?t](speed > 20) on 2 traces>
+    """
+    check_choice("end", end, (None, *get_args(AtTruncation)))
+    wanted = template(requirement, ranges, constants)
+    spec = wanted.at(wanted.low)
+    read, notes = samples_of(traces, spec, period, end, reading, shown=progress)
+    return mined_over(wanted, read, tolerance, notes, shown=progress)
+
+
+def mined_over(
+    wanted: Template,
+    traces: list[Samples],
+    tolerance: float | None,
+    notes: tuple[str, ...],
+    *,
+    shown: bool,
+) -> Mined:
+    """Mines over traces that were read, with notes on them.
+
+    Raises:
+        RtamtError: As `mine` does.
+    """
+    values = _values(wanted, traces, tolerance)
+
+    def judge(trace: int, value: Fraction) -> Judged:
+        with_value = f"at {wanted.parameter} = {text_of(value)}"
+        try:
+            judgement = traces[trace].judge(wanted.at(value))
+        except rtamt.RtamtError as error:
+            error.add_note(with_value)
+            raise
+        return Judged(judgement.verdict, judgement.robustness)
+
+    names = [trace.name for trace in traces]
+    with shown_progress("mining", len(traces) if shown else 0, "trace") as advance:
+        found = tightest(names, values, wanted.parameter, judge, advance)
+    return _mined(wanted, traces, values, found, notes)
+
+
+def _values(wanted: Template, traces: list[Samples], tolerance: float | None) -> Values:
+    """The values to try: multiples of the tolerance, or bounds at samples."""
+    if wanted.unit is None:
+        return values_between(wanted.low, wanted.high, tolerance)
+    if tolerance is not None:
+        raise InputError(
+            f"expected no tolerance= for {wanted.parameter!r}, which bounds a time and is sought "
+            "among the multiples of the period"
+        )
+    first = traces[0]
+    for trace in traces:
+        if trace.period != first.period:
+            texts = [
+                "none" if each.period is None else f"{text_of(each.period)} s"
+                for each in (first, trace)
+            ]
+            raise InputError(
+                f"{wanted.parameter!r} bounds a time, so that all traces need one period; that of "
+                f"{first.name} is {texts[0]}, that of {trace.name} {texts[1]}; give period="
+            )
+    step = Fraction(1)
+    if first.period is not None:
+        unit = rtamt.Monitor("(true)", f"1{wanted.unit}").period
+        step = first.period / (unit or 1)
+    return bounds_between(wanted.low, wanted.high, step)
+
+
+def _mined(
+    wanted: Template,
+    traces: list[Samples],
+    values: Values,
+    found: Found,
+    notes: tuple[str, ...],
+) -> Mined:
+    spec = wanted.at(values.at(found.place))
+    witnesses = tuple(
+        Witness(traces[i].name, i, robustness, traces[i].given)
+        for i, robustness in zip(found.failing, found.robustness, strict=True)
+    )
+    return Mined(
+        wanted.text,
+        wanted.parameter,
+        float(values.at(found.place)),
+        "least" if found.tighter < found.place else "greatest",
+        float(values.at(found.tighter)),
+        float(values.at(0)),
+        float(values.at(values.last)),
+        spec,
+        len(traces),
+        witnesses,
+        traces[found.failing[0]].explain(spec),
+        found.evaluations,
+        found.probes,
+        notes,
+    )

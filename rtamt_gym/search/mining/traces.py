@@ -1,0 +1,306 @@
+"""What a parameter is mined over: recorded traces, runs of simulations, and those of a sweep."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, cast
+
+import numpy as np
+
+import rtamt
+from rtamt import InputError, InputTypeError, RtamtError
+from rtamt_gym.checks.names import listing
+from rtamt_gym.judges.ends import AtTruncation
+from rtamt_gym.judges.interface import Names, Semantics
+from rtamt_gym.recorded.progress import progress
+from rtamt_gym.recorded.readers import open_recording
+from rtamt_gym.recorded.trace import read_trace
+from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:
+    from rtamt_gym.search.runs.trace import Trace
+    from rtamt_gym.search.sweeps.sweep import Sweep
+    from rtamt_gym.simulation.record import RunEnd
+    from rtamt_gym.simulation.run import Run
+
+__all__ = ["Reading", "Samples", "Traces", "notes_on", "samples_of"]
+
+Period = float | str | Fraction
+TraceLike = Any
+"""Columns by name, a data frame, an array, the path of a file, or a `Run`."""
+Traces = TraceLike | Iterable[TraceLike]
+"""One trace or several, or a `Sweep`, whose runs are made again."""
+
+
+class Reading(TypedDict, total=False):
+    """How traces are judged: options of `rtamt.judge`, which describes them."""
+
+    semantics: Semantics
+    inputs: Names | None
+    outputs: Names | None
+    nan: Literal["raise", "hold"]
+    align: Literal["outward", "inward", "nearest"] | None
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A trace of samples.
+
+    Attributes:
+        name: Its name in messages.
+        given: What was handed over; of a sweep, the `Row`.
+        signals: The values of its variables, as `rtamt.judge` takes them.
+        period: Seconds between samples, or None.
+        end: The reading of its end.
+        options: How it is judged.
+        n: The number of samples, if it is known.
+        start: The time of the first sample.
+        notes: What was done to it that its file does not say, in sentences.
+        stopped: Whether it is a run that was stopped at a verdict.
+    """
+
+    name: str
+    given: object
+    signals: Any
+    period: Fraction | None
+    end: AtTruncation
+    options: Reading = field(default_factory=Reading)
+    n: int | None = None
+    start: float = 0.0
+    notes: tuple[str, ...] = ()
+    stopped: bool = False
+
+    def judge(self, spec: rtamt.Specification) -> rtamt.Judgement:
+        """Judges the trace; an error names it."""
+        with _naming(self.name):
+            return rtamt.judge(
+                spec, self.signals, self.period, self.end, n=self.n, **self._options()
+            )
+
+    def explain(self, spec: rtamt.Specification) -> rtamt.Explanation:
+        """Says which sub-formulas and samples decided the robustness."""
+        with _naming(self.name):
+            return rtamt.explain(
+                spec, self.signals, self.period, n=self.n, start=self.start, **self._options()
+            )
+
+    def _options(self) -> Any:  # noqa: ANN401 - those of rtamt.judge
+        return self.options
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    try:
+        yield
+    except RtamtError as error:
+        if name not in getattr(error, "__notes__", []):
+            error.add_note(name)
+        raise
+
+
+def samples_of(
+    traces: Traces,
+    spec: rtamt.Specification,
+    period: Period | None,
+    end: AtTruncation | None,
+    options: Reading,
+    *,
+    shown: bool,
+) -> tuple[list[Samples], tuple[str, ...]]:
+    """Reads the traces; returns them, and what a reader of the result is to know of them.
+
+    Args:
+        traces: The traces.
+        spec: The requirement at some value of its parameter; its variables are read.
+        period: Seconds between samples; None: those of each trace.
+        end: The reading of the end. None: ``"complete"`` for a run that its system has ended,
+            else ``"cut"``.
+        options: How traces are judged.
+        shown: Whether to show a bar while runs are made.
+
+    Raises:
+        InputError: If there is none, one cannot be read, or a sweep has no system to run.
+        InputTypeError: If one is no trace.
+        OSError: If there is no such file.
+    """
+    seconds = None if period is None else rtamt.Monitor("(true)", period).period
+    every = [traces] if _is_one(traces) else _listed(traces)
+    read: list[Samples] = []
+    notes: list[str] = []
+    for each in every:
+        if _is_a(each, "sweep", "Sweep"):
+            sweep = cast("Sweep", each)
+            read += _of_sweep(sweep, spec, seconds, end, options, shown=shown)
+            if failed := len(sweep.record.failed()):
+                verb = "is" if failed == 1 else "are"
+                of = f"{counted(failed, 'simulation')} of {len(sweep.record)}"
+                notes.append(f"{of} failed and {verb} left out")
+        elif _is_a(each, "run", "Run"):
+            run = cast("Run", each)
+            name = run.label or f"run {len(read)}"
+            read.append(_of_run(run, name, seconds, end, options))
+        elif isinstance(each, str | os.PathLike):
+            read.append(_of_file(os.fspath(each), each, spec, seconds, end, options))
+        elif isinstance(each, Mapping | np.ndarray) or hasattr(each, "columns"):
+            name = f"trace {len(read)}"
+            _check_columns(name, each, spec)
+            read.append(Samples(name, each, each, seconds, end or "cut", options))
+        else:
+            raise InputTypeError(
+                "expected a trace as columns by name, a data frame, a path, or a Run, got "
+                f"{type(each).__name__} {each!r:.60}"
+            )
+    if not read:
+        raise InputError("expected one trace at least, got none")
+    return read, (*notes, *notes_on(read))
+
+
+def notes_on(traces: Sequence[Samples]) -> tuple[str, ...]:
+    """What a reader of the result is to know of the traces."""
+    having: dict[str, list[str]] = {}
+    for trace in traces:
+        for note in trace.notes:
+            having.setdefault(note, []).append(trace.name)
+    notes = []
+    for note, (first, *others) in having.items():
+        alike = f" (and {counted(len(others), 'other trace')})" if others else ""
+        notes.append(f"{first}: {note}{alike}")
+    if stopped := [trace.name for trace in traces if trace.stopped]:
+        notes.append(
+            f"{counted(len(stopped), 'run')} of {len(traces)} ended at a verdict or an error, such "
+            f'as {stopped[0]}; simulate(..., stop="end") goes on after a verdict'
+        )
+    return tuple(notes)
+
+
+def _is_one(traces: Traces) -> bool:
+    """Whether this is one trace, or a sweep, and no sequence of them."""
+    one = isinstance(traces, Mapping | np.ndarray | str | os.PathLike)
+    simulated = _is_a(traces, "run", "Run") or _is_a(traces, "sweep", "Sweep")
+    return one or simulated or hasattr(traces, "columns")
+
+
+def _listed(traces: Any) -> list[Any]:  # noqa: ANN401
+    if not isinstance(traces, Iterable):
+        raise InputTypeError(f"expected traces or runs, got {type(traces).__name__} {traces!r:.60}")
+    return list(traces)
+
+
+def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
+    """Refuses a mapping without a variable, such as one of traces by name."""
+    variables = {each.partition(".")[0] for each in spec.variables} | {*spec.variables}
+    if not isinstance(given, Mapping) or not variables or variables & given.keys():
+        return
+    several = any(isinstance(each, Mapping) or hasattr(each, "columns") for each in given.values())
+    hint = "; several traces are a sequence: list(traces.values())" if several else ""
+    raise InputError(
+        f"{name}: expected columns by name, {listing(spec.variables)} among them, got "
+        f"{listing(given)}{hint}"
+    )
+
+
+def _is_a(given: object, module: str, name: str) -> bool:
+    """Whether this is a `Run` or a `Sweep`; their modules need Gymnasium, which files do not."""
+    room = {"run": "simulation", "sweep": "search"}[module]
+    loaded = sys.modules.get(f"rtamt_gym.{room}.{module}")
+    return loaded is not None and isinstance(given, getattr(loaded, name))
+
+
+def _of_run(
+    run: Run, name: str, period: Fraction | None, end: AtTruncation | None, options: Reading
+) -> Samples:
+    if run.first_sample:
+        raise InputError(
+            f"{name}: expected the samples of a whole episode, got those from sample "
+            f"{run.first_sample} on"
+        )
+    if "align" not in options:
+        options = {**options, "align": run.align}
+    return Samples(
+        name,
+        run,
+        run.signals,
+        run.period if period is None else period,
+        end or _own_end(run.ended),
+        options,
+        n=run.steps + 1,
+        stopped=run.ended in {"violation", "decided", "error"},
+    )
+
+
+def _of_file(
+    path: str,
+    given: object,
+    spec: rtamt.Specification,
+    period: Fraction | None,
+    end: AtTruncation | None,
+    options: Reading,
+) -> Samples:
+    if not Path(path).suffix and path != "-" and not Path(path).exists():
+        raise InputError(
+            f"there is no file {path!r}; of a system write "
+            f"mine(requirement, sweep({path!r}, ...), ranges)"
+        )
+    if Path(path).is_dir():
+        raise InputError(f'{path} is a folder; write sorted(Path("{path}").glob("*.csv"))')
+    with open_recording(path) as recording:
+        trace = read_trace(recording, spec.variables)
+    seconds = trace.period() if period is None else period
+    return Samples(
+        path,
+        given,
+        trace.columns,
+        seconds,
+        end or "cut",
+        options,
+        trace.samples,
+        trace.start,
+        tuple(trace.notes),
+    )
+
+
+def _own_end(ended: RunEnd) -> AtTruncation:
+    """The reading of the end of a run: that which its system has ended is all there is."""
+    return "complete" if ended == "terminated" else "cut"
+
+
+def _of_sweep(
+    sweep: Sweep,
+    spec: rtamt.Specification,
+    period: Fraction | None,
+    end: AtTruncation | None,
+    options: Reading,
+    *,
+    shown: bool,
+) -> list[Samples]:
+    """Runs the simulations of a sweep again, each to its end; keeps what a requirement reads."""
+    runner = sweep.under({"mined": spec})
+    rows = {i: row for i, row in enumerate(sweep.record) if not row.error}
+    kept: dict[int, Trace] = {}
+    ended: dict[int, RunEnd] = {}
+    cases = [row.case for row in rows.values()]
+    seeds = [row.seed for row in rows.values() if row.seed is not None]
+    with progress(f"runs of {runner.name}", len(rows) if shown else 0, "run") as advance:
+        for index, row in runner.run(cases, seeds or None, keep=kept.__setitem__):
+            if row.error:
+                raise InputError(f"run {list(rows)[index]} failed when run again: {row.error}")
+            ended[index] = row.ended
+            advance(1)
+    return [
+        Samples(
+            f"run {number}",
+            row,
+            kept[index].signals,
+            kept[index].period if period is None else period,
+            end or _own_end(ended[index]),
+            options,
+            kept[index].samples,
+        )
+        for index, (number, row) in enumerate(rows.items())
+    ]

@@ -1,0 +1,57 @@
+"""The files in the folder of a campaign: which there are, and how they are read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from rtamt import InputError
+from rtamt_gym.search.runs.rows import Row
+
+__all__ = ["CAMPAIGN", "PARTS", "RECORD", "finished", "read"]
+
+CAMPAIGN: Final = "campaign.json"
+"""Says which campaign it is."""
+
+PARTS: Final = "part-*.parquet"
+"""Hold finished runs, ``part-000001.parquet`` and so on, until the campaign is over."""
+
+RECORD: Final = "record.parquet"
+"""Holds all runs once the campaign is over."""
+
+
+def finished(
+    path: Path, load_file: Callable[[Path], tuple[list[Row], dict[str, Any]]]
+) -> tuple[dict[int, Row], dict[str, Any]]:
+    """Reads the finished runs by the numbers of their tasks, and what is kept with them.
+
+    Args:
+        path: The folder.
+        load_file: What reads a file of rows.
+
+    Raises:
+        InputError: If the folder holds no campaign.
+    """
+    kept = read(path)
+    if (path / RECORD).exists():
+        return dict(enumerate(load_file(path / RECORD)[0])), kept
+    rows: dict[int, Row] = {}
+    for part in sorted(path.glob(PARTS)):
+        found, of_part = load_file(part)
+        rows |= zip(of_part["also"]["tasks"], found, strict=True)
+    return rows, kept
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Reads what is kept of a campaign beside its runs.
+
+    Raises:
+        InputError: If the folder holds none.
+    """
+    try:
+        kept: dict[str, Any] = json.loads((path / CAMPAIGN).read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path} holds no campaign: there is no {CAMPAIGN} in it") from error
+    return kept

@@ -1,0 +1,67 @@
+"""Whether an environment has lanes, and which."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, cast
+
+import gymnasium as gym
+
+import rtamt
+from rtamt_gym.checks.numbers import exact
+from rtamt_gym.judges.panel import Panel
+from rtamt_gym.judges.specs import read_period
+from rtamt_gym.search.runs.lanes import Judging, Lanes
+from rtamt_gym.signals.signals import Element, SignalLike, own_signals, parse_signals
+from rtamt_gym.signals.sources import SOURCES
+
+__all__ = ["lanes_of"]
+
+
+def lanes_of(
+    system: Any,  # noqa: ANN401
+    specs: Mapping[str, rtamt.Specification],
+    signals: Mapping[str, SignalLike] | None,
+    duration: float | None,
+    period: float | str | None,
+    judging: Judging,
+    batch: int,
+) -> Lanes | None:
+    """The lanes that run the cases of an environment; None if it has none, or they do not do."""
+    spec = system.spec if isinstance(system, gym.Env) else None
+    if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
+        return None
+    elements = _elements(system, specs, signals)
+    vector = gym.make_vec(spec, num_envs=1)
+    has_rollout = hasattr(vector.unwrapped, "rollout")
+    vector.close()
+    if elements is None or not has_rollout or spec.max_episode_steps is None:
+        return None
+    period = read_period(system) if period is None else period
+    panel = Panel(specs, period, judging.view, interface=judging.interface, align=judging.align)
+    most = None
+    if duration is not None and duration != math.inf:
+        most = int(exact(duration) / (panel.period or 1))
+    return Lanes(system, specs, elements, period, most, judging, batch)
+
+
+def _elements(
+    env: gym.Env[Any, Any],
+    specs: Mapping[str, rtamt.Specification],
+    signals: Mapping[str, SignalLike] | None,
+) -> dict[str, int] | None:
+    """The element of the observation that each variable reads; None if one reads something else."""
+    variables = list(dict.fromkeys(name for spec in specs.values() for name in spec.variables))
+    own = own_signals(env)
+    chosen = {name: (signals or {}).get(name, own.get(name)) for name in variables}
+    texts = {name: read for name, read in chosen.items() if isinstance(read, str)}
+    if set(texts) != set(variables) or not set(signals or {}) <= set(variables):
+        return None
+    try:
+        bound = [each.bind(env) for each in parse_signals(texts, variables, SOURCES)]
+    except rtamt.RtamtError:  # which the first simulation raises, in words of its own
+        return None
+    if not all(isinstance(read, Element) for read in bound):
+        return None
+    return dict(zip(variables, (cast("Element", read).index for read in bound), strict=True))

@@ -1,0 +1,306 @@
+"""`Record`: the table of many simulations, a row for each; sweeps, searches and campaigns share it.
+
+A row has what the simulation was given, what every requirement became, and what it cost.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError, Verdict
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.search.runs.rows import MEASURES, OF_ROW, Row
+from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:  # it is optional
+    import pandas as pd
+
+__all__ = ["Record", "check_columns", "storage"]
+
+
+class Record(Sequence[Row]):
+    """The table of many simulations of one system: a row for each, in the order of their cases.
+
+    It is a sequence of `Row`. Two records are equal if all is equal but the wall times.
+
+    Args:
+        rows: The simulations. A waveform has the same times in all of them.
+        requirements: The text of each requirement, by name.
+        system: The name of the system.
+
+    Raises:
+        InputError: If a name of a case is that of another column, or a waveform has other times in
+            one row than in another.
+
+    Example:
+        >>> from rtamt_gym import Parameter, sweep
+        >>> def tank(inflow=0.2):
+        ...     level = 1.0
+        ...     for _ in range(20):
+        ...         yield {"level": level}
+        ...         level += inflow - 0.1 * level
+        >>> inflow = Parameter("inflow", 0.1, 0.3)
+        >>> record = sweep(
+        ...     tank, {"dry": "always(level < 2)"}, [inflow], samples=3, sampler="grid", period=1
+        ... ).record
+        >>> record
+        <Record of tank: 3 simulations, 1 violates>
+        >>> [round(row.outcomes["dry"].robustness, 2) for row in record]
+        [1.0, 0.14, -0.73]
+        >>> record.violated("dry")[0].case
+        Case({'inflow': 0.3})
+    """
+
+    def __init__(
+        self, rows: Iterable[Row], requirements: Mapping[str, str], system: str = ""
+    ) -> None:
+        self.rows = tuple(rows)
+        self.requirements = MappingProxyType(dict(requirements))
+        self.system = system
+        self.shapes = _shapes(self.rows)
+        self.case_columns = tuple(
+            column
+            for name, shape in self.shapes.items()
+            for column in ([name] if shape is None else _points(name, len(shape["times"])))
+        )
+        check_columns(self.case_columns, self.requirements)
+
+    @overload
+    def __getitem__(self, index: int) -> Row: ...
+    @overload
+    def __getitem__(self, index: slice) -> Record: ...
+    def __getitem__(self, index: int | slice) -> Row | Record:
+        if isinstance(index, slice):
+            return self._of(self.rows[index])
+        return self.rows[index]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Row]:
+        return iter(self.rows)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Record):
+            return NotImplemented
+        return (self.rows, self.requirements, self.system) == (
+            other.rows,
+            other.requirements,
+            other.system,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Record, (self.rows, dict(self.requirements), self.system)
+
+    __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
+
+    def __repr__(self) -> str:
+        violated, failed = len(self.violated()), len(self.failed())
+        verb = "violates" if violated == 1 else "violate"
+        errors = f", {counted(failed, 'error')}" if failed else ""
+        of = f" of {self.system}" if self.system else ""
+        return f"<Record{of}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
+
+    def violated(self, requirement: str | None = None) -> Record:
+        """The simulations that violate a requirement; None: that violate any.
+
+        Raises:
+            InputError: If there is no such requirement; names the nearest.
+        """
+        names = self.requirements if requirement is None else [self.name(requirement)]
+        return self._of(
+            row
+            for row in self.rows
+            if any(
+                name in row.outcomes and row.outcomes[name].verdict is Verdict.VIOLATED
+                for name in names
+            )
+        )
+
+    def failed(self) -> Record:
+        """The simulations that an error has ended."""
+        return self._of(row for row in self.rows if row.error)
+
+    def worst(self, requirement: str | None = None) -> Row:
+        """The simulation with the least robustness; None: of the only requirement.
+
+        Raises:
+            InputError: If there is no such requirement, there are several and none is named, or no
+                simulation has a robustness.
+        """
+        name = self.name(requirement)
+        found = [row for row in self.rows if name in row.outcomes]
+        if not found:
+            raise InputError(f"no simulation has a robustness of {name!r}: the record has none")
+        return min(found, key=lambda row: _order(row.outcomes[name].robustness))
+
+    def name(self, requirement: str | None) -> str:
+        """The name of a requirement; None: of the only one.
+
+        Raises:
+            InputError: If there is no such requirement, or there are several and none is named.
+        """
+        names = self.requirements
+        if requirement is None:
+            if len(names) == 1:
+                return next(iter(names))
+            raise InputError(f"expected the name of a requirement, one of {listing(names)}")
+        if requirement not in names:
+            raise InputError(
+                f"there is no requirement {requirement!r}; the requirements are "
+                f"{listing(names)}{nearest(requirement, names)}"
+            )
+        return requirement
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The record as a table: the columns of the case, then ``seed``, then those of outcomes.
+
+        These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)`` and
+        ``decided_at(NAME)`` of every requirement, and after them ``ended``, ``simulated``, ``wall``
+        and ``error``. What a row does not have is None.
+        """
+        measured = [f"{key}({name})" for name in self.requirements for key in MEASURES]
+        seed, *others = OF_ROW
+        cells = [row.columns() for row in self.rows]
+        names = [*self.case_columns, seed, *measured, *others]
+        return {name: [row.get(name) for row in cells] for name in names}
+
+    def numbers(self, column: str) -> NDArray[np.float64]:
+        """A column of numbers, nan where a row has none.
+
+        Raises:
+            InputError: If there is no such column of numbers; names the nearest.
+        """
+        columns = self.columns()
+        known = [name for name in columns if not name.startswith("verdict(")]
+        known = [name for name in known if name not in {"ended", "error"}]
+        if column not in known:
+            raise InputError(
+                f"there is no column {column!r} of numbers; there are {listing(known)}"
+                f"{nearest(column, known)}"
+            )
+        return np.array(columns[column], dtype=np.float64)  # None becomes nan
+
+    def to_frame(self) -> pd.DataFrame:
+        """The record as a data frame of pandas: a row for each simulation, columns as in `columns`.
+
+        Cells that a row does not have are nan or None. Needs the extra ``pandas``.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "Record.to_frame") from error
+        columns: dict[str, Any] = {}
+        for name, cells in self.columns().items():
+            if name == "seed":
+                columns[name] = pd.array(cells, dtype="Int64")
+            elif _is_text(name):
+                columns[name] = pd.array(cells, dtype=object)
+            else:
+                columns[name] = np.array(cells, dtype=np.float64)
+        return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a Parquet file: a row for each simulation, columns as in `columns`.
+
+        `Record.load` gives an equal record back. Needs the extra ``files``.
+
+        Raises:
+            InputError: If the name does not end in ``.parquet``.
+        """
+        self.write(path, "Record.save", {})
+
+    def write(self, path: str | os.PathLike[str], what: str, also: Mapping[str, Any]) -> None:
+        """Writes the file of `save` with what else is kept in it, for the method ``what``."""
+        kept = {
+            "system": self.system,
+            "requirements": dict(self.requirements),
+            "shapes": self.shapes,
+            "also": also,
+        }
+        storage(what).save(Path(path), self.columns(), kept)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Record:
+        """Reads a file that `save` has written, or that of a `Sweep`.
+
+        Raises:
+            InputError: If the file does not hold a record.
+        """
+        return Record.read(path, "Record.load")[0]
+
+    @staticmethod
+    def read(path: str | os.PathLike[str], what: str) -> tuple[Record, Mapping[str, Any]]:
+        """Reads a record, and what else `write` has kept with it."""
+        rows, kept = storage(what).load(Path(path))
+        return Record(rows, kept["requirements"], kept["system"]), kept["also"]
+
+    def _of(self, rows: Iterable[Row]) -> Record:
+        return Record(rows, self.requirements, self.system)
+
+
+def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
+    """Refuses a column of a case that has the name of another column.
+
+    Raises:
+        InputError: If there is one.
+    """
+    case = list(case)
+    taken = {*OF_ROW, *(f"{key}({name})" for name in requirements for key in MEASURES)}
+    for name in case:
+        if name in taken:
+            raise InputError(
+                f"{name!r} is a column of every record, and so no name of what is varied; rename it"
+            )
+        if case.count(name) > 1:
+            raise InputError(f"expected columns of different names, got {name!r} twice")
+
+
+def storage(what: str) -> Any:  # noqa: ANN401 - a module
+    """The module of Parquet files, which a method needs; names the extra if that is missing."""
+    try:
+        from rtamt_gym.search.runs import storage as found
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, what) from error
+    return found
+
+
+def _is_text(column: str) -> bool:
+    return column in {"ended", "error"} or column.startswith("verdict(")
+
+
+def _points(name: str, count: int) -> list[str]:
+    """The columns of a waveform's control points."""
+    return [f"{name}[{i}]" for i in range(count)]
+
+
+def _order(robustness: float) -> tuple[float, float]:
+    """Orders robustness; -0.0, which violates, comes before 0.0."""
+    return robustness, math.copysign(1.0, robustness)
+
+
+def _shapes(rows: Iterable[Row]) -> dict[str, dict[str, Any] | None]:
+    """What a case has beside its columns: times and interpolation of waveforms, None of numbers."""
+    shapes: dict[str, dict[str, Any] | None] = {}
+    for number, row in enumerate(rows):
+        for name, entry in row.case.items():
+            shape = (
+                None
+                if isinstance(entry, float)
+                else {"times": entry.times, "interpolation": entry.interpolation}
+            )
+            if shapes.setdefault(name, shape) != shape:
+                raise InputError(
+                    f"expected {name!r} of every case with the same control points, got another "
+                    f"kind in row {number}: {entry!r}"
+                )
+    return shapes

@@ -1,0 +1,356 @@
+"""`Runner`: runs cases of one system, one by one or side by side; searches and campaigns use it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, NamedTuple, Self, Unpack, cast, get_args
+
+import gymnasium as gym
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_choice, check_count, check_number
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.judges.interface import Interface
+from rtamt_gym.search.runs.having_lanes import lanes_of
+from rtamt_gym.search.runs.lanes import Judging, Lanes
+from rtamt_gym.search.runs.options import (
+    Options,
+    check_options,
+    check_system,
+    duration_of,
+)
+from rtamt_gym.search.runs.requirements import Requirements, load_requirements
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.environments import make
+from rtamt_gym.simulation.kinds import as_system
+from rtamt_gym.simulation.record import Stop
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.simulate import simulate
+from rtamt_gym.simulation.systems import Policy
+
+__all__ = ["CaseLike", "Options", "Runner"]
+
+CaseLike = Mapping[str, float | Waveform]
+"""What one simulation is given: a number or a waveform for each name."""
+
+
+class Runner:
+    """Runs cases of one system under requirements, each to a `Row`.
+
+    Cases run side by side in lanes where the system is a registered environment with a native
+    vector environment that has ``rollout``, its variables read elements of the observation, and no
+    ``policy`` is given; otherwise one by one, by `rtamt_gym.simulate`. The rows are equal to the
+    last bit, but for their wall times.
+
+    A runner is a context manager, and closes what it has made when it is left.
+
+    Attributes:
+        name: The name of the system.
+        requirements: The requirements by name.
+        inputs: What the system itself says is to be varied; empty where it says nothing.
+        duration: The longest duration of a run in seconds, as far as it is known.
+
+    Args:
+        system: The id of an environment, or what `rtamt_gym.simulate` takes; several times one
+            after the other, so it is neither a `StepMonitor` nor an iterator of samples.
+        requirements: The name of one of the system's own (``"AT6a"``), a specification as for
+            `rtamt_gym.simulate`, or several; None: all of the system's own.
+        signals: As for `rtamt_gym.simulate`.
+        policy: As for `rtamt_gym.simulate`.
+        duration: As for `rtamt_gym.simulate`.
+        period: As for `rtamt_gym.simulate`.
+        stop: As for `rtamt_gym.simulate`. The robustness of a stopped run is that at the stop,
+            and its bounds say what it could still have become.
+        batch: How many lanes there are at most.
+        **options: Further options of `rtamt_gym.simulate`, see `Options`.
+
+    Raises:
+        SpecificationError: If a requirement is wrong.
+        InputError: If there is no such environment or requirement, or an option is wrong.
+        InputTypeError: If the system cannot be run several times.
+
+    Example:
+        >>> def tank(inflow):
+        ...     level = 1.0
+        ...     for _ in range(20):
+        ...         yield {"level": level}
+        ...         level += inflow - 0.1 * level
+        >>> with Runner(tank, {"dry": "always(level < 2)"}, period=1, stop="violation") as runner:
+        ...     for number, row in runner.run([{"inflow": 0.1}, {"inflow": 0.3}]):
+        ...         print(number, row.ended, round(row.outcomes["dry"].robustness, 3))
+        0 terminated 1.0
+        1 violation -0.043
+    """
+
+    def __init__(
+        self,
+        system: Any,  # noqa: ANN401 - MuJoCo is not typed
+        requirements: Requirements | None = None,
+        *,
+        signals: Mapping[str, SignalLike] | None = None,
+        policy: Policy | None = None,
+        duration: float | None = None,
+        period: float | str | None = None,
+        stop: Stop = "end",
+        batch: int = 100,
+        **options: Unpack[Options],
+    ) -> None:
+        check_choice("stop", stop, get_args(Stop))
+        check_options(options)
+        check_count("batch=", batch)
+        if duration is not None and duration != math.inf:
+            duration = check_number("duration", duration)
+        check_system(system)
+        self._made = make(system) if isinstance(system, str) else None
+        self._system = self._made if self._made is not None else system
+        try:
+            simulation = getattr(self._system, "unwrapped", None)
+            self.name = as_system(self._system, policy, None, None, None, substeps=False).name
+            own = getattr(simulation, "requirements", {})
+            self.requirements = load_requirements(requirements, own, self.name)
+            self._simulated = {
+                "signals": signals,
+                "policy": policy,
+                "duration": duration,
+                "period": period,
+                "stop": stop,
+            } | options
+            scenario = getattr(simulation, "scenario", None)
+            self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
+            self.duration = duration_of(self._system, duration, period)
+            judging = Judging(
+                stop,
+                options.get("view", "episode"),
+                options.get("nan", "raise"),
+                options.get("align"),
+                Interface(
+                    options.get("semantics", "standard"),
+                    options.get("inputs"),
+                    options.get("outputs"),
+                ),
+                options.get("at_truncation", "cut"),
+            )
+            self._lanes = None
+            if policy is None and batch > 1:
+                self._lanes = lanes_of(
+                    self._system, self.requirements, signals, duration, period, judging, batch
+                )
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the environments that the runner has made."""
+        if self._made is not None:
+            self._made.close()
+        if getattr(self, "_lanes", None) is not None:
+            cast("Lanes", self._lanes).close()
+
+    @property
+    def system(self) -> Any:  # noqa: ANN401 - MuJoCo is not typed
+        """What it runs; of an id, the environment that it has made."""
+        return self._system
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """What every call of `rtamt_gym.simulate` is given."""
+        return {**self._simulated}
+
+    @property
+    def takes_seeds(self) -> bool:
+        """Whether a seed goes to the reset of the system: it is an environment."""
+        return isinstance(self._system, gym.Env)
+
+    @property
+    def in_lanes(self) -> bool:
+        """Whether cases run side by side."""
+        return self._lanes is not None
+
+    @property
+    def batch(self) -> int:
+        """How many cases run side by side at most; 1 if they run one by one."""
+        return 1 if self._lanes is None else self._lanes.size
+
+    def run(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None = None,
+        *,
+        keep: Callable[[int, Trace], object] | None = None,
+        above: Mapping[str, float] | None = None,
+    ) -> Iterator[tuple[int, Row]]:
+        """Runs cases; gives the row of each with the index of the case, soon after it is over.
+
+        The order is not that of the cases: a lane that is stopped is given before others. A row
+        depends on its case and seed alone. An error of a simulation is in its row, as its type and
+        its text, with what the samples before it have left.
+
+        Args:
+            cases: What the simulations are given.
+            seeds: The seed of the reset of each, of an environment. None: none.
+            keep: Is called with the index of a case and its samples before its row is given.
+            above: As for `rtamt_gym.simulate`.
+
+        Raises:
+            InputError: If there are not as many seeds as cases, or the system takes none.
+        """
+        task = self._task(cases, seeds, keep, above)
+        for indices, lanes in self._groups(task.cases):
+            if lanes is None:
+                for index in indices:
+                    yield index, self._row(task, index)
+            else:
+                yield from self._batch(lanes, task, indices)
+
+    def whole(
+        self, cases: Iterable[CaseLike], seeds: Sequence[int] | None = None
+    ) -> Iterator[tuple[int, Row, Trace]]:
+        """Runs cases to their end, in lanes without monitors; leaves out those that fail.
+
+        Gives the row of each, without outcomes, and its samples, with the index of the case.
+
+        Raises:
+            InputError: As `run` does.
+        """
+        task = self._task(cases, seeds, None, None)
+        for indices, lanes in self._groups(task.cases):
+            for each in [indices] if lanes is not None else [[index] for index in indices]:
+                found: list[tuple[Row, Trace]] = []
+                own, given = [task.cases[i] for i in each], [task.seeds[i] for i in each]
+                with suppress(Exception):  # `run` has it in the rows of the cases
+                    if lanes is not None:
+                        found = lanes.whole(own, given)
+                    else:
+                        run = self.simulate(own[0], given[0], stop="end")
+                        row = replace(Row.of(run, own[0]), outcomes={})
+                        found = [(row, Trace(run.signals, run.period))]
+                for index, (row, trace) in zip(each, found, strict=False):
+                    yield index, row, trace
+
+    def simulate(
+        self,
+        case: CaseLike,
+        seed: int | None = None,
+        above: Mapping[str, float] | None = None,
+        stop: Stop | None = None,
+    ) -> Run:
+        """Runs one case and keeps every sample; `stop` in place of the runner's own if given.
+
+        Raises:
+            RtamtError: As `rtamt_gym.simulate` does.
+        """
+        options: Any = self._simulated
+        if self.takes_seeds:
+            options = options | {"seed": seed}
+        if above is not None:
+            options = options | {"above": above}
+        if stop is not None:
+            options = options | {"stop": stop}
+        return simulate(self._system, self.requirements, case=Case(case), **options)
+
+    def judge(self, name: str, trace: Trace) -> float:
+        """The robustness of a requirement on samples that were kept."""
+        options: Any = {
+            option: self._simulated[option]
+            for option in ("semantics", "inputs", "outputs", "nan", "align")
+            if option in self._simulated
+        }
+        heights = rtamt.evaluate(
+            self.requirements[name], trace.signals, trace.period, n=trace.samples, **options
+        )
+        return float(heights.min() if self._simulated.get("view") == "step" else heights[0])
+
+    def _task(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None,
+        keep: Callable[[int, Trace], object] | None,
+        above: Mapping[str, float] | None,
+    ) -> _Task:
+        listed = [Case(case) for case in cases]
+        given: list[int | None] = [None] * len(listed) if seeds is None else list(seeds)
+        if len(given) != len(listed):
+            raise InputError(f"expected {len(listed)} seeds, one for each case, got {len(given)}")
+        if seeds is not None and not self.takes_seeds:
+            raise InputError(f"seeds= are for environments, got some for {self.name}")
+        return _Task(listed, given, keep, above)
+
+    def _groups(self, cases: Sequence[Case]) -> Iterator[tuple[list[int], Lanes | None]]:
+        """The indices of cases that run side by side, with their lanes; None: one by one."""
+        lanes = self._lanes
+        if lanes is None:
+            yield list(range(len(cases))), None
+            return
+        kinds = ((lanes.kind(case), index) for index, case in enumerate(cases))
+        for kind, group in groupby(sorted(kinds, key=_sort_key), itemgetter(0)):
+            indices = [index for _, index in group]
+            if kind is None:
+                yield indices, None
+                continue
+            for begin in range(0, len(indices), lanes.size):
+                yield indices[begin : begin + lanes.size], lanes
+
+    def _batch(self, lanes: Lanes, task: _Task, indices: list[int]) -> Iterator[tuple[int, Row]]:
+        """Runs a batch in lanes; after an error, those that are not over one by one."""
+        left = dict.fromkeys(indices)
+        keep = None if task.keep is None else _renumbered(task.keep, indices)
+        cases, seeds = [task.cases[i] for i in indices], [task.seeds[i] for i in indices]
+        try:
+            for lane, row in lanes.run(cases, seeds, keep, task.above):
+                del left[indices[lane]]
+                yield indices[lane], row
+        except Exception:  # noqa: BLE001 - it stands in the row of the case that has it
+            for index in left:
+                yield index, self._row(task, index)
+
+    def _row(self, task: _Task, index: int) -> Row:
+        case, seed = task.cases[index], task.seeds[index]
+        begin = time.perf_counter()
+        try:
+            run = self.simulate(case, seed, task.above)
+            if task.keep is not None:
+                task.keep(index, Trace(run.signals, run.period))
+            return Row.of(run, case)
+        except Exception as error:  # noqa: BLE001 - the row has it
+            text = f"{type(error).__name__}: {error}"
+            crashed = getattr(error, "run", None)
+            if isinstance(crashed, Run):
+                return Row.of(crashed, case, text)
+            return Row(case, seed, {}, "error", 0.0, time.perf_counter() - begin, text)
+
+
+class _Task(NamedTuple):
+    """The cases to run with their seeds, who gets their samples, and what is known of them."""
+
+    cases: list[Case]
+    seeds: list[int | None]
+    keep: Callable[[int, Trace], object] | None
+    above: Mapping[str, float] | None
+
+
+def _renumbered(
+    keep: Callable[[int, Trace], object], indices: list[int]
+) -> Callable[[int, Trace], object]:
+    """Keeps the samples of a lane under the index of its case."""
+    return lambda lane, trace: keep(indices[lane], trace)
+
+
+def _sort_key(item: tuple[str | None, int]) -> tuple[str, int]:
+    return item[0] or "", item[1]

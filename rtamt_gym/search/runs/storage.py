@@ -1,0 +1,126 @@
+"""Parquet files of records: a row for each simulation; the shapes of waveforms as metadata."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rtamt import InputError, Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.ranges import Parameter, Signal
+from rtamt_gym.inputs.space import Space
+from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.search.runs.files import finished
+from rtamt_gym.search.runs.rows import MEASURES, Outcome, Row
+
+__all__ = ["load", "read_space", "save", "written_space"]
+
+_KEY = b"rtamt.record"
+"""The key of the file's metadata under which all is kept that is no cell, as JSON."""
+
+_TYPES: Final = {
+    "seed": pa.int64(),
+    "ended": pa.string(),
+    "error": pa.string(),
+}
+"""The types of the columns that hold no floats; those of verdicts do not either."""
+
+
+def save(path: Path, columns: Mapping[str, list[Any]], kept: Mapping[str, Any]) -> None:
+    """Writes a record.
+
+    Args:
+        path: The file.
+        columns: The cells of each column.
+        kept: What is no cell, as JSON can write it: ``requirements`` and ``shapes``, and more.
+
+    Raises:
+        InputError: If the name of the file says that it is no Parquet file.
+    """
+    if path.suffix.lower() != ".parquet":
+        raise InputError(
+            f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
+            "all of a record; to_frame() has the columns for other formats"
+        )
+    verdicts = {f"verdict({name})" for name in kept["requirements"]}
+    arrays = {
+        name: pa.array(cells, pa.string() if name in verdicts else _TYPES.get(name, pa.float64()))
+        for name, cells in columns.items()
+    }
+    table = pa.table(arrays)
+    pq.write_table(table.replace_schema_metadata({_KEY: json.dumps(kept)}), path)
+
+
+def load(path: Path) -> tuple[list[Row], dict[str, Any]]:
+    """Reads the rows that `save` has written, and what it kept beside them.
+
+    The rows of a folder are those of a campaign that are finished.
+
+    Raises:
+        InputError: If the file does not hold a record.
+    """
+    if path.is_dir():
+        rows_of, kept_too = finished(path, load)
+        return [rows_of[number] for number in sorted(rows_of)], kept_too
+    try:
+        table = pq.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise InputError(f"cannot read {path}: it is no Parquet file") from error
+    metadata = table.schema.metadata or {}
+    if _KEY not in metadata:
+        raise InputError(
+            f"{path} holds no record: only files that Record.save or Sweep.save has written do"
+        )
+    kept: dict[str, Any] = json.loads(metadata[_KEY])
+    rows = [_row(cells, kept["shapes"], kept["requirements"]) for cells in table.to_pylist()]
+    return rows, kept
+
+
+def written_space(space: Space) -> dict[str, Any]:
+    """A space as JSON can write it; `read_space` reads it."""
+    return {
+        "duration": space.duration,
+        "entries": [{"kind": type(each).__name__, **asdict(each)} for each in space],
+    }
+
+
+def read_space(kept: Mapping[str, Any]) -> Space:
+    """Reads what `written_space` has written."""
+    kinds: dict[str, Any] = {"Signal": Signal, "Parameter": Parameter}
+    entries = [
+        kinds[each["kind"]](**{key: value for key, value in each.items() if key != "kind"})
+        for each in kept["entries"]
+    ]
+    return Space(entries, duration=kept["duration"])
+
+
+def _row(cells: Mapping[str, Any], shapes: Mapping[str, Any], requirements: list[str]) -> Row:
+    case: dict[str, float | Waveform] = {}
+    for name, shape in shapes.items():
+        if shape is None:
+            if cells[name] is not None:
+                case[name] = cells[name]
+            continue
+        values = [cells[f"{name}[{i}]"] for i in range(len(shape["times"]))]
+        if values[0] is not None:
+            case[name] = Waveform(shape["times"], values, shape["interpolation"])
+    outcomes = {}
+    for name in requirements:
+        measured = {key: cells[f"{key}({name})"] for key in MEASURES}
+        if measured["verdict"] is not None:
+            outcomes[name] = Outcome(**measured | {"verdict": Verdict[measured["verdict"]]})
+    return Row(
+        Case(case),
+        cells["seed"],
+        outcomes,
+        cells["ended"],
+        cells["simulated"],
+        cells["wall"],
+        cells["error"],
+    )

@@ -1,0 +1,128 @@
+"""`Map`: the robustness of a requirement over two columns of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.inputs.space import Space
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.tables import shorten, table
+
+__all__ = ["Map", "map_of", "text_of", "two_of"]
+
+Floats = NDArray[np.float64]
+
+_WIDEST: Final = 80
+"""The columns of a terminal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """The robustness of a requirement over two columns.
+
+    Attributes:
+        requirement: The name of the requirement.
+        x: The column that runs to the right.
+        y: The column that runs upwards, in a table downwards.
+        at: The two numbers of each simulation that has a robustness, shape (n, 2): x, then y.
+        values: The robustness of each of them, shape (n,).
+        xs: The different numbers of x, increasing.
+        ys: The different numbers of y, increasing.
+        cells: The robustness of each pair of numbers, shape (ys, xs), nan where it failed; None if
+            the simulations are no grid.
+        folded: Whether a cell is the least of several simulations.
+    """
+
+    requirement: str
+    x: str
+    y: str
+    at: Floats
+    values: Floats
+    xs: Floats
+    ys: Floats
+    cells: Floats | None
+    folded: bool
+
+    def lines(self) -> list[str]:
+        """The cells as a table for a terminal; no lines if they are no grid, or too wide."""
+        if self.cells is None:
+            return []
+        rows = [(shorten(self.y, 24), *(f"{x:.4g}" for x in self.xs))]
+        for y, cells in zip(self.ys, self.cells, strict=True):
+            rows.append((f"{y:.4g}", *map(text_of, cells)))
+        lines = table(rows, ">" * len(rows[0]))
+        if max(map(len, lines)) > _WIDEST:
+            return []
+        least = ", least over all else" if self.folded else ""
+        return [f"robustness of {self.requirement} over {self.x}{least}:", *lines]
+
+
+def map_of(
+    record: Record, space: Space, x: str | None, y: str | None, requirement: str | None
+) -> Map:
+    """The map of a requirement over two columns; None: the second and the first of only two.
+
+    Raises:
+        InputError: If there is no such column or requirement, one is left out where there are
+            others to choose from, or no simulation has a robustness.
+    """
+    name = record.name(requirement)
+    x, y = two_of(space.columns, x, y)
+    every = np.stack([record.numbers(x), record.numbers(y)], axis=1)
+    heights = record.numbers(f"robustness({name})")
+    known = ~np.isnan(heights)
+    if not known.any():
+        raise InputError(f"no simulation has a robustness of {name!r}: there is no map")
+    xs, i = np.unique(every[:, 0], return_inverse=True)
+    ys, j = np.unique(every[:, 1], return_inverse=True)
+    times = np.zeros((len(ys), len(xs)), np.int64)
+    np.add.at(times, (j, i), 1)
+    cells: Floats | None = None
+    if times.all():
+        cells = np.full(times.shape, np.nan)
+        # The least, as far as any is known.
+        np.fmin.at(cells, (j, i), heights)
+    folded = cells is not None and bool((times > 1).any())
+    return Map(name, x, y, every[known], heights[known], xs, ys, cells, folded)
+
+
+def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, str]:
+    """The columns of a map; where neither is named, the second and the first of only two.
+
+    Raises:
+        InputError: If there is no such column, or one is left out where there are others to choose.
+    """
+    if x is None or y is None:
+        if len(columns) != 2 or x is not y:
+            raise InputError(
+                f"expected x and y, two of the columns {listing(columns)}, got x={x!r} and y={y!r}"
+            )
+        y, x = columns
+    for column in (x, y):
+        if column not in columns:
+            raise InputError(
+                f"there is no column {column!r}; the space has {listing(columns)}"
+                f"{nearest(column, columns)}"
+            )
+    if x == y:
+        raise InputError(f"expected two different columns, got {x!r} as x and as y")
+    return x, y
+
+
+def text_of(value: float) -> str:
+    """A robustness in three digits after the point, or fewer where it is large.
+
+    Example:
+        >>> text_of(-0.70512), text_of(1234.5), text_of(float("nan"))
+        ('-0.705', '1234', 'failed')
+    """
+    if np.isnan(value):
+        return "failed"
+    return f"{value:.3f}" if abs(value) < 100 else f"{value:.4g}"

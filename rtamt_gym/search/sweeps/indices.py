@@ -1,0 +1,152 @@
+"""Sensitivity indices: how much each column of a space moves the robustness of a requirement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.inputs.space import Space
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.sweeps.samplers import LEVELS, Sampler, problem_of, sample
+from rtamt_gym.tables import counted, shorten, table
+
+if TYPE_CHECKING:  # it is optional
+    import pandas as pd
+
+__all__ = ["Indices", "indices"]
+
+_MEASURES: Final = {
+    "morris": {
+        "mu*": "mu_star",
+        "mu* +-": "mu_star_conf",
+        "mu": "mu",
+        "sigma": "sigma",
+    },
+    "saltelli": {"ST": "ST", "ST +-": "ST_conf", "S1": "S1", "S1 +-": "S1_conf"},
+}
+"""The columns for each sampler, the one that orders the rows first: as they are called here, and by
+SALib."""
+
+
+@dataclass(frozen=True, eq=False)
+class Indices:
+    """How much each column of a space moves the robustness of a requirement, greatest first.
+
+    Of a sweep with Morris's trajectories: ``mu*``, the mean size of what a step in a column changes
+    (in the unit of the robustness, for a step over the whole range), ``mu``, the same with its
+    sign, and ``sigma``, its standard deviation, which is large where columns act together or
+    bent. Of Saltelli's points: ``S1``, the share of the variance that a column explains alone, and
+    ``ST``, with all that it does together with others. ``+-`` is half of the 95 % interval.
+
+    Attributes:
+        requirement: The name of the requirement.
+        sampler: The sampler that chose the points, ``"morris"`` or ``"saltelli"``.
+        names: The columns of the space.
+        values: The indices by their names, an array for each with a number for every column.
+    """
+
+    requirement: str
+    sampler: Sampler
+    names: tuple[str, ...]
+    values: Mapping[str, NDArray[np.float64]]
+
+    def to_frame(self) -> pd.DataFrame:
+        """The indices as a data frame of pandas; the index has the columns of the space."""
+        try:
+            import pandas as pd
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "Indices.to_frame") from error
+        return pd.DataFrame(dict(self.values), index=pd.Index(self.names, name=self.requirement))
+
+    def __str__(self) -> str:
+        head = ("varied", *self.values)
+        # What differences of rounded numbers leave is shown as 0.
+        least = 1e-12 * max(float(np.abs(values).max()) for values in self.values.values())
+        shown = [np.where(np.abs(values) > least, values, 0.0) for values in self.values.values()]
+        rows = [
+            (shorten(name, 32), *(f"{values[i]:.4g}" for values in shown))
+            for i, name in enumerate(self.names)
+        ]
+        title = f"what moves {shorten(self.requirement, 60)}:"
+        return "\n".join([title, *table([head, *rows], "<" + ">" * len(self.values))])
+
+
+def indices(
+    record: Record, space: Space, sampler: Sampler, seed: int, requirement: str | None = None
+) -> Indices:
+    """The sensitivity indices of a requirement over the record of a sweep.
+
+    Args:
+        record: The simulations, one for each point of `sample`, none of them stopped.
+        space: The space that they are of.
+        sampler: The sampler that chose them.
+        seed: The seed that chose them.
+        requirement: The name of the requirement; None: the only one.
+
+    Raises:
+        InputError: If the sampler is neither Morris's nor Saltelli's, a simulation failed or was
+            stopped, or the robustness is not finite or the same everywhere.
+        ModuleNotFoundError: If SALib is not installed, which the extra ``search`` does.
+    """
+    if sampler not in _MEASURES:
+        raise InputError(
+            f"indices need sampler='morris' or 'saltelli', got a sweep with {sampler!r}"
+        )
+    name = record.name(requirement)
+    heights = _heights(record, name)
+    try:
+        found = _analyzed(space, sampler, seed, heights)
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, "indices") from error
+    measured = _MEASURES[sampler]
+    order = np.argsort(-np.asarray(found[next(iter(measured.values()))], np.float64), kind="stable")
+    return Indices(
+        name,
+        sampler,
+        tuple(space.columns[i] for i in order),
+        {ours: np.asarray(found[theirs], np.float64)[order] for ours, theirs in measured.items()},
+    )
+
+
+def _heights(record: Record, name: str) -> NDArray[np.float64]:
+    """The robustness of every simulation."""
+    lacking = sum(1 for row in record if row.error or name not in row.outcomes)
+    if lacking:
+        raise InputError(
+            f"indices need every simulation of a sweep, and {counted(lacking, 'simulation')} of "
+            f"{len(record)} failed"
+        )
+    if any(row.ended in {"violation", "decided"} for row in record):
+        raise InputError(
+            "indices need simulations up to their end, and some were stopped; sweep with stop='end'"
+        )
+    heights = record.numbers(f"robustness({name})")
+    infinite = int(np.count_nonzero(~np.isfinite(heights)))
+    if infinite:
+        raise InputError(
+            f"indices need a finite robustness, and that of {name!r} is infinite in "
+            f"{counted(infinite, 'simulation')} of {len(record)}"
+        )
+    if np.ptp(heights) == 0.0:
+        raise InputError(
+            f"the robustness of {name!r} is {heights[0]:g} in every simulation: nothing moves it"
+        )
+    return heights
+
+
+def _analyzed(space: Space, sampler: Sampler, seed: int, heights: NDArray[np.float64]) -> Any:  # noqa: ANN401 - SALib is not typed
+    from SALib.analyze import morris, sobol
+
+    problem = problem_of(space)
+    again = seed + 1  # SALib takes a seed of 0 for none
+    if sampler == "saltelli":
+        return sobol.analyze(problem, heights, calc_second_order=False, seed=again)
+    count = len(heights) // (space.dimension + 1)
+    points = sample(space, count, sampler, seed)
+    return morris.analyze(problem, points, heights, num_levels=LEVELS, seed=again)

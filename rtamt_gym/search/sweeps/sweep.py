@@ -1,0 +1,394 @@
+"""`sweep`: runs a system on many points of a space, and keeps what each has become."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import repeat
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.inputs.space import Space, SpaceLike
+from rtamt_gym.search.campaigns.campaign import run_campaign
+from rtamt_gym.search.runs.record import Record, check_columns, storage
+from rtamt_gym.search.runs.report import failures, summary
+from rtamt_gym.search.runs.requirements import Requirements
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import Options, Runner
+from rtamt_gym.search.sweeps.heights import Map, map_of
+from rtamt_gym.search.sweeps.indices import Indices, indices
+from rtamt_gym.search.sweeps.samplers import Sampler, Samples, sample
+from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.record import Stop
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.systems import Policy
+
+if TYPE_CHECKING:  # joblib is optional
+    from rtamt_gym.search.campaigns.workers import Backend
+
+__all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
+
+
+class FailedSimulationWarning(UserWarning):
+    """Some simulations of a sweep ended with an error."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep:
+    """Many simulations of one system, each on a point of a space; `sweep` makes it.
+
+    ``print`` shows the robustness and the verdicts of every requirement; of a grid of two columns
+    also the maps, but for those that are the same everywhere.
+
+    Attributes:
+        record: The simulations, a row for each.
+        space: What was varied.
+        sampler: How the points were chosen.
+        seed: The seed that chose them, and that of the first simulation.
+    """
+
+    record: Record
+    space: Space
+    sampler: Sampler
+    seed: int
+    _runner: Runner | None = field(default=None, compare=False)
+
+    @property
+    def requirements(self) -> Mapping[str, str]:
+        """The text of each requirement, by name."""
+        return self.record.requirements
+
+    def worst(self, requirement: str | None = None) -> Row:
+        """The simulation with the least robustness; ``sweep.replay`` runs it again.
+
+        Raises:
+            InputError: As `Record.worst`.
+        """
+        return self.record.worst(requirement)
+
+    def replay(self, row: Row) -> Run:
+        """Runs a simulation of the sweep again, alone, and keeps every sample.
+
+        Raises:
+            InputError: If the sweep comes from a file or a pickle, which do not hold the system.
+            InputTypeError: If it is given something else than a row.
+        """
+        if not isinstance(row, Row):
+            raise InputTypeError(
+                f"expected a row of the record, such as sweep.worst() or sweep.record[0], got "
+                f"{row!r}"
+            )
+        if self._runner is None:
+            raise InputError(
+                "a sweep that comes from a file or a pickle holds no system to run; write "
+                "simulate(system, specs, case=row.case, seed=row.seed)"
+            )
+        return self._runner.simulate(row.case, row.seed)
+
+    def under(self, requirements: Requirements) -> Runner:
+        """A runner of the system under other requirements, whose runs go to their end.
+
+        Raises:
+            InputError: If the sweep was read from a file, which does not hold the system.
+        """
+        if self._runner is None:
+            raise InputError(
+                "a sweep that was read from a file holds no system to run; make it again with "
+                "sweep(system, ...)"
+            )
+        options: Any = {**self._runner.options, "stop": "end"}
+        return Runner(self._runner.system, requirements, **options)
+
+    def indices(self, requirement: str | None = None) -> Indices:
+        """How much each column moves a requirement's robustness: Morris's indices, or Sobol's.
+
+        They are Morris's for ``sampler="morris"``, Sobol's for ``sampler="saltelli"``.
+
+        Raises:
+            InputError: If the sampler was another, a simulation failed or was stopped, or the
+                robustness is infinite somewhere or the same everywhere.
+        """
+        return indices(self.record, self.space, self.sampler, self.seed, requirement)
+
+    def map(
+        self, x: str | None = None, y: str | None = None, requirement: str | None = None
+    ) -> Map:
+        """The robustness of a requirement over two columns; `Map.cells` has it as an array.
+
+        Args:
+            x: The column that runs to the right; None: the second of only two.
+            y: The column that runs upwards; None: the first of only two.
+            requirement: The requirement; None: the only one.
+
+        Raises:
+            InputError: If there is no such column or requirement, or one has to be named.
+        """
+        return map_of(self.record, self.space, x, y, requirement)
+
+    def heat_map(
+        self,
+        path: str | os.PathLike[str],
+        x: str | None = None,
+        y: str | None = None,
+        requirement: str | None = None,
+    ) -> None:
+        """Draws `map` into a file: a grid as cells with their numbers, other points as dots.
+
+        Where a grid has more columns, a cell is the least over these. Needs the extra ``plot``.
+
+        Raises:
+            InputError: As `map`, and if the extension is not that of a picture.
+        """
+        drawing, pictures = _pictures("Sweep.heat_map")
+        drawing.check_format(Path(path))
+        heights = self.map(x, y, requirement)
+        formula = self.requirements[heights.requirement]
+        drawing.save(pictures.draw_map(heights, self.space, formula), Path(path))
+
+    def scatter(self, path: str | os.PathLike[str]) -> None:
+        """Draws the robustness of each requirement over each column into a file.
+
+        Needs the extra ``plot``.
+
+        Raises:
+            InputError: If the extension is not that of a picture.
+        """
+        drawing, pictures = _pictures("Sweep.scatter")
+        drawing.check_format(Path(path))
+        drawing.save(pictures.draw_scatter(self.record, self.space), Path(path))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the record and the space into a Parquet file. Needs the extra ``files``.
+
+        Raises:
+            InputError: If the name does not end in ``.parquet``.
+        """
+        what = "Sweep.save"
+        self.record.write(path, what, _also(self.space, self.sampler, self.seed, what))
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Sweep:
+        """Reads a file that `save` has written.
+
+        Raises:
+            InputError: If the file does not hold a sweep.
+        """
+        record, also = Record.read(path, "Sweep.load")
+        if not also:
+            raise InputError(f"{path} holds a record and no sweep; read it with Record.load")
+        space = storage("Sweep.load").read_space(also["space"])
+        return Sweep(record, space, also["sampler"], also["seed"])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles without the system, as `save` writes it: a system may not go to a process."""
+        return Sweep, (self.record, self.space, self.sampler, self.seed)
+
+    def __repr__(self) -> str:
+        return f"<Sweep {repr(self.record).removeprefix('<Record ')}"
+
+    def __str__(self) -> str:
+        lines = summary(self.record)
+        if self.sampler == "grid" and len(self.space.columns) == 2:
+            for name in self.requirements:
+                heights = self.record.numbers(f"robustness({name})")
+                if np.unique(heights[~np.isnan(heights)]).size > 1:
+                    lines += ["", *self.map(requirement=name).lines()]
+        return "\n".join(lines)
+
+
+def sweep(
+    system: Any,  # noqa: ANN401 - MuJoCo is not typed
+    requirements: Requirements | None = None,
+    space: SpaceLike | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    samples: Samples,
+    sampler: Sampler = "sobol",
+    seed: int = 0,
+    signals: Mapping[str, SignalLike] | None = None,
+    policy: Policy | None = None,
+    duration: float | None = None,
+    period: float | str | None = None,
+    stop: Stop = "end",
+    batch: int = 100,
+    n_jobs: int | None = None,
+    backend: Backend | None = None,
+    timeout: float | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+    **options: Unpack[Options],
+) -> Sweep:
+    r"""Runs a system on many points of a space; keeps what every requirement becomes on each.
+
+    An environment whose native vector environment has ``rollout``, as every scenario has, runs many
+    cases side by side; all else runs one by one, by `simulate`. The numbers are the same.
+
+    Args:
+        system: The id of an environment (``"rtamt/ChasingCars-v0"``), or what `simulate` takes; not
+            a `StepMonitor` or an iterator, which are not the same a second time.
+        requirements: The name of one of the scenario's own requirements (``"AT6a"``), a
+            specification as for `simulate`, or several: a sequence of names and texts, or a mapping
+            from names to specifications. None: all of the scenario's own.
+        space: The signals and parameters to vary. None: the inputs of the scenario.
+        fixed: Parameters that have one value in all simulations, by name.
+        samples: How many points, as the sampler counts them.
+        sampler: How points are chosen: ``"grid"``, ``"sobol"``, ``"lhs"`` (Latin hypercube),
+            ``"random"``, ``"morris"`` or ``"saltelli"``; the last two are for `Sweep.indices`.
+        seed: The seed that chooses the points, and the seed of the first simulation of an
+            environment; each further one has one more.
+        signals: As for `simulate`.
+        policy: As for `simulate`.
+        duration: The simulated time of a run, in seconds. None: until the system ends by itself.
+        period: As for `simulate`.
+        stop: When to stop a run, as for `simulate`; here ``"end"`` unless it is given, because the
+            robustness of whole runs is compared.
+        batch: How many simulations run side by side at most; 1: none do.
+        n_jobs: How many processes run simulations; -1: as many as there are cores. None: this one.
+            The record is the same, but for wall times. One that a simulation ends, by a crash, is
+            started again, and the simulation with it; ended again, its row has a
+            ``ChildProcessError``.
+        backend: Where the processes run: None: on this machine; ``"dask"``: on the workers of the
+            present Dask client; ``"ray"``: on those of Ray.
+        timeout: Seconds that a simulation may take, in a process of its own: one that takes longer
+            is ended, even if it hangs, and has a ``TimeoutError`` in its row.
+        folder: A folder for finished simulations. The same call goes on there after an
+            interruption, with those that are not finished; `Record.load` reads them at any time.
+        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
+        **options: ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
+            ``at_termination`` and ``at_truncation`` as for `simulate`.
+
+    Returns:
+        The record, the space, and what follows from them. An error of a simulation is in its row.
+
+    Raises:
+        SpecificationError: If a requirement is wrong.
+        InputError: If there is no such system or requirement, the space does not fit, or an option
+            is wrong; if ``folder`` holds another campaign; if all simulations failed, with the
+            error of the first.
+        InputTypeError: If an argument is not of the types above, or the system cannot be sent to
+            another process.
+
+    Warns:
+        FailedSimulationWarning: If some simulations failed.
+
+    Example:
+        >>> from rtamt_gym import Parameter, sweep
+        >>> def tank(inflow, leak):
+        ...     level = 1.0
+        ...     for _ in range(20):
+        ...         yield {"level": level}
+        ...         level += inflow - leak * level
+        >>> inflow, leak = Parameter("inflow", 0.1, 0.3), Parameter("leak", 0.1, 0.2)
+        >>> done = sweep(
+        ...     tank,
+        ...     {"dry": "always(level < 2)"},
+        ...     [inflow, leak],
+        ...     samples=3,
+        ...     sampler="grid",
+        ...     period=1,
+        ... )
+        >>> print("\n".join(done.map().lines()))
+        robustness of dry over leak:
+        inflow     0.1   0.15    0.2
+           0.1   1.000  1.000  1.000
+           0.2   0.135  0.682  1.000
+           0.3  -0.730  0.046  0.507
+        >>> row = done.worst()
+        >>> row.case
+        Case({'inflow': 0.3, 'leak': 0.1})
+        >>> done.replay(row)
+        <Run of tank: terminated at 19 s, 20 samples>
+    """
+    seed = _checked_seed(seed)
+    runner = Runner(
+        system,
+        requirements,
+        signals=signals,
+        policy=policy,
+        duration=duration,
+        period=period,
+        stop=stop,
+        batch=batch,
+        **options,
+    )
+    varied = space_of(runner, space, "sweep")
+    given = Case(fixed or {})
+    for name in given:
+        if name in varied.entries:
+            raise InputError(f"expected {name!r} varied or fixed, got both")
+    check_columns([*varied.columns, *given.columns()], runner.requirements)
+    cases = [{**varied.case(point), **given} for point in sample(varied, samples, sampler, seed)]
+    seeds = range(seed, seed + len(cases)) if runner.takes_seeds else None
+    record = run_campaign(
+        runner,
+        zip(cases, seeds or repeat(None), strict=False),
+        n_jobs=n_jobs,
+        backend=backend,
+        timeout=timeout,
+        folder=folder,
+        about=None if folder is None else _also(varied, sampler, seed, "sweep with folder="),
+        what=f"sweep of {runner.name}",
+        progress=progress,
+    )
+    tell_failures(record)
+    return Sweep(record, varied, sampler, seed, runner)
+
+
+def _also(space: Space, sampler: Sampler, seed: int, what: str) -> dict[str, Any]:
+    """What is kept of a sweep beside its record."""
+    return {"space": storage(what).written_space(space), "sampler": sampler, "seed": seed}
+
+
+def _checked_seed(seed: object) -> int:
+    """The seed as an int; refuses one that no random generator takes."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"expected seed= as a whole number, 0 or more, got {seed!r}")
+    return int(seed)
+
+
+def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
+    """What is varied, with the duration of a run for its signals.
+
+    Raises:
+        InputError: If nothing is given, and the system says nothing; names the caller.
+    """
+    if space is None and not runner.inputs:
+        raise InputError(
+            f"{runner.name} does not say what to vary; give a space, as in "
+            f'{caller}(system, requirements, [Parameter("mass", 1, 2)], ...)'
+        )
+    if isinstance(space, Space):
+        return Space(list(space), duration=space.duration or runner.duration)
+    return Space(runner.inputs if space is None else space, duration=runner.duration)
+
+
+def tell_failures(record: Record) -> None:
+    """Warns if some simulations failed.
+
+    Raises:
+        InputError: If all did.
+    """
+    failed = record.failed()
+    if not len(failed):
+        return
+    if len(failed) == len(record):
+        raise InputError(f"all {len(record)} simulations failed, the first with {failed[0].error}")
+    told = " ".join(line.strip() for line in failures(record))
+    warnings.warn(told, FailedSimulationWarning, stacklevel=caller_level())
+
+
+def _pictures(what: str) -> tuple[Any, Any]:
+    try:
+        from rtamt_gym import drawing
+        from rtamt_gym.search.sweeps import pictures
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, what) from error
+    return drawing, pictures
