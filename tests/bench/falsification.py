@@ -197,6 +197,27 @@ def table(searches: Sequence[Search], optimizers: Sequence[str], rows: Sequence[
     return lines
 
 
+HEADS = {
+    "dual_annealing": "annealing",
+    "differential_evolution": "diff. ev.",
+    "psy annealing": "psy ann.",
+}
+
+
+def means(searches: Sequence[Search], optimizers: Sequence[str], rows: Sequence[str]) -> list[str]:
+    """A column for each optimizer: the mean simulations, and how many found it if not all did."""
+    lines = [f"{'':5}" + "".join(f"{HEADS.get(name, name):>10}" for name in optimizers)]
+    for requirement in rows:
+        cells = [requirement.ljust(5)]
+        for optimizer in optimizers:
+            own = [each for each in searches if each[:2] == (requirement, optimizer)]
+            counts = [each.simulations for each in own if each.falsified]
+            share = "" if len(counts) == len(own) else f" {len(counts)}/{len(own)}"
+            cells.append(f"{f'{mean(counts):.0f}' if counts else '-'}{share}".rjust(10))
+        lines.append("".join(cells))
+    return lines
+
+
 def line(requirement: str, optimizer: str, own: Sequence[Search]) -> str:
     """A line of the table: seconds and milliseconds count failures too."""
     counts = [each.simulations for each in own if each.falsified]
@@ -239,7 +260,10 @@ def main() -> None:
     if given.what == "run":
         run(given.into, given.optimizers, given.rows, range(*map(int, given.seeds.split(":"))))
     elif given.what == "table":
-        print(*table(read(given.into), given.optimizers, given.rows), sep="\n")
+        searches = read(given.into)
+        there = [name for name in given.optimizers if any(each[1] == name for each in searches)]
+        print(*table(searches, there, given.rows), "", sep="\n")
+        print(*means(searches, there, given.rows), sep="\n")
     else:
         speed(given.rows)
 
