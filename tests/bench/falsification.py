@@ -31,7 +31,7 @@ import numpy as np
 import rtamt_envs  # noqa: F401 - registers the scenarios
 
 from rtamt_gym import Runner, Space, falsify
-from rtamt_gym.search import search as searching
+from rtamt_gym.search.falsification import search as searching
 
 RESULTS = Path(__file__).parent / "results" / "falsification.csv"
 
