@@ -178,7 +178,8 @@ class Search:
         """Runs points and keeps their rows.
 
         Raises:
-            SearchOver: If one violates, the budget is spent, or all have failed, eight at least.
+            SearchOver: If one violates, the budget is spent, or the first eight
+                failed alike before sample 0.
         """
         begin = len(self.rows)
         asked = asked[: self._budget - begin]
@@ -193,26 +194,38 @@ class Search:
         else:
             above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
             over = self._runner.run(cases, seeds, above=above)
-        first = len(cases)  # of those that violate
+        last: float = len(cases)  # of those that count
         try:
             for index, row in over:
                 found[index] = row
                 self.advance(1)
-                if self._violated(row) is not None:
-                    first = min(first, index)
-                if first < len(cases) and all(i in found for i in range(first)):
+                last = min(last, self._last(index, found))
+                if last < len(cases) and all(i in found for i in range(last)):
                     break
         finally:
             for index in sorted(found):
-                if index <= first:
+                if index <= last:
                     if index in traces and not found[index].error:
                         self._traces[len(self.rows)] = traces[index]
                     self._keep(found[index], asked[index])
         spent = len(self.rows) >= self._budget
-        failed = len(self.rows) >= _FIRST and all(row.error for row in self.rows)
-        if self.violated is not None or spent or failed:
+        if self.violated is not None or spent or self._hopeless({}):
             raise SearchOver
         return np.array(self.values[begin:])
+
+    def _last(self, index: int, found: Mapping[int, Row]) -> float:
+        """The index of the run after which none counts, by what has come with this one."""
+        if self._violated(found[index]) is not None:
+            return index
+        return _FIRST - len(self.rows) - 1 if self._hopeless(found) else math.inf
+
+    def _hopeless(self, found: Mapping[int, Row]) -> bool:
+        """Whether the first simulations failed alike before sample 0: all others would too."""
+        first = self.rows[:_FIRST]
+        first += [found[i] for i in range(_FIRST - len(first)) if i in found]
+        alike = {row.error for row in first}
+        began = any(row.outcomes for row in first)
+        return len(first) == _FIRST and len(alike) == 1 and "" not in alike and not began
 
     def _keep(self, row: Row, point: Floats) -> None:
         self.violated = self._violated(row)

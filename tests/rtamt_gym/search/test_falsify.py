@@ -51,6 +51,8 @@ def test_what_is_found_violates_in_a_simulation_and_on_the_recorded_trace(requir
         assert run.courses[requirement].verdict is rtamt.Verdict.VIOLATED
         height = rtamt.evaluate(spec, run.signals, run.period)[0]
         assert np.signbit(height)
+        judged = rtamt.judge(spec, run.signals, run.period, end="cut")
+        assert judged.verdict is rtamt.Verdict.VIOLATED
 
 
 def outcome(found: Falsification) -> tuple[object, ...]:

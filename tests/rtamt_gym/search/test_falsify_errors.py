@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -194,8 +194,30 @@ def test_if_all_simulations_fail_the_first_error_is_told() -> None:
     with pytest.raises(InputError) as told:
         falsify(fails, "always(y > 0)", X, period=1, optimizer=asks([[0.25], [0.5]]))
     assert str(told.value) == "all 2 simulations failed, the first with ValueError: 0.25"
-    with pytest.raises(InputError, match="all 64 simulations failed"):
-        falsify(fails, "always(y > 0)", X, period=1, optimizer="random")
+
+
+@pytest.mark.parametrize("optimizer", ["portfolio", "random", "dual_annealing"])
+@pytest.mark.parametrize("scales", [None, "plain"])
+def test_simulations_that_fail_alike_before_they_begin_are_few(
+    optimizer: str, scales: Literal["plain"] | None
+) -> None:
+    formula = "always(y > 0) and always(z > 0)"
+    with pytest.raises(InputError) as told:
+        falsify(plain, formula, X, period=1, optimizer=optimizer, scales=scales)
+    assert str(told.value).startswith("all 8 simulations failed, the first with InputError: ")
+
+
+def test_simulations_that_fail_at_extremes_alone_do_not_end_a_search() -> None:
+    def brittle(x: float, z: float, u: float) -> Iterator[Mapping[str, float]]:
+        if {x, z, u} <= {0.0, 1.0}:
+            raise ValueError(x)
+        yield {"y": x}
+
+    space = [Parameter(name, 0, 1) for name in "xzu"]
+    with pytest.warns(FailedSimulationWarning, match="8 simulations of .* failed, 4 with"):
+        found = falsify(brittle, "always(y > 0.2)", space, period=1)
+    assert found.falsified
+    assert [bool(row.error) for row in found.record[:9]] == [True] * 8 + [False]
 
 
 def test_a_violation_that_does_not_come_again_is_told() -> None:
