@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from operator import itemgetter
@@ -194,7 +195,7 @@ class Search:
         else:
             above = dict.fromkeys(self._specs, -math.inf) | dict.fromkeys(self._valued, level)
             over = self._runner.run(cases, seeds, above=above)
-        last: float = len(cases)  # of those that count
+        last = len(cases)  # of those that count
         try:
             for index, row in over:
                 found[index] = row
@@ -213,11 +214,11 @@ class Search:
             raise SearchOver
         return np.array(self.values[begin:])
 
-    def _last(self, index: int, found: Mapping[int, Row]) -> float:
+    def _last(self, index: int, found: Mapping[int, Row]) -> int:
         """The index of the run after which none counts, by what has come with this one."""
         if self._violated(found[index]) is not None:
             return index
-        return _FIRST - len(self.rows) - 1 if self._hopeless(found) else math.inf
+        return _FIRST - len(self.rows) - 1 if self._hopeless(found) else sys.maxsize
 
     def _hopeless(self, found: Mapping[int, Row]) -> bool:
         """Whether the first simulations failed alike before sample 0: all others would too."""
