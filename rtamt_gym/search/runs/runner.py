@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -16,6 +17,7 @@ import gymnasium as gym
 import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
+from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
@@ -316,9 +318,19 @@ class Runner:
             for lane, row in lanes.run(cases, seeds, keep, task.above):
                 del left[indices[lane]]
                 yield indices[lane], row
-        except Exception:  # noqa: BLE001 - it stands in the row of the case that has it
+        except Exception as error:  # noqa: BLE001 - it stands in the row of the case that has it
+            known = False
             for index in left:
-                yield index, self._row(task, index)
+                row = self._row(task, index)
+                known = known or bool(row.error)
+                yield index, row
+            if not known:
+                warnings.warn(
+                    f"lanes of {self.name} raised {type(error).__name__}: {error}; the cases ran "
+                    "one by one, which raised nothing",
+                    RuntimeWarning,
+                    stacklevel=caller_level(),
+                )
 
     def _row(self, task: _Task, index: int) -> Row:
         case, seed = task.cases[index], task.seeds[index]

@@ -42,6 +42,15 @@ _KEYS: Final = (
     *("policy", "reading", "expected", "versions"),
 )
 
+_TYPES: Final[Mapping[str, tuple[Any, str]]] = {
+    "system": (dict, "an object of JSON"),
+    "seed": (int | None, "a whole number, 0 or more, or null"),
+    "signals": (dict | None, "an object of JSON or null"),
+    "policy": (str | None, "text or null"),
+    "versions": (dict, "an object of JSON"),
+}
+"""What else would fail later, in words that name no file."""
+
 _OF_VERSIONS: Final = ("rtamt", "numpy", "gymnasium", "mujoco", "fmpy", "numba")
 
 
@@ -225,7 +234,7 @@ class SavedCase:
         where = os.fspath(path)
         try:
             kept = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
-        except ValueError as error:  # no text, no JSON
+        except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
             raise InputError(f"{where} holds no case: expected JSON, got {error}") from error
         if not isinstance(kept, dict) or kept.get("format") != _FORMAT:
             raise InputError(
@@ -255,7 +264,11 @@ def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
     _check_keys('"requirement"', requirement, ("name", "text"), ("unit",))
     _check_keys('"expected"', expected, ("verdict", "robustness"))
     _check_keys('"reading"', kept["reading"], (), _READING)
-    _check_keys('"system"', kept["system"], (), list(kept["system"]))
+    for key, (types, what) in _TYPES.items():
+        if not isinstance(kept[key], types) or isinstance(kept[key], bool):
+            raise InputError(f'expected "{key}" as {what}, got {kept[key]!r}')
+    if kept["seed"] is not None and kept["seed"] < 0:
+        raise InputError(f'expected "seed" as {_TYPES["seed"][1]}, got {kept["seed"]}')
     if expected["verdict"] not in Verdict.__members__:
         raise InputError(
             f'expected "verdict" as one of {listing(Verdict.__members__)}, '
@@ -312,7 +325,7 @@ def _written(number: float) -> float | str:
 
 
 def _number(name: str, given: Any) -> float:  # noqa: ANN401 - what JSON holds
-    if given in {"inf", "-inf", "nan"} or (
+    if given in ("inf", "-inf", "nan") or (
         isinstance(given, int | float) and not isinstance(given, bool)
     ):
         return float(given)

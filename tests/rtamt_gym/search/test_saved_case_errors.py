@@ -147,7 +147,6 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
         with_(expected=expected | {"robustness": "high"}),
         with_(requirement={"name": "a", "text": "a = always(x < 1); b = always(x > 2)"}),
         with_(reading={"viev": "step"}),
-        with_(system=[]),
         with_(case={"x": "y"}),
     ] == [
         "'sed'; did you mean 'seed'?",
@@ -162,9 +161,36 @@ def test_files_that_hold_no_case_are_refused(tmp_path: Path) -> None:
             "case.json: expected \"reading\" with 'view', 'nan', 'align', 'semantics', 'inputs', "
             "'outputs', 'at_termination', 'at_truncation', got 'viev'; did you mean 'view'?"
         ),
-        'case.json: expected "system" as an object of JSON, got []',
         (
             "case.json: expected 'x' of a case as a number or a waveform such as "
             "Waveform([0, 5], [1, 2]), got 'y'"
         ),
     ]
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "expected"),
+    [
+        ("system", [None, []], "an object of JSON"),
+        ("seed", [-1, 1.5, True, "7", [7]], "a whole number, 0 or more, or null"),
+        ("signals", [["obs[0]"], "obs[0]"], "an object of JSON or null"),
+        ("policy", [["zero"], 3], "text or null"),
+        ("versions", [None, ["3.11"]], "an object of JSON"),
+        ("duration", [[10], {}, "long", True], "a number"),
+    ],
+)
+def test_fields_of_other_types_are_refused_when_the_file_is_read(
+    tmp_path: Path, key: str, values: list[Any], expected: str
+) -> None:
+    path = tmp_path / "case.json"
+    falsify(named_systems.pump, "always(x < 2)", SPACE, period=1, budget=5).save(path)
+    kept = json.loads(path.read_text())
+    for value in values:
+        path.write_text(json.dumps(kept | {key: value}))
+        assert refusal(SavedCase.load, path) == f'{path}: expected "{key}" as {expected}, got {value!r}'
+
+
+def test_lists_without_end_hold_no_case(tmp_path: Path) -> None:
+    path = tmp_path / "case.json"
+    path.write_text("[" * 100_000)
+    assert refusal(SavedCase.load, path).startswith(f"{path} holds no case: expected JSON, got ")
