@@ -4,6 +4,7 @@ from typing import Any, get_args
 
 import gymnasium as gym
 import pytest
+import rtamt_envs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,13 +15,7 @@ from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop
 
-SCENARIOS = (
-    "rtamt/AutomaticTransmission-v0",
-    "rtamt/ChasingCars-v0",
-    "rtamt/RequestGrant-v0",
-    "rtamt/MobileRobot-v0",
-    "rtamt/AircraftElevator-v0",
-)
+SCENARIOS = tuple(f"rtamt/{name}-v0" for name in rtamt_envs.SCENARIOS)
 
 ENVIRONMENTS: dict[str, Any] = {}
 
@@ -86,10 +81,29 @@ def test_lanes_are_single_runs_to_the_last_bit(data: st.DataObject) -> None:
         assert same(side_by_side[index], row)
 
 
+def never(*_: object) -> Any:  # noqa: ANN401
+    raise AssertionError("a case of lanes ran alone")
+
+
 def same(one: Row, other: Row) -> bool:
     """Whether two rows are equal to the last bit but for their wall times."""
     cells = [repr(row.columns() | {"wall": 0.0}) for row in (one, other)]
     return one == other and cells[0] == cells[1]
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_every_scenario_runs_its_own_inputs_in_lanes(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Runner(environment(name), duration=2) as runner:
+        space = Space(runner.inputs, duration=2)
+        cases = [space.case([height] * space.dimension) for height in (0.1, 0.8)] + [Case({})]
+        expected = dict(Runner(environment(name), duration=2, batch=1).run(cases, range(3)))
+        monkeypatch.setattr(runner, "simulate", never)
+        rows = dict(runner.run(cases, range(3)))
+        whole = {index: row for index, row, _ in runner.whole(cases, range(3))}
+    assert all(same(rows[i], expected[i]) for i in range(3))
+    assert sorted(whole) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("stop", get_args(Stop))
@@ -165,10 +179,6 @@ def test_an_error_within_a_batch_leaves_the_other_cases(monkeypatch: pytest.Monk
         with pytest.warns(RuntimeWarning, match=f"^{told}$"):
             rows = dict(runner.run([{"delay": 1.0}, {"delay": 2.0}], [1, 2]))
     assert all(same(rows[i], expected[i]) for i in range(2))
-
-
-def never(*_: object) -> Any:  # noqa: ANN401
-    raise AssertionError("a case of lanes ran alone")
 
 
 @pytest.mark.parametrize("period", [0.2, "50ms"])

@@ -187,7 +187,10 @@ def test_fields_of_other_types_are_refused_when_the_file_is_read(
     kept = json.loads(path.read_text())
     for value in values:
         path.write_text(json.dumps(kept | {key: value}))
-        assert refusal(SavedCase.load, path) == f'{path}: expected "{key}" as {expected}, got {value!r}'
+        assert (
+            refusal(SavedCase.load, path)
+            == f'{path}: expected "{key}" as {expected}, got {value!r}'
+        )
 
 
 def test_lists_without_end_hold_no_case(tmp_path: Path) -> None:
