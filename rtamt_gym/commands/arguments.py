@@ -20,6 +20,7 @@ __all__ = [
     "add_environment",
     "add_output",
     "add_reading",
+    "add_workers",
     "check_outputs",
     "positive",
     "read_options",
@@ -203,3 +204,20 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
         from rtamt_gym.drawing import check_format
 
         check_format(picture)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Adds ``-j`` and ``--timeout``, of simulations in processes of their own."""
+    parser.add_argument(
+        "-j",
+        dest="n_jobs",
+        type=positive,
+        metavar="N",
+        help="run simulations in N processes of their own: one that crashes loses itself alone",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=float,
+        metavar="SECONDS",
+        help="end a simulation that takes longer, even if it hangs; it runs in another process",
+    )

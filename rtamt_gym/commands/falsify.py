@@ -19,6 +19,7 @@ from rtamt_gym.commands.arguments import (
     add_environment,
     add_output,
     add_reading,
+    add_workers,
     check_outputs,
     positive,
     read_options,
@@ -105,6 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
     )
+    add_workers(parser)
     add_reading(parser, "the system's own")
     add_align(parser)
     add_ends(parser)
@@ -162,6 +164,8 @@ def run(options: argparse.Namespace) -> int:
                 duration=options.duration,
                 period=options.period,
                 reduce=not options.no_reduce,
+                n_jobs=options.n_jobs,
+                timeout=options.timeout,
                 progress=True,
                 **{key: getattr(options, key) for key in _READING},
             )

@@ -15,8 +15,8 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
     add_environment,
     add_output,
+    add_workers,
     check_outputs,
-    positive,
     read_options,
     read_signals,
     whole,
@@ -100,19 +100,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="end",
         help="when to stop a simulation (default: end)",
     )
-    parser.add_argument(
-        "-j",
-        dest="n_jobs",
-        type=positive,
-        metavar="N",
-        help="run simulations in N processes of their own: one that crashes loses itself alone",
-    )
-    parser.add_argument(
-        "--timeout",
-        type=float,
-        metavar="SECONDS",
-        help="end a simulation that takes longer, even if it hangs; it runs in another process",
-    )
+    add_workers(parser)
     parser.add_argument(
         "--folder",
         type=Path,

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
-from typing import TYPE_CHECKING, Any, Final
-from uuid import uuid4
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
 
-from rtamt import InputError, Verdict
-from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.checks.extras import naming_extra
+from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.search.campaigns.chunks import Chunks, Rows
+from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.campaigns.folder import Folder, digest
-from rtamt_gym.search.campaigns.process import Setup, Task, end_processes, run_chunk
+from rtamt_gym.search.campaigns.process import Task
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.rows import Row
@@ -26,15 +24,6 @@ if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.search.campaigns.workers import Backend
 
 __all__ = ["run_campaign"]
-
-_Rows = list[tuple[int, Row]]
-"""Rows with the numbers of their tasks."""
-
-_SECONDS: Final = 1.0
-"""About how long a chunk should take: a kill loses that much, and its file is written in less."""
-
-_MOST: Final = 1000
-"""The most tasks of a chunk."""
 
 
 def run_campaign(
@@ -82,11 +71,7 @@ def run_campaign(
         InputTypeError: If the system cannot be sent to another process.
     """
     listed: list[Task] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
-    check_choice("backend", backend, (None, "dask", "ray"))
-    if timeout is not None:
-        timeout = check_number("timeout", timeout)
-    if n_jobs is not None and (type(n_jobs) is not int or n_jobs == 0):
-        raise InputError(f"expected n_jobs= as a whole number, or -1 for all cores, got {n_jobs!r}")
+    timeout = check_workers(n_jobs, backend, timeout)
     requirements = {name: str(spec.formula) for name, spec in runner.requirements.items()}
     rows: dict[int, Row] = {}
     with ExitStack() as stack:
@@ -106,9 +91,10 @@ def run_campaign(
             rows = kept.rows()
         chunks = Chunks([task for task in listed if task[0] not in rows], runner)
         if n_jobs is None and backend is None and timeout is None:
-            over: Iterator[_Rows] = (_run_here(runner, chunk) for chunk in chunks)
+            over: Iterator[Rows] = (_run_here(runner, chunk) for chunk in chunks)
         else:
-            over = stack.enter_context(_elsewhere(runner, chunks, n_jobs, backend, timeout))
+            elsewhere = stack.enter_context(Elsewhere(runner, n_jobs, backend, timeout))
+            over = stack.enter_context(elsewhere.spread(chunks))
         note = _Note(runner.duration, rows.values())
         bar = shown_progress(what, len(listed) if progress else 0, "run")
         advance = stack.enter_context(bar)
@@ -124,48 +110,6 @@ def run_campaign(
         if kept is not None:
             kept.finish(record)
         return record
-
-
-class Chunks(Iterator[list[Task]]):
-    """Deals tasks out, in chunks that grow until they take about a second.
-
-    Where cases run side by side, a chunk is what runs at once.
-
-    Args:
-        tasks: The tasks.
-        runner: What runs them.
-    """
-
-    def __init__(self, tasks: Sequence[Task], runner: Runner) -> None:
-        self._tasks = tasks
-        self._batch = runner.batch
-        self._workers = 1
-        self._begin = 0
-        self._finished = 0
-        self._wall = 0.0
-
-    def share(self, workers: int) -> None:
-        """Makes chunks small enough for so many workers."""
-        self._workers = workers
-
-    def learn(self, rows: _Rows) -> None:
-        """Learns from finished tasks how long one takes."""
-        self._finished += len(rows)
-        self._wall += sum(row.wall for _, row in rows)
-
-    def __len__(self) -> int:
-        """The number of tasks that are left."""
-        return len(self._tasks) - self._begin
-
-    def __next__(self) -> list[Task]:
-        if not len(self):
-            raise StopIteration
-        size = self._batch
-        if self._batch == 1 and self._finished:
-            size = min(_MOST, max(1, int(_SECONDS * self._finished / max(self._wall, 1e-9))))
-        size = max(1, min(size, math.ceil(len(self) / self._workers)))
-        self._begin += size
-        return list(self._tasks[self._begin - size : self._begin])
 
 
 class _Note:
@@ -194,31 +138,7 @@ class _Note:
         return f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
 
 
-def _run_here(runner: Runner, tasks: Sequence[Task]) -> _Rows:
+def _run_here(runner: Runner, tasks: Sequence[Task]) -> Rows:
     seeds: Any = [seed for _, _, seed in tasks] if runner.takes_seeds else None
     over = runner.run([case for _, case, _ in tasks], seeds)
     return [(tasks[index][0], row) for index, row in over]
-
-
-@contextmanager
-def _elsewhere(
-    runner: Runner,
-    chunks: Chunks,
-    n_jobs: int | None,
-    backend: Backend | None,
-    timeout: float | None,
-) -> Iterator[Iterator[_Rows]]:
-    """Gives the rows of each chunk as soon as a worker has run it; ends the workers at its end."""
-    try:
-        from rtamt_gym.search.campaigns import workers
-    except ModuleNotFoundError as error:
-        raise naming_extra(error, "n_jobs=") from error
-    sent = Recipe(runner).pickled(runner.name)
-    with workers.chosen(backend, n_jobs) as (count, threads):
-        chunks.share(count)
-        setup = Setup(uuid4().hex, sent, timeout, threads, tuple(sys.path))
-        with closing(workers.spread(run_chunk, setup, chunks, count)) as over:
-            try:
-                yield over
-            finally:
-                end_processes(setup.name)

@@ -40,9 +40,12 @@ def main(pipe: int, alive: int, idle: float) -> None:
         return
     connection.send("")
     with runner, suppress(EOFError):  # the end of the pipe may come before that of `alive`
-        while connection.poll(idle) and (tasks := connection.recv()):
+        while connection.poll(idle):
+            tasks, above = connection.recv()
+            if not tasks:
+                break
             seeds = [seed for _, seed in tasks] if runner.takes_seeds else None
-            for over in runner.run([case for case, _ in tasks], seeds):
+            for over in runner.run([case for case, _ in tasks], seeds, above=above):
                 connection.send(over)
             connection.send((0, None))
 

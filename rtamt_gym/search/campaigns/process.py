@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Pipe
@@ -54,6 +54,7 @@ class Setup:
         timeout: The seconds that a run may take; None: any.
         threads: How many threads the libraries of a process may start.
         path: Where the program finds modules; a worker looks there before it looks elsewhere.
+        above: As for `Runner.run`.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Setup:
     timeout: float | None
     threads: int
     path: tuple[str, ...] = ()
+    above: Mapping[str, float] | None = None
 
 
 def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Row]]:
@@ -104,7 +106,7 @@ def _deal(setup: Setup, tasks: Sequence[Task], rows: dict[int, Row]) -> str:
     """Has a process run tasks, and takes their rows; returns why it ended, an empty text if not."""
     process = _take(setup)
     try:
-        process.connection.send([task[1:] for task in tasks])
+        process.connection.send(([task[1:] for task in tasks], setup.above))
         while True:
             if not process.speaks(setup.timeout):
                 _drop(setup.name, process)
@@ -212,7 +214,7 @@ class _Process:
     def end(self) -> None:
         """Lets a process that waits for tasks do what its simulations do at their end."""
         with suppress(subprocess.TimeoutExpired, OSError):
-            self.connection.send([])
+            self.connection.send(([], None))
             self._process.wait(5.0)
         self.free()
 

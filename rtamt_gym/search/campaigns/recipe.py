@@ -10,6 +10,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from rtamt import InputTypeError
 from rtamt_gym.search.runs.runner import Runner
+from rtamt_gym.search.runs.whole import Whole
 
 __all__ = ["Recipe"]
 
@@ -21,9 +22,11 @@ class Recipe:
 
     Args:
         runner: The runner.
+        whole: Whether runs are judged once they are over, by a `Whole`.
     """
 
-    def __init__(self, runner: Runner) -> None:
+    def __init__(self, runner: Runner, *, whole: bool = False) -> None:
+        self._whole = whole
         self._system = runner.system
         self._requirements = runner.requirements
         self._options = {**runner.options, "batch": runner.batch}
@@ -31,11 +34,12 @@ class Recipe:
         if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
             self._system = spec
 
-    def runner(self) -> Runner:
+    def runner(self) -> Runner | Whole:
         """Makes the runner."""
         system = self._system
         made = gym.make(system) if isinstance(system, EnvSpec) else system
-        return Runner(made, self._requirements, **self._options)
+        runner = Runner(made, self._requirements, **self._options)
+        return Whole(lambda _specs, _stop: runner, self._requirements) if self._whole else runner
 
     def pickled(self, name: str) -> bytes:
         """The recipe as bytes, functions of the main program and of functions with it.

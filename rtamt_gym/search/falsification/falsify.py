@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
 from numbers import Integral
-from typing import Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.falsification.optimizers import OptimizerLike, find_optimizer
@@ -35,6 +36,9 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.systems import Policy
 from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:  # joblib is optional
+    from rtamt_gym.search.campaigns.workers import Backend
 
 __all__ = ["IrreproducibleWarning", "falsify"]
 
@@ -62,6 +66,9 @@ def falsify(
     batch: int = 100,
     scales: Mapping[str, float] | Literal["plain"] | None = None,
     reduce: bool = True,
+    n_jobs: int | None = None,
+    backend: Backend | None = None,
+    timeout: float | None = None,
     progress: bool = False,
     **options: Unpack[Options],
 ) -> Falsification:
@@ -117,6 +124,12 @@ def falsify(
         reduce: Whether to make a violating input simpler while it still violates, in 200 further
             simulations at most: parameters get their defaults, signals lose control points, numbers
             lose digits.
+        n_jobs: How many simulations, or batches of lanes, run at once, each in a process of its
+            own, of the points that the optimizer asks for together; -1: as many as there are cores.
+            The result is the same. The runs that scales come from, and the reduction, stay in this
+            process. None: all do, unless ``backend`` or ``timeout`` is given.
+        backend: As for `sweep`.
+        timeout: As for `sweep`, of the simulations in other processes.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **options: ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
             ``at_termination`` and ``at_truncation`` as for `simulate`.
@@ -191,6 +204,9 @@ def falsify(
             **options,
         )
 
+    timeout = check_workers(n_jobs, backend, timeout)
+    here = n_jobs is None and backend is None and timeout is None
+    elsewhere = partial(Elsewhere, n_jobs=n_jobs, backend=backend, timeout=timeout)
     runner = make(requirements, "violation")
     specs = runner.requirements
     varied = space_of(runner, space, "falsify")
@@ -200,7 +216,10 @@ def falsify(
     check_columns([*varied.columns, *rest.columns()], specs)
     of_optimizer, of_search = np.random.SeedSequence(seed).spawn(2)
     rng = np.random.default_rng(of_search)
-    search = Search(make, runner, varied, rest, budget, seed, rng, _scales(scales, specs))
+    search = Search(
+        *(make, runner, varied, rest, budget, seed, rng, _scales(scales, specs)),
+        elsewhere=None if here else elsewhere,
+    )
 
     def result(simplest: Row | None = None, reductions: int = 0) -> Falsification:
         texts = {each: str(spec.formula) for each, spec in specs.items()}

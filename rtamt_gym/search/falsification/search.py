@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from operator import itemgetter
 from typing import Final
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from rtamt import InputError, Specification, Verdict
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.search.campaigns.elsewhere import Elsewhere
 from rtamt_gym.search.falsification.points import spread, take
 from rtamt_gym.search.falsification.protocol import Floats
 from rtamt_gym.search.falsification.scales import in_scales, spreads
@@ -60,6 +62,7 @@ class Search:
         seed: The seed of the first simulation of an environment; each further one has one more.
         rng: Random numbers for runs that scales come from.
         scales: The scales; None: from the first runs.
+        elsewhere: Makes what runs the cases of a runner in other processes; None: they run here.
     """
 
     def __init__(
@@ -72,7 +75,10 @@ class Search:
         seed: int,
         rng: np.random.Generator,
         scales: Mapping[str, float] | None,
+        elsewhere: Callable[..., Elsewhere] | None = None,
     ) -> None:
+        self._elsewhere = elsewhere
+        self._opened = ExitStack()
         self._make = make
         self._whole = runner
         self._specs = runner.requirements
@@ -85,7 +91,7 @@ class Search:
         self._traces: dict[int, Trace] = {}
         self._valued = list(self._specs)
         self._least: list[str] = []
-        self._runner: Runner | Whole = runner
+        self._runner: Runner | Whole | Elsewhere = runner
         self.groups = _groups(space)
         self.rows: list[Row] = []
         self.points: list[Floats] = []
@@ -132,8 +138,7 @@ class Search:
 
     def close(self) -> None:
         """Closes what runs the simulations, but for the runner that was given."""
-        if self._runner is not self._whole:
-            self._runner.close()
+        self._opened.close()
 
     def _checked(self, points: ArrayLike) -> Floats:
         """The points as an array.
@@ -170,10 +175,15 @@ class Search:
             scaled = {f"{name} in scales": spec for name, spec in in_units.items()}
             self._valued = list(scaled)
         every = {**self._specs, **scaled}
-        if judged_whole(every, self._whole):
+        whole = judged_whole(every, self._whole)
+        if self._elsewhere is not None:
+            runner = self._opened.enter_context(self._make(every, "known"))
+            self._runner = self._elsewhere(runner, whole=whole)
+        elif whole:
             self._runner = Whole(self._make, every)
         else:
             self._runner = self._make(every, "known")
+        self._opened.callback(self._runner.close)
 
     def _run(self, asked: Floats, level: float) -> Floats:
         """Runs points and keeps their rows.

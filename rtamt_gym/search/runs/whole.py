@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -53,6 +53,12 @@ class Whole:
         self._runner = make(specs, "known")
         self._names = list(specs)
         self._horizon = max(spec.horizon for spec in specs.values())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def takes_seeds(self) -> bool:
