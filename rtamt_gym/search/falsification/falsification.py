@@ -160,6 +160,9 @@ class Falsification:
         end = "is violated" if self.falsified else "was not violated"
         lines = [f"{name} of {system} {end}: robustness {number(self.robustness)}"]
         lines += _wrapped(self.record.requirements[name])
+        if self.robustness == math.inf:
+            why = "no sample of any simulation counts, as where windows lie beyond the end"
+            lines += _wrapped(why, "")
         took = f"{self.simulated_time:.6g} simulated seconds, optimizer {self.optimizer}"
         took += f", seed {self.seed}"
         if self.falsified:
@@ -167,12 +170,17 @@ class Falsification:
             lines.append("input:")
         else:
             runs = counted(self.simulations, "simulation")
+            if self.simulations < self.budget:  # the optimizer has ended by itself
+                runs += f" of {self.budget}"
             lines += ["", *_wrapped(f"{runs}; {took}", ""), "input of the closest:"]
         lines += case_lines(self.input)
         if self.reductions:
             before, after = _size(self.found), _size(self.input)
             runs = counted(self.reductions, "more simulation")
-            lines += _wrapped(f"reduced from {before} numbers to {after} by {runs}", "")
+            made = f"reduced from {before} numbers to {after}"
+            if before == after:
+                made = "no simpler one found" if self.input == self.found else "rounded"
+            lines += _wrapped(f"{made} by {runs}", "")
         if failed := len(self.record.failed()):
             lines.append(f"{counted(failed, 'simulation')} failed: record.failed()")
         if self.scales:

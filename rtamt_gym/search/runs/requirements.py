@@ -36,8 +36,8 @@ def load_requirements(
     if given is None:
         if not own:
             raise InputError(
-                f"{system} has no requirements of its own; give them, as in "
-                'sweep(system, "always(x < 1)", ...)'
+                f"{system} has no requirements of its own; give them after the system, such as "
+                '"always(x < 1)"'
             )
         return dict(own)
     if isinstance(given, Mapping):

@@ -9,7 +9,8 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 
 import rtamt
 from rtamt_gym import Falsification, Parameter, falsify, simulate
-from rtamt_gym.search.falsification.optimizers import OPTIMIZERS
+from rtamt_gym.search.falsification.optimizers import OPTIMIZERS, OptimizerLike
+from rtamt_gym.search.falsification.protocol import Evaluate
 
 TRANSMISSION = "rtamt/AutomaticTransmission-v0"
 
@@ -66,3 +67,27 @@ def test_a_seed_repeats_a_search_and_lanes_change_nothing() -> None:
     ]
     assert outcome(by_batch[0]) == outcome(by_batch[1])
     assert by_batch[0].record == falsify(TRANSMISSION, "AT6a", budget=60, seed=2).record
+
+
+def test_the_text_says_how_simple_how_far_and_how_long() -> None:
+    space = [Parameter("inflow", 0.1, 0.25), Parameter("leak", 0.1, 0.2)]
+
+    def told(requirement: str, budget: int, optimizer: OptimizerLike = "portfolio") -> list[str]:
+        found = falsify(tank, requirement, space, period=1, budget=budget, optimizer=optimizer)
+        return str(found).splitlines()
+
+    def six(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> None:
+        evaluate(rng.random((6, dimension)))
+
+    assert told("always(level < 9)", 6)[3] == (
+        "6 simulations; 114 simulated seconds, optimizer portfolio, seed 0"
+    )
+    assert told("always(level < 9)", 30, six)[3] == (
+        "6 simulations of 30; 114 simulated seconds, optimizer six, seed 0"
+    )
+    assert told("always[30:40](level < 9)", 6)[2] == (
+        "no sample of any simulation counts, as where windows lie beyond the end"
+    )
+    assert "no simpler one found by 1 more simulation" in told("always(level < 2)", 30)
+    rounded = told("always(level < 1.5)", 30, "random")
+    assert any(line.startswith("rounded by ") for line in rounded)

@@ -259,8 +259,8 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             {},
             InputError,
             (
-                "tank has no requirements of its own; give them, as in "
-                'sweep(system, "always(x < 1)", ...)'
+                "tank has no requirements of its own; give them after the system, such as "
+                '"always(x < 1)"'
             ),
         ),
         (
