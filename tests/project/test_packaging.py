@@ -116,6 +116,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "gym",
         "cases",
         "search",
+        "optuna",
         "taliro",
         "highway",
         "plot",

@@ -113,7 +113,7 @@ def test_what_is_cut_off_at_any_line_goes_on_from_there(
 
 
 class Cut:
-    """Ends what is inside before a line of `campaign_folder` or `run_campaign`.
+    """Ends what is inside before a line of the module of folders or `run_campaign`.
 
     Attributes:
         lines: How many lines came, with the one that was not run.
@@ -139,7 +139,7 @@ class Cut:
         code = frame.f_code
         if code.co_name in {"close", "__exit__"}:  # which a kill would not run
             return None
-        if not code.co_filename.endswith(("search/campaign.py", "search/campaign_folder.py")):
+        if not code.co_filename.endswith(("campaigns/campaign.py", "campaigns/folder.py")):
             return None
         if event == "line":
             self.lines += 1

@@ -96,7 +96,7 @@ def test_the_program_itself_is_named_by_its_file(monkeypatch: pytest.MonkeyPatch
     drain.__module__, drain.__qualname__ = "__main__", "drain"
     monkeypatch.setattr(__main__, "drain", drain, raising=False)
     monkeypatch.setattr(__main__, "__spec__", None)
-    monkeypatch.setattr(__main__, "__file__", "/home/me/tanks.py")
+    monkeypatch.setattr(__main__, "__file__", "/home/me/tanks.py", raising=False)
     assert import_path(drain) == "tanks:drain"
     monkeypatch.delattr(__main__, "__file__")
     assert import_path(drain) is None

@@ -87,7 +87,7 @@ def test_rtamt_run_takes_names_and_the_baseline(capsys: Output) -> None:
     [
         (
             [ID, "--spec", "grnted"],
-            "there is no requirement 'grnted'; there are 'granted'; did you mean 'granted'?",
+            f"{ID} has no requirement 'grnted'; it has 'granted'; did you mean 'granted'?",
         ),
         (
             ["CartPole-v1"],
