@@ -1,11 +1,11 @@
 """A search on several processes is the search on one, and survives what its simulations do."""
 
 import os
-import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import pytest
+from campaign_systems import rest
 
 from rtamt import InputError
 from rtamt_gym import Falsification, Parameter, falsify
@@ -58,7 +58,7 @@ def deadly(inflow: float) -> Iterator[Mapping[str, float]]:
 def endless(inflow: float) -> Iterator[Mapping[str, float]]:
     yield {"level": 1.0}
     while inflow > 0.24:
-        time.sleep(1)
+        rest(1.0)
 
 
 @pytest.mark.parametrize(
