@@ -22,6 +22,10 @@ EXTRAS: Final[Mapping[str, str]] = {
     "optuna": "optuna",
     "joblib": "search",
     "staliro": "taliro",
+    "jinja2": "report",
+    "plotly": "report",
+    "rich": "report",
+    "minari": "minari",
 }
 """The extra that installs each optional package."""
 

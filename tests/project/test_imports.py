@@ -33,6 +33,8 @@ FLOORS = {
         ("wrappers", "mujoco"),
         ("simulation", "recorded"),
         ("search",),
+        ("evaluation",),
+        ("reports", "learners", "datasets"),
         ("demo",),
         ("commands",),
         ("__init__", "__main__"),

@@ -118,6 +118,8 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "search",
         "optuna",
         "taliro",
+        "report",
+        "minari",
         "highway",
         "plot",
         "files",

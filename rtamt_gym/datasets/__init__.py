@@ -1,0 +1,1 @@
+"""Recorded episodes for offline learning, with robustness, cost and success."""

@@ -1,0 +1,1 @@
+"""What learners call while they train: callbacks that measure satisfaction."""
