@@ -1,0 +1,231 @@
+"""How sure a number is that was measured on episodes: intervals and quantiles.
+
+Needs SciPy, which is imported when a function is called.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.checks.extras import naming_extra
+
+__all__ = [
+    "QUANTILES",
+    "bootstrap",
+    "check_confidence",
+    "differences",
+    "median",
+    "median_interval",
+    "quantiles",
+    "scipy_stats",
+    "wilson",
+]
+
+QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
+"""The shares of which `quantiles` gives the values."""
+
+_RESAMPLES: Final = 9999
+
+
+def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
+    """The interval of Wilson (1927) for the rate of which ``count`` of ``total`` is a sample.
+
+    It lies within 0 and 1, also where few were counted: of none its low end is exactly 0, of all
+    its high end exactly 1. Over all rates it covers the true one about as often as ``confidence``
+    says, at some rates near 0 or 1 somewhat less often.
+
+    Args:
+        count: How many did, of 0 to ``total``.
+        total: How many there were; of 0 nothing is known, and the interval is (0, 1).
+        confidence: How often an interval shall cover the rate: between 0 and 1.
+
+    Raises:
+        InputError: If a number is out of its range.
+
+    Example:
+        >>> low, high = wilson(95, 100)
+        >>> round(low, 3), round(high, 3)
+        (0.888, 0.978)
+        >>> wilson(0, 100)[0], wilson(100, 100)[1], wilson(0, 0)
+        (0.0, 1.0, (0.0, 1.0))
+    """
+    check_confidence(confidence)
+    if not 0 <= count <= total:
+        raise InputError(f"expected a count of 0 to {total}, got {count}")
+    if not total:
+        return 0.0, 1.0
+    test = scipy_stats("wilson").binomtest(int(count), int(total))
+    low, high = test.proportion_ci(confidence, method="wilson")
+    return float(low), float(high)
+
+
+def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping[float, float]:
+    """The quantiles of robustness, which may be infinite: by share, in the order of ``shares``.
+
+    The quantile of a share is the least of the values that at least this share of them does not
+    exceed. It is one of the values and no mean of two, so infinities make no nan; the median of an
+    even number of values is the lower of the two in the middle.
+
+    Args:
+        values: The values, in any order, without nan. Of no values the result is empty.
+        shares: Numbers from 0 to 1.
+
+    Raises:
+        InputError: If a value is nan.
+
+    Example:
+        >>> dict(quantiles([3.0, -1.0, float("inf"), 2.0]))
+        {0.05: -1.0, 0.25: -1.0, 0.5: 2.0, 0.75: 3.0, 0.95: inf}
+        >>> dict(quantiles([]))
+        {}
+    """
+    array = _checked(values)
+    if not array.size:
+        return {}
+    found = np.quantile(array, list(shares), method="inverted_cdf")
+    return dict(zip(shares, found.tolist(), strict=True))
+
+
+def median(values: ArrayLike) -> float:
+    """The median as `quantiles` defines it; nan of no values.
+
+    Example:
+        >>> median([float("-inf"), 1.0, 2.0, float("inf")])
+        1.0
+    """
+    return quantiles(values, [0.5]).get(0.5, math.nan)
+
+
+def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
+    """The interval of the median, between two of the values: it assumes nothing about them.
+
+    Of independent values with any distribution, infinities and ties included, it covers the median
+    at least as often as ``confidence`` says: how many values lie below the median is binomial. It
+    needs no random numbers. Fewer than six values cannot be that sure of 95 %: their interval is
+    (-inf, inf).
+
+    Raises:
+        InputError: If a value is nan, or ``confidence`` is not between 0 and 1.
+
+    Example:
+        >>> median_interval([1, 2, 3, 4, 5, 6, 7, 8, 9, float("inf")])
+        (2.0, 9.0)
+        >>> median_interval([1, 2, 3])
+        (-inf, inf)
+    """
+    check_confidence(confidence)
+    array = _checked(values)
+    if not array.size:
+        return -math.inf, math.inf
+    stats = scipy_stats("median_interval")
+    low, high = stats.quantile_test(array, p=0.5).confidence_interval(confidence)
+    return (
+        -math.inf if math.isnan(low) else float(low),
+        math.inf if math.isnan(high) else float(high),
+    )
+
+
+def bootstrap(
+    values: ArrayLike, confidence: float = 0.95, *, seed: int = 0, resamples: int = _RESAMPLES
+) -> tuple[float, float]:
+    """The interval of the mean by the bootstrap of Efron (1987), BCa.
+
+    It is for independent values whose distribution is not known. It knows no values but these: the
+    interval lies between the least and the greatest of them, where all are equal it is that value
+    twice, and of few values it is too narrow. The same values, in the same order, and the same seed
+    give the same interval.
+
+    Args:
+        values: Finite values; of less than two nothing is known, and the interval is (-inf, inf).
+        confidence: How often an interval shall cover the mean: between 0 and 1.
+        seed: The seed of the resamples.
+        resamples: How often the values are drawn anew.
+
+    Raises:
+        InputError: If a value is nan or infinite, with the way out, or a number out of its range.
+
+    Example:
+        >>> low, high = bootstrap([0.2, 0.5, 0.3, 0.9, 0.4, 0.6, 0.1, 0.8])
+        >>> round(low, 2), round(high, 2)
+        (0.3, 0.66)
+        >>> bootstrap([1.0, 1.0, 1.0]), bootstrap([1.0])
+        ((1.0, 1.0), (-inf, inf))
+    """
+    check_confidence(confidence)
+    check_count("resamples=", resamples)
+    array = _checked(values)
+    if not np.isfinite(array).all():
+        raise InputError(
+            "expected finite values, of which there is a mean, got an infinite one; "
+            "median_interval takes infinities"
+        )
+    if len(array) < 2:
+        return -math.inf, math.inf
+    if array.min() == array.max():  # SciPy's corrections would be 0 / 0
+        return float(array[0]), float(array[0])
+    low, high = (
+        scipy_stats("bootstrap")
+        .bootstrap(
+            (array,),
+            np.mean,
+            confidence_level=confidence,
+            n_resamples=resamples,
+            random_state=np.random.default_rng(seed),
+        )
+        .confidence_interval
+    )
+    return float(low), float(high)
+
+
+def differences(first: ArrayLike, second: ArrayLike) -> NDArray[np.float64]:
+    """The second values less the first, pair by pair; of two equal infinities it is 0, not nan.
+
+    Raises:
+        InputError: If the numbers of values differ, or one is nan.
+
+    Example:
+        >>> inf = float("inf")
+        >>> differences([1.0, inf, inf, -inf], [3.0, inf, 0.0, 1.0])
+        array([  2.,   0., -inf,  inf])
+    """
+    before, after = _checked(first), _checked(second)
+    if len(before) != len(after):
+        raise InputError(f"expected as many values in both, got {len(before)} and {len(after)}")
+    apart = before != after
+    return np.subtract(after, before, out=np.zeros(len(before)), where=apart)
+
+
+def check_confidence(confidence: float) -> None:
+    """Refuses a confidence that is not between 0 and 1.
+
+    Raises:
+        InputError: If it is not.
+    """
+    if not 0 < confidence < 1:
+        raise InputError(f"expected confidence= between 0 and 1, such as 0.95, got {confidence!r}")
+
+
+def _checked(values: ArrayLike) -> NDArray[np.float64]:
+    array = np.asarray(values, dtype=np.float64).ravel()
+    if np.isnan(array).any():
+        raise InputError(
+            f"expected values that are no nan, got one at {int(np.isnan(array).argmax())}; "
+            "leave out episodes that have none"
+        )
+    return array
+
+
+def scipy_stats(what: str) -> Any:  # noqa: ANN401 - a module without types
+    """The module `scipy.stats`, which a function needs; names the extra if SciPy is missing."""
+    try:
+        from scipy import stats
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, what) from error
+    return stats
