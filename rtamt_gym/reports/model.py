@@ -1,0 +1,291 @@
+"""`Report`: everything that the page of results shows, as plain numbers and text.
+
+The modules ``of_*`` beside this one make sections of results, `rtamt_gym.reports.html` makes the
+page. What is drawn beside requirements is in `rtamt_gym.reports.views`.
+
+Numbers of series have six digits; times are in the unit that the section names.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+from rtamt_gym.reports.views import (
+    Cases,
+    ComparisonView,
+    Convergence,
+    HeatMap,
+    Matrix,
+    Series,
+    Word,
+)
+
+__all__ = [
+    "Counts",
+    "Decision",
+    "Episode",
+    "Fact",
+    "Frame",
+    "Kind",
+    "Report",
+    "Requirement",
+    "Section",
+    "Trial",
+]
+
+Kind = Literal["evaluation", "sweep", "search", "matrix", "comparison"]
+"""What a section is about: episodes of a policy, simulations of a record, the search for a
+violation, recorded traces, or two evaluations side by side."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """A line of the table at the head of a section, such as ``episodes`` and ``100``."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """How many episodes satisfied a requirement, violated it, left it open, or failed.
+
+    A failed episode counts in ``failed`` alone; the four sum up to ``episodes``.
+    """
+
+    episodes: int
+    satisfied: int
+    violated: int
+    undecided: int
+    failed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What became of one requirement in one episode, simulation or trace.
+
+    Attributes:
+        label: What tells it from others: ``seed 17``, ``simulation 4`` or the name of a file.
+        verdict: What became of the requirement.
+        robustness: The robustness at the end; None if there is none.
+        violated_at: When a violation became certain; None if it did not, or nobody knows.
+        duration: How long the episode was; None if nobody knows.
+        reward: The sum of the environment's rewards; None for a system without.
+        seed: The seed of the reset; None for a system without.
+        case: What the simulation was given, a text for each entry.
+        text: The error that ended it, or what else there is to say; may be empty.
+    """
+
+    label: str
+    verdict: Word
+    robustness: float | None = None
+    violated_at: float | None = None
+    duration: float | None = None
+    reward: float | None = None
+    seed: int | None = None
+    case: tuple[str, ...] = ()
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """A sample that decided the robustness, as `rtamt.explain` marks it.
+
+    Attributes:
+        predicate: The text of the predicate; a key of `Episode.predicates`.
+        time: When.
+        values: The values of the predicate's variables then; some may be no key of
+            `Episode.signals`.
+        robustness: The robustness of the predicate then.
+        words: The same as a sentence.
+    """
+
+    predicate: str
+    time: float
+    values: Mapping[str, float]
+    robustness: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A picture of the episode.
+
+    Attributes:
+        time: When.
+        source: The picture as a ``data:`` URL.
+        words: What it shows, for those who do not see it.
+    """
+
+    time: float
+    source: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """One episode in full: signals, robustness with bounds, and what decided.
+
+    Every series has a number for each of ``times``, or is empty if it is not known. Long episodes
+    are thinned; extremes, the first and the last sample and the deciding ones stay.
+
+    Attributes:
+        label: As `Trial.label`.
+        verdict: What became of the requirement.
+        final: The robustness at the end.
+        samples: How many samples the episode has; more than ``times`` if it is thinned.
+        times: The times of the samples shown, increasing.
+        signals: The values of each variable and of each further recorded signal.
+        robustness: The robustness, if the episode ended there.
+        lower: The least robustness that was still possible.
+        upper: The greatest robustness that was still possible.
+        predicates: The robustness of each predicate of the requirement, by its text.
+        deciding: The samples that decided.
+        violated_at: When the violation became certain; None if it did not.
+        seed: As `Trial.seed`.
+        case: As `Trial.case`.
+        explanation: The way from the requirement down to the deciding sample, for a terminal;
+            empty if nothing was to be explained.
+        frames: Pictures, if some were kept.
+        note: What the reader should know, such as that a stopped episode was played to its end;
+            may be empty.
+    """
+
+    label: str
+    verdict: Word
+    final: float
+    samples: int
+    times: Series
+    signals: Mapping[str, Series]
+    robustness: Series = ()
+    lower: Series = ()
+    upper: Series = ()
+    predicates: Mapping[str, Series] = field(default_factory=dict)
+    deciding: tuple[Decision, ...] = ()
+    violated_at: float | None = None
+    seed: int | None = None
+    case: tuple[str, ...] = ()
+    explanation: str = ""
+    frames: tuple[Frame, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A requirement, and what became of it in all episodes of a section.
+
+    Attributes:
+        name: Its name.
+        words: It in plain English.
+        formula: It as a formula.
+        counts: How many episodes satisfied it.
+        rate: Satisfied over all; None where a rate has no meaning, as of a search.
+        interval: The 95 % interval of the rate (Wilson); None without a rate.
+        robustness: The robustness of every episode that has one, least first; of more than 1000
+            those of evenly spaced ranks.
+        quantiles: The robustness below which 5, 25, 50, 75 and 95 % of the episodes lie, by the
+            text of the share (``"0.05"``); empty if no episode has one.
+        first_violations: When violations became certain, earliest first.
+        trials: What became of it in each episode, worst first.
+        left_out: How many episodes ``trials`` leaves out, which shows the worst 500.
+        worst: The worst episodes in full, worst first.
+        note: A sentence, such as what the early end of episodes saved; may be empty.
+    """
+
+    name: str
+    words: str
+    formula: str
+    counts: Counts
+    rate: float | None
+    interval: tuple[float, float] | None
+    robustness: Series
+    quantiles: Mapping[str, float]
+    first_violations: Series
+    trials: tuple[Trial, ...]
+    left_out: int = 0
+    worst: tuple[Episode, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One result.
+
+    Attributes:
+        kind: What it is about.
+        title: Its title.
+        system: The name of the system; may be empty.
+        policy: The name of the policy; may be empty.
+        unit: The unit of times: ``"s"``, or ``"steps"`` if there is no period.
+        facts: The table at its head.
+        notes: Sentences about the whole.
+        requirements: The requirements; empty of a comparison.
+        returns: The sum of the rewards of every episode, least first; empty without.
+        durations: How long the episodes were, shortest first; empty if not known.
+        maps: The maps of a sweep on a grid.
+        cases: The points of a sweep or a search.
+        convergence: Of a search, for each requirement.
+        comparison: Of a comparison.
+        matrix: Of recorded traces.
+    """
+
+    kind: Kind
+    title: str
+    system: str = ""
+    policy: str = ""
+    unit: str = "s"
+    facts: tuple[Fact, ...] = ()
+    notes: tuple[str, ...] = ()
+    requirements: tuple[Requirement, ...] = ()
+    returns: Series = ()
+    durations: Series = ()
+    maps: tuple[HeatMap, ...] = ()
+    cases: Cases | None = None
+    convergence: tuple[Convergence, ...] = ()
+    comparison: ComparisonView | None = None
+    matrix: Matrix | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A page of results.
+
+    Attributes:
+        title: Its title.
+        made_with: What made it, such as ``rtamt 0.5.0``.
+        sections: The results.
+    """
+
+    title: str
+    made_with: str
+    sections: tuple[Section, ...]
+
+    def plain(self) -> dict[str, Any]:
+        """The report as dicts, lists, numbers and texts; infinities are ``"inf"`` and ``"-inf"``.
+
+        Example:
+            >>> Report("Runs", "rtamt", (Section("sweep", "Tank"),)).plain()["sections"][0]["kind"]
+            'sweep'
+        """
+        found: dict[str, Any] = _plain(self)
+        return found
+
+    def to_json(self) -> str:
+        """`plain` as strict JSON on one line."""
+        return json.dumps(self.plain(), allow_nan=False, separators=(",", ":"), ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any field of the model
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items()}
+    if hasattr(value, "__dataclass_fields__"):
+        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+    return value

@@ -1,0 +1,192 @@
+"""What sections show beside their requirements: maps, points, convergence, comparisons, traces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = [
+    "Cases",
+    "Cell",
+    "ComparedRequirement",
+    "ComparisonView",
+    "Convergence",
+    "HeatMap",
+    "Matrix",
+    "Series",
+    "TraceLine",
+    "Word",
+]
+
+Word = Literal["satisfied", "violated", "undecided", "failed"]
+"""What became of a requirement; failed: an error ended the episode, or no trace could be judged."""
+
+Series = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class HeatMap:
+    """The robustness of a requirement over a grid of two columns.
+
+    Attributes:
+        requirement: The name of the requirement.
+        x: The column to the right, with its unit if it has one.
+        y: The column upwards.
+        xs: The numbers of x, increasing.
+        ys: The numbers of y, increasing.
+        cells: A row for each of ys, with the robustness for each of xs; None where the simulation
+            failed.
+        folded: Whether a cell is the least of several simulations.
+    """
+
+    requirement: str
+    x: str
+    y: str
+    xs: Series
+    ys: Series
+    cells: tuple[tuple[float | None, ...], ...]
+    folded: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Cases:
+    """What the simulations were given and what came of it, to draw over one column or two.
+
+    Every sequence has an entry for each simulation.
+
+    Attributes:
+        labels: As `Trial.label`.
+        columns: The numbers of each column that varies.
+        robustness: The robustness by name of the requirement; None where it failed.
+        verdicts: The verdicts by name of the requirement.
+        left_out: How many simulations are not in it: of more than 2000 the worst and evenly spaced
+            others are.
+    """
+
+    labels: tuple[str, ...]
+    columns: Mapping[str, Series]
+    robustness: Mapping[str, tuple[float | None, ...]]
+    verdicts: Mapping[str, tuple[Word, ...]]
+    left_out: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Convergence:
+    """The robustness of a requirement over the simulations of a search.
+
+    Attributes:
+        requirement: The name of the requirement.
+        simulations: The numbers of the simulations, from 1.
+        robustness: The robustness of each; None where it failed.
+        least: The least up to each; None before the first.
+    """
+
+    requirement: str
+    simulations: tuple[int, ...]
+    robustness: tuple[float | None, ...]
+    least: tuple[float | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedRequirement:
+    """One requirement under two policies, A and B.
+
+    Attributes:
+        name: Its name.
+        words: It in plain English.
+        formula: It as a formula.
+        sentence: What the comparison says about it.
+        rate_a: The rate of A.
+        rate_b: The rate of B.
+        interval_a: Its 95 % interval.
+        interval_b: Its 95 % interval.
+        difference: The rate of B less that of A.
+        interval: The 95 % interval of the difference.
+        p: The probability of so great a difference, or a greater one, if there were none (McNemar).
+        both: Pairs of episodes in which both satisfy it.
+        only_a: Those in which A alone does.
+        only_b: Those in which B alone does.
+        neither: Those in which none does.
+        robustness: The mean robustness of B less that of A; None if it is not known.
+        robustness_interval: Its 95 % interval (bootstrap).
+        pairs: The robustness of A and of B in each pair, for a scatter.
+    """
+
+    name: str
+    words: str
+    formula: str
+    sentence: str
+    rate_a: float
+    rate_b: float
+    interval_a: tuple[float, float]
+    interval_b: tuple[float, float]
+    difference: float
+    interval: tuple[float, float]
+    p: float
+    both: int
+    only_a: int
+    only_b: int
+    neither: int
+    robustness: float | None = None
+    robustness_interval: tuple[float, float] | None = None
+    pairs: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonView:
+    """Two evaluations of the same requirements, side by side.
+
+    Attributes:
+        a: What A is.
+        b: What B is.
+        sentence: What the comparison says.
+        requirements: Each requirement.
+    """
+
+    a: str
+    b: str
+    sentence: str
+    requirements: tuple[ComparedRequirement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """The outcome of one requirement on one trace."""
+
+    verdict: Word
+    robustness: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class TraceLine:
+    """A line of a `Matrix`: a trace with a cell for each requirement.
+
+    Attributes:
+        name: The name of the trace.
+        verdict: The worst of its verdicts.
+        described: The number of its samples, and its times; may be empty.
+        cells: A cell for each requirement.
+        notes: What was read otherwise than it is written.
+    """
+
+    name: str
+    verdict: Word
+    described: str
+    cells: tuple[Cell, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Matrix:
+    """Recorded traces under requirements.
+
+    Attributes:
+        requirements: The names of the columns.
+        traces: A line for each trace, in their order; of more than 500 the worst.
+        left_out: How many traces are not among them.
+    """
+
+    requirements: tuple[str, ...]
+    traces: tuple[TraceLine, ...]
+    left_out: int = 0

@@ -1,0 +1,250 @@
+"""A made-up report with a section of every kind, for tests of the page."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from rtamt_gym.reports.model import (
+    Counts,
+    Decision,
+    Episode,
+    Fact,
+    Frame,
+    Report,
+    Requirement,
+    Section,
+    Trial,
+)
+from rtamt_gym.reports.views import (
+    Cases,
+    Cell,
+    ComparedRequirement,
+    ComparisonView,
+    Convergence,
+    HeatMap,
+    Matrix,
+    TraceLine,
+)
+
+_PIXEL = (
+    "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGA"
+    "WjR9awAAAABJRU5ErkJggg=="
+)
+"""The smallest picture."""
+
+_TIMES = tuple(round(0.02 * i, 2) for i in range(101))
+_ANGLE = tuple(round(0.25 * math.sin(3 * time) * time, 6) for time in _TIMES)
+_MARGIN = tuple(round(0.2 - abs(angle), 6) for angle in _ANGLE)
+_SO_FAR = tuple(min(_MARGIN[: i + 1]) for i in range(101))
+_WORST = min(range(101), key=lambda i: _MARGIN[i])
+_AT = next(time for time, margin in zip(_TIMES, _MARGIN, strict=True) if margin < 0)
+
+_EPISODE = Episode(
+    label="seed 17",
+    verdict="violated",
+    final=_MARGIN[_WORST],
+    samples=101,
+    times=_TIMES,
+    signals={"angle": _ANGLE, "position": tuple(round(time / 4, 6) for time in _TIMES)},
+    robustness=_SO_FAR,
+    lower=(-math.inf,) * 101,
+    upper=_SO_FAR,
+    predicates={"abs(angle) < 0.2": _MARGIN},
+    deciding=(
+        Decision(
+            "abs(angle) < 0.2",
+            _TIMES[_WORST],
+            {"angle": _ANGLE[_WORST]},
+            _MARGIN[_WORST],
+            f"abs(angle) < 0.2 is {_MARGIN[_WORST]:.4g} at {_TIMES[_WORST]:g} s",
+        ),
+    ),
+    violated_at=_AT,
+    seed=17,
+    explanation=f"robustness {_MARGIN[_WORST]:.4g} at 0 s, decided by abs(angle) < 0.2",
+    frames=(
+        Frame(0.0, _PIXEL, "the pole at 0 s"),
+        Frame(_AT, _PIXEL, f"the pole at {_AT:g} s"),
+    ),
+)
+
+_UPRIGHT = Requirement(
+    name="upright",
+    words="at all times, the absolute value of angle is less than 0.2",
+    formula="always(abs(angle) < 0.2)",
+    counts=Counts(20, 17, 2, 0, 1),
+    rate=0.85,
+    interval=(0.6395894, 0.9476195),
+    robustness=tuple(sorted((_MARGIN[_WORST], -0.05, *(0.01 * i for i in range(1, 18))))),
+    quantiles={"0.05": -0.05, "0.25": 0.03, "0.5": 0.08, "0.75": 0.13, "0.95": 0.17},
+    first_violations=(_AT, 1.9),
+    trials=(
+        Trial("seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"),
+        Trial("seed 17", "violated", _MARGIN[_WORST], _AT, 2.0, 61.0, 17),
+        Trial("seed 9", "violated", -0.05, 1.9, 2.0, 96.0, 9),
+        *(
+            Trial(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
+            for i in range(20)
+            if i not in (4, 9, 17)
+        ),
+    ),
+    worst=(_EPISODE,),
+    note="2 episodes that ended at their violation saved 16.2 simulated seconds",
+)
+
+_CENTRED = replace(
+    _UPRIGHT,
+    name="centred",
+    words="within the first 2 s, position is at least 0.1 at some time",
+    formula="eventually[0:2](position >= 0.1)",
+    counts=Counts(20, 15, 0, 4, 1),
+    rate=0.75,
+    interval=(0.531299, 0.888138),
+    robustness=(-math.inf, *(0.02 * i for i in range(1, 18)), math.inf),
+    quantiles={"0.05": -math.inf, "0.25": 0.08, "0.5": 0.18, "0.75": 0.28, "0.95": 0.36},
+    first_violations=(),
+    trials=(
+        Trial("seed 4", "failed", seed=4, text="ValueError: the simulator stopped"),
+        Trial("seed 3", "undecided", -math.inf, None, 0.4, 20.0, 3),
+        Trial("seed 5", "satisfied", math.inf, None, 2.0, 100.0, 5),
+    ),
+    left_out=17,
+    worst=(),
+    note="",
+)
+
+_EVALUATION = Section(
+    kind="evaluation",
+    title="CartPole-v1 under model.zip",
+    system="CartPole-v1",
+    policy="sb3:model.zip",
+    facts=(Fact("episodes", "20"), Fact("seeds", "0 to 19"), Fact("period", "0.02 s")),
+    notes=("The test has decided after 20 of 200 episodes: the rate is below 0.95.",),
+    requirements=(_UPRIGHT, _CENTRED),
+    returns=(61.0, 96.0, *(100.0,) * 17),
+    durations=(0.4, *(2.0,) * 19),
+)
+
+_GRID = (0.1, 0.2, 0.3)
+_CELLS = ((1.0, 0.135, -0.73), (1.0, 0.682, 0.046), (1.0, 1.0, None))
+
+_DRY = Requirement(
+    name="dry",
+    words="at all times, level is less than 2",
+    formula="always(level < 2)",
+    counts=Counts(9, 7, 1, 0, 1),
+    rate=None,
+    interval=None,
+    robustness=(-0.73, 0.046, 0.135, 0.682, 1.0, 1.0, 1.0, 1.0),
+    quantiles={"0.05": -0.4584, "0.25": 0.11275, "0.5": 0.841, "0.75": 1.0, "0.95": 1.0},
+    first_violations=(11.0,),
+    trials=(
+        Trial("simulation 3", "violated", -0.73, 11.0, 19.0, case=("inflow = 0.3", "leak = 0.1")),
+        Trial("simulation 6", "satisfied", 0.046, None, 19.0, case=("inflow = 0.3", "leak = 0.15")),
+    ),
+    left_out=7,
+    worst=(replace(_EPISODE, label="simulation 3", case=("inflow = 0.3",), frames=(), seed=None),),
+)
+
+_CASES = Cases(
+    labels=tuple(f"simulation {i + 1}" for i in range(9)),
+    columns={"inflow": _GRID * 3, "leak": (0.1, 0.1, 0.1, 0.15, 0.15, 0.15, 0.2, 0.2, 0.2)},
+    robustness={"dry": tuple(cell for cells in _CELLS for cell in cells)},
+    verdicts={"dry": ("satisfied", "satisfied", "violated", *("satisfied",) * 5, "failed")},
+)
+
+_SWEEP = Section(
+    kind="sweep",
+    title="tank over inflow and leak",
+    system="tank",
+    unit="steps",
+    facts=(Fact("simulations", "9"), Fact("sampler", "grid")),
+    requirements=(_DRY,),
+    durations=(19.0,) * 9,
+    maps=(HeatMap("dry", "inflow", "leak", _GRID, (0.1, 0.15, 0.2), _CELLS, folded=False),),
+    cases=_CASES,
+)
+
+_SEARCH = Section(
+    kind="search",
+    title="search for a violation of dry",
+    system="tank",
+    unit="steps",
+    facts=(Fact("optimizer", "portfolio"), Fact("budget", "300"), Fact("seed", "0")),
+    notes=("dry is violated in simulation 5 of at most 300.", "The case was made simpler."),
+    requirements=(replace(_DRY, counts=Counts(5, 4, 1, 0, 0)),),
+    cases=_CASES,
+    convergence=(
+        Convergence(
+            "dry", (1, 2, 3, 4, 5), (0.9, 1.0, 0.4, None, -0.73), (0.9, 0.9, 0.4, 0.4, -0.73)
+        ),
+    ),
+)
+
+_MATRIX = Section(
+    kind="matrix",
+    title="3 traces",
+    facts=(Fact("end", "cut"), Fact("semantics", "standard")),
+    requirements=(
+        replace(
+            _DRY,
+            counts=Counts(3, 1, 1, 0, 1),
+            trials=(
+                Trial("runs/c.csv", "failed", text="there is no column 'level'"),
+                Trial("runs/b.csv", "violated", -0.5, 4.0),
+                Trial("runs/a.csv", "satisfied", 1.0),
+            ),
+            left_out=0,
+        ),
+    ),
+    matrix=Matrix(
+        ("dry",),
+        (
+            TraceLine("runs/a.csv", "satisfied", "101 samples", (Cell("satisfied", 1.0),)),
+            TraceLine("runs/b.csv", "violated", "101 samples", (Cell("violated", -0.5),)),
+            TraceLine("runs/c.csv", "failed", "", (Cell("failed", None),), ("resampled",)),
+        ),
+    ),
+)
+
+_COMPARISON = Section(
+    kind="comparison",
+    title="model.zip against random",
+    system="CartPole-v1",
+    facts=(Fact("pairs", "20"), Fact("seeds", "0 to 19")),
+    comparison=ComparisonView(
+        "random",
+        "model.zip",
+        "B satisfies upright more often than A, by 75 points (95 % interval 49 to 88).",
+        (
+            ComparedRequirement(
+                name="upright",
+                words=_UPRIGHT.words,
+                formula=_UPRIGHT.formula,
+                sentence="B satisfies upright in 85 % and A in 10 % of 20 paired episodes.",
+                rate_a=0.1,
+                rate_b=0.85,
+                interval_a=(0.02786648, 0.3010336),
+                interval_b=(0.6395894, 0.9476195),
+                difference=0.75,
+                interval=(0.49, 0.88),
+                p=6.1e-05,
+                both=2,
+                only_a=0,
+                only_b=15,
+                neither=3,
+                robustness=0.31,
+                robustness_interval=(0.2, 0.4),
+                pairs=tuple((-0.3 + 0.01 * i, 0.01 * i) for i in range(20)),
+            ),
+        ),
+    ),
+)
+
+EXAMPLE = Report(
+    "Pole and tank <b>&amp;</b> more",
+    "rtamt 0.5.0",
+    (_EVALUATION, _SWEEP, _SEARCH, _MATRIX, _COMPARISON),
+)
+"""A report with a section of every kind, infinities, failures, and a title that must be escaped."""
