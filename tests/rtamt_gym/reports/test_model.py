@@ -2,7 +2,7 @@
 
 import json
 
-from tests.support.report_example import EXAMPLE
+from report_example import EXAMPLE
 
 
 def test_json_is_strict_and_complete() -> None:
