@@ -1,0 +1,220 @@
+"""Sequential stopping: no more episodes than the answer needs.
+
+A rule is given the outcome of one episode after the other, in the order of their numbers, and says
+when it has its answer: `Width` when the rate is known well enough, `RatioTest` when it is clear on
+which side of a target the rate lies. `Stopping` waits until every requirement has its answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Final, Protocol
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.evaluation.intervals import check_confidence, wilson
+
+__all__ = ["RatioTest", "Rule", "Stopping", "Width", "stopping_of"]
+
+MARGIN: Final = 0.05
+"""How far below the target a rate shall be refused, where nothing else is said."""
+
+
+class Rule(Protocol):
+    """What says when the outcomes of one requirement suffice.
+
+    Attributes:
+        decision: The answer in words; None as long as there is none.
+        episodes: How many outcomes have come, up to that which gave the answer.
+    """
+
+    decision: str | None
+    episodes: int
+
+    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
+        """Takes the outcome of the next episode; after the answer nothing changes any more."""
+
+
+class Width:
+    """Stops at the first episode at which the interval of Wilson is at most so wide.
+
+    The number of episodes depends on the rate: ``until_width=0.05`` takes 1533 at a rate of a half,
+    about 284 at 0.95, and 73 if every episode is satisfied.
+
+    Looking after each episode costs next to nothing, as the width hangs on the number of episodes
+    more than on the outcomes. Computed exactly over the rates 0.01, 0.02 ... 0.99, the 95 %
+    interval at the stop covers the true rate in 95.1 % of all cases on average and in 93.6 % at the
+    worst rate for ``until_width=0.05``, in 95.2 % and 93.3 % for 0.1, in 95.4 % and 92.8 % for 0.2.
+    A fixed number of 100 episodes gives 94.9 % and 92.1 %.
+
+    Attributes:
+        decision: ``"known to 0.05"``; None as long as the interval is wider.
+        episodes: How many outcomes have come, up to that which gave the answer.
+        satisfied: How many of them were satisfied.
+
+    Raises:
+        InputError: If ``until_width`` is not above 0 and at most 1.
+
+    Example:
+        >>> rule = Width(0.2)
+        >>> while rule.decision is None:
+        ...     rule.add(satisfied=True)
+        >>> rule.decision, rule.episodes
+        ('known to 0.2', 16)
+    """
+
+    def __init__(self, until_width: float, confidence: float = 0.95) -> None:
+        self._width = check_number("until_width", until_width, high=1.0)
+        check_confidence(confidence)
+        self._confidence = confidence
+        self.decision: str | None = None
+        self.episodes = 0
+        self.satisfied = 0
+
+    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
+        """Takes the outcome of the next episode; after the answer nothing changes any more."""
+        if self.decision is not None:
+            return
+        self.episodes += 1
+        self.satisfied += bool(satisfied)
+        low, high = wilson(self.satisfied, self.episodes, self._confidence)
+        if high - low <= self._width:
+            self.decision = f"known to {self._width:g}"
+
+
+class RatioTest:
+    """Decides whether a rate meets a target, by the sequential probability ratio test of Wald.
+
+    It tells two claims apart: the rate is ``target`` or more, and the rate is ``target - margin``
+    or less. Each is refused although it is true with a chance of ``alpha`` at most. Of a rate
+    between the two either answer is right, and both occur; the test takes longest there.
+
+    After each episode it compares how likely the outcomes are at the two rates. If they are
+    ``1 / alpha`` times as likely at the target, the rate meets it; if they are so much as likely at
+    ``target - margin``, it falls short. These bounds hold both errors at ``alpha`` for certain
+    (Wald 1945, "Sequential Tests of Statistical Hypotheses", Annals of Mathematical Statistics 16);
+    his own, ``(1 - alpha) / alpha``, hold the sum of the errors alone.
+
+    With ``target=1`` a single episode that is not satisfied decides that the rate falls short.
+
+    Args:
+        target: The rate to be met: above 0 and at most 1.
+        alpha: The greatest chance of either wrong answer: above 0 and below 0.5.
+        margin: What lies between the two claims: above 0 and below ``target``. With half of it the
+            test takes about four times as many episodes.
+
+    Attributes:
+        decision: ``"meets 0.95"`` or ``"falls short of 0.95"``; None as long as it is open.
+        episodes: How many outcomes have come, up to that which gave the answer.
+        satisfied: How many of them were satisfied.
+
+    Raises:
+        InputError: If a number is out of its range.
+
+    Example:
+        >>> rule = RatioTest(target=0.95, alpha=0.05, margin=0.05)
+        >>> while rule.decision is None:
+        ...     rule.add(satisfied=True)
+        >>> rule.decision, rule.episodes
+        ('meets 0.95', 56)
+    """
+
+    def __init__(self, target: float, alpha: float = 0.05, margin: float = MARGIN) -> None:
+        self._target = check_number("target", target, high=1.0)
+        if not 0 < alpha < 0.5:
+            raise InputError(f"expected alpha= above 0 and below 0.5, got {alpha!r}")
+        if not 0 < margin < target:
+            raise InputError(
+                f"expected margin= above 0 and below target={target:g}, got {margin!r}"
+            )
+        refused = target - margin
+        self._bound = -math.log(alpha)
+        self._gain = math.log(target / refused)
+        self._loss = math.log((1 - refused) / (1 - target)) if target < 1 else math.inf
+        self.decision: str | None = None
+        self.episodes = 0
+        self.satisfied = 0
+
+    def add(self, satisfied: bool) -> None:  # noqa: FBT001 - the outcome itself, not a switch
+        """Takes the outcome of the next episode; after the answer nothing changes any more."""
+        if self.decision is not None:
+            return
+        self.episodes += 1
+        self.satisfied += bool(satisfied)
+        missed = self.episodes - self.satisfied
+        # From the counts, not summed up: equal counts give equal answers.
+        ratio = self.satisfied * self._gain - (missed * self._loss if missed else 0.0)
+        if ratio >= self._bound:
+            self.decision = f"meets {self._target:g}"
+        elif ratio <= -self._bound:
+            self.decision = f"falls short of {self._target:g}"
+
+
+class Stopping:
+    """Waits until every requirement has its answer.
+
+    Each has a rule of its own, and keeps the answer that it had first. The chances of errors are
+    those of each rule alone.
+
+    Attributes:
+        episodes: How many episodes have been added.
+
+    Example:
+        >>> both = Stopping({"near": RatioTest(0.9), "slow": RatioTest(0.9)})
+        >>> while not both.done:
+        ...     both.add({"near": True, "slow": False})
+        >>> dict(both.decisions), both.episodes
+        ({'near': 'meets 0.9', 'slow': 'falls short of 0.9'}, 53)
+    """
+
+    def __init__(self, rules: Mapping[str, Rule]) -> None:
+        self._rules = dict(rules)
+        self.episodes = 0
+
+    def add(self, satisfied: Mapping[str, bool]) -> None:
+        """Takes the outcomes of the next episode, of every requirement by its name."""
+        self.episodes += 1
+        for name, rule in self._rules.items():
+            rule.add(satisfied[name])
+
+    @property
+    def done(self) -> bool:
+        """Whether every requirement has its answer."""
+        return all(rule.decision is not None for rule in self._rules.values())
+
+    @property
+    def decisions(self) -> Mapping[str, str]:
+        """The answer for each requirement; ``"undecided after 40"`` episodes where it is open."""
+        return {
+            name: rule.decision or f"undecided after {rule.episodes}"
+            for name, rule in self._rules.items()
+        }
+
+
+def stopping_of(
+    requirements: Iterable[str],
+    until_width: float | None = None,
+    target: float | None = None,
+    alpha: float = 0.05,
+    margin: float = MARGIN,
+) -> Stopping | None:
+    """The stopping that arguments of an evaluation ask for; None if they ask for none.
+
+    Raises:
+        InputError: If both kinds are asked for, or as `Width` and `RatioTest` do.
+
+    Example:
+        >>> stopping_of(["near"], target=0.9).decisions
+        {'near': 'undecided after 0'}
+    """
+    if until_width is not None and target is not None:
+        raise InputError(
+            f"expected until_width= or target=, got until_width={until_width!r} and "
+            f"target={target!r}; leave out one"
+        )
+    if until_width is not None:
+        return Stopping({name: Width(until_width) for name in requirements})
+    if target is not None:
+        return Stopping({name: RatioTest(target, alpha, margin) for name in requirements})
+    return None
