@@ -25,6 +25,32 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     return None if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 0
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--backend", choices=BACKENDS, help="leave out the tests that run another back-end alone"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    only = config.getoption("--backend")
+    if only is None:
+        return
+    run = {item: _backend_of(item) in {None, only} for item in items}
+    config.hook.pytest_deselected(items=[item for item in items if not run[item]])
+    items[:] = [item for item in items if run[item]]
+
+
+def _backend_of(item: pytest.Item) -> str | None:
+    """The back-end that a test is parametrized with; None: it is not, or compares them."""
+    params = (
+        item.callspec.params
+        if isinstance(item, pytest.Function) and hasattr(item, "callspec")
+        else {}
+    )
+    backend: object = params.get("backend")
+    return None if backend is None else str(backend)
+
+
 @pytest.fixture(scope="session", params=BACKENDS)
 def backend(request: pytest.FixtureRequest) -> str:
     """Every back-end that is built."""
