@@ -221,6 +221,8 @@ class Section:
         system: The name of the system; may be empty.
         policy: The name of the policy; may be empty.
         unit: The unit of times: ``"s"``, or ``"steps"`` if there is no period.
+        replay: The command that plays an episode again, with ``{seed}`` in the place of its seed;
+            empty if there is none.
         facts: The table at its head.
         notes: Sentences about the whole.
         requirements: The requirements; empty of a comparison.
@@ -238,6 +240,7 @@ class Section:
     system: str = ""
     policy: str = ""
     unit: str = "s"
+    replay: str = ""
     facts: tuple[Fact, ...] = ()
     notes: tuple[str, ...] = ()
     requirements: tuple[Requirement, ...] = ()

@@ -119,6 +119,7 @@ _EVALUATION = Section(
     title="CartPole-v1 under model.zip",
     system="CartPole-v1",
     policy="sb3:model.zip",
+    replay="rtamt run CartPole-v1 --policy sb3:model.zip --seed {seed}",
     facts=(Fact("episodes", "20"), Fact("seeds", "0 to 19"), Fact("period", "0.02 s")),
     notes=("The test has decided after 20 of 200 episodes: the rate is below 0.95.",),
     requirements=(_UPRIGHT, _CENTRED),
