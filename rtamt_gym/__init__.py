@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from rtamt_gym.simulation.simulate import simulate
     from rtamt_gym.wrappers.cost import CostEnv
     from rtamt_gym.wrappers.monitor import StlMonitor
+    from rtamt_gym.wrappers.overlay import RobustnessOverlay
     from rtamt_gym.wrappers.parallel_monitor import ParallelStlMonitor
+    from rtamt_gym.wrappers.recording import RecordViolations
     from rtamt_gym.wrappers.reward import StlReward
     from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
     from rtamt_gym.wrappers.vector_reward import VectorStlReward
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
         "ParallelStlMonitor",
         "Parameter",
         "Record",
+        "RecordViolations",
+        "RobustnessOverlay",
         "Run",
         "Runner",
         "SavedCase",
@@ -75,6 +79,8 @@ _MODULES = {
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
     "Record": "rtamt_gym.search.runs.record",
+    "RecordViolations": "rtamt_gym.wrappers.recording",
+    "RobustnessOverlay": "rtamt_gym.wrappers.overlay",
     "Run": "rtamt_gym.simulation.run",
     "Runner": "rtamt_gym.search.runs.runner",
     "SavedCase": "rtamt_gym.search.runs.saved_case",

@@ -10,6 +10,8 @@ __all__ = ["EXTRAS", "missing", "naming_extra"]
 EXTRAS: Final[Mapping[str, str]] = {
     "gymnasium": "gym",
     "mujoco": "gym",
+    "PIL": "gym",
+    "moviepy": "video",
     "highway_env": "highway",
     "matplotlib": "plot",
     "pyarrow": "files",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from rtamt import Explanation, StateError
@@ -10,6 +12,7 @@ from rtamt_gym.judges.episodes import record
 from rtamt_gym.judges.explanations import chosen, titled
 from rtamt_gym.judges.infos import last_info, present
 from rtamt_gym.judges.panel import Feed, Monitors, Panel
+from rtamt_gym.signals.signals import Env, Read, Reading
 from rtamt_gym.wrappers.monitoring import Monitoring
 
 __all__ = ["EpisodeMonitoring"]
@@ -24,6 +27,32 @@ class EpisodeMonitoring(Monitoring):
     stl_episodes: deque[dict[str, Any]]
     _panel: Panel
     _running = False
+    _newest: dict[str, float] | None = None
+
+    def newest_signals(self) -> dict[str, float]:
+        """The signals of the newest sample by name, in a dictionary that every sample changes.
+
+        They are kept from the first call on, so it is empty until the next sample.
+        """
+        if self._newest is None:
+            self._newest = {}
+            self._bind_signals()
+        return self._newest
+
+    @property
+    def signal_names(self) -> tuple[str, ...]:
+        """The names of the signals that the specifications read."""
+        return tuple(signal.name for signal in self._signals)
+
+    @property
+    def first_violation(self) -> tuple[str, int] | None:
+        """The specification that was violated first, and the sample that showed it."""
+        name, at = self._panel.violated_by, self._panel.violated_at
+        return None if name is None or at is None else (name, at)
+
+    def describe(self) -> dict[str, dict[str, Any]]:
+        """The state of every specification, as ``info["stl"]`` has it."""
+        return self._panel.describe()
 
     @property
     def samples(self) -> int:
@@ -77,11 +106,21 @@ class EpisodeMonitoring(Monitoring):
         return titled(judge.explain(), name, formula)
 
     def _bind_signals(self) -> None:
-        names = [signal.name for signal in self._signals]
-        reads = [signal.bind(self.env) for signal in self._signals]
-        reset_reads = [signal.bind_reset(self.env) for signal in self._signals]
+        signals = self._readings()
+        names = [signal.name for signal in signals]
+        reads = [signal.bind(self.env) for signal in signals]
+        reset_reads = [signal.bind_reset(self.env) for signal in signals]
         self._feed: Feed = self._panel.feeder(names, reads)
         self._feed_reset: Feed = self._panel.feeder(names, reset_reads)
+
+    def _readings(self) -> Sequence[Reading]:
+        """The signals; where somebody wants to see them, such that their values are kept."""
+        newest = self._newest
+        if newest is None:
+            return self._signals
+        return [
+            _Kept(each.name, each.reads, each.default, each.row, newest) for each in self._signals
+        ]
 
     def _refuse_step(self) -> NoReturn:
         raise StateError(
@@ -124,3 +163,25 @@ class EpisodeMonitoring(Monitoring):
             self._panel.finish(self._at_truncation)
             self._record(self._found(), terminated=False, truncated=True)
         self._running = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept(Reading):
+    """A signal whose newest value is kept: read once, for the monitors and for who looks on."""
+
+    newest: dict[str, float] = field(default_factory=dict)
+
+    def bind(self, env: Env) -> Read:
+        return self._keeping(Reading.bind(self, env))
+
+    def bind_reset(self, env: Env) -> Read:
+        return self._keeping(Reading.bind_reset(self, env))
+
+    def _keeping(self, read: Read) -> Read:
+        newest, name = self.newest, self.name
+
+        def kept(obs: Any, action: Any, reward: Any, info: Any) -> float:  # noqa: ANN401
+            value = newest[name] = read(obs, action, reward, info)
+            return value
+
+        return kept

@@ -334,7 +334,7 @@ class StlMonitor(
         if not self._substeps:
             super()._bind_signals()
             return
-        self._inside = SubSteps(self.env, self._signals, self._panel)
+        self._inside = SubSteps(self.env, self._readings(), self._panel)
         self._feed: Feed = self._inside.read
         self._feed_reset: Feed = self._inside.reset
 

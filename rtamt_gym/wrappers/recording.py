@@ -1,0 +1,238 @@
+"""`RecordViolations`: videos of the episodes that violate a requirement, and of no other."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, SupportsFloat
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.core import ActType, ObsType
+from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_number
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.judges.specs import read_period
+from rtamt_gym.wrappers.monitoring import single_env
+from rtamt_gym.wrappers.overlay import check_pictures, monitor_inside
+
+__all__ = ["Keep", "RecordViolations"]
+
+Keep = Literal["violation"] | Callable[[dict[str, Any]], bool]
+"""Which episodes are kept."""
+
+
+class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
+    """Writes a video of every episode that violates a specification, once it is known.
+
+    Gymnasium's ``RecordVideo`` decides at the start of an episode. This wrapper renders every step
+    and holds the newest frames, at most :attr:`capacity` of them: when the episode ends they are
+    written or forgotten. Of a violated episode they are those from ``before`` seconds before the
+    sample that showed the violation to ``after`` seconds after it; of another that ``keep`` chooses
+    the last ones. An episode that goes on at :meth:`reset` or :meth:`close` ends there.
+
+    A video is an MP4, written as ``RecordVideo`` writes it, with moviepy (the extra ``video``). Its
+    name has the prefix, the seed, the specification that was violated first and the number of the
+    episode: ``violation-seed-3-upright-episode-7.mp4``. Beside it is a JSON file:
+
+    * ``episode``: its number, the first being 0
+    * ``seed``, ``resets``: the last seed that a reset was given, or null, and how many resets came
+      after that one
+    * ``violated_by``, ``violated_at``, ``sample``: the specification that was violated first, the
+      time in seconds and the number of the sample that showed it; null if none was
+    * ``robustness``, ``verdict``: of every specification, at the end; infinite ones are ``"inf"``
+      and ``"-inf"``
+    * ``ended``: ``"terminated"``, ``"truncated"``, ``"reset"`` or ``"closed"``
+    * ``first_step``, ``frames``, ``fps``: the step after which the first frame was rendered (0 is
+      the reset), and how many there are in all and in a second
+
+    The environment needs a :class:`StlMonitor` or :class:`StlReward` inside, and
+    ``render_mode="rgb_array"``. With a :class:`RobustnessOverlay` inside, frames have its panel.
+
+    Attributes:
+        capacity: How many frames are held at most: one of 480 x 480 pixels takes 0.7 MB.
+        videos: The paths of the videos that were written.
+
+    Change logs:
+     * v0.5.0 - Initially added
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[ObsType, ActType],
+        video_folder: str,
+        *,
+        keep: Keep = "violation",
+        before: float = 5.0,
+        after: float = 1.0,
+        name_prefix: str = "violation",
+        fps: float | None = None,
+    ) -> None:
+        """Finds the monitor inside, and makes the folder.
+
+        Args:
+            env: The environment to apply the wrapper
+            video_folder: The folder of the videos; one of the same name is written over
+            keep: ``"violation"`` keeps the episodes whose last info has a true ``stl_violated``; a
+                function of the last info keeps those for which it is true, such as
+                ``lambda info: info["robustness"] < 0.1``
+            before: Seconds shown before the violation
+            after: Seconds shown after it, as far as the episode goes on
+            name_prefix: The beginning of the names
+            fps: Frames that a video shows in a second; ``None``: as many as the environment makes
+                steps in a second of its own time, or its ``render_fps`` if it does not say
+
+        Raises:
+            InputError: If there is no monitor inside, if the environment renders no single
+                pictures, if ``keep`` is neither, or if a number is not above 0
+            ModuleNotFoundError: If moviepy is not installed; names the extra
+        """
+        RecordConstructorArgs.__init__(
+            self,
+            video_folder=video_folder,
+            keep=keep,
+            before=before,
+            after=after,
+            name_prefix=name_prefix,
+            fps=fps,
+        )
+        gym.Wrapper.__init__(self, single_env(env))
+        name = type(self).__name__
+        self._monitor = monitor_inside(env, name)
+        check_pictures(env, name, lists=False)
+        if keep != "violation" and not callable(keep):
+            raise InputError(
+                f'expected keep="violation" or a function of the last info, got {keep!r}'
+            )
+        rate = 1.0 / (self._period() or 1.0 / env.metadata.get("render_fps", 30))
+        self._before = round(check_number("before", before) * rate)
+        self._after = round(check_number("after", after) * rate)
+        self._fps = rate if fps is None else check_number("fps", fps)
+        try:
+            import moviepy  # noqa: F401 - Gymnasium writes with it
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, name) from error
+        self._keep: Keep = keep
+        self._prefix = name_prefix
+        self._folder = Path(video_folder)
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self.capacity = self._before + 1 + self._after
+        self.videos: list[Path] = []
+        self._frames: deque[NDArray[np.uint8]] = deque(maxlen=self.capacity)
+        self._left: int | None = None  # frames to be shown after the violation; None before it
+        self._info: dict[str, Any] | None = None  # the newest of a running episode
+        self._steps = 0
+        self._last = 0  # the step of the newest frame
+        self._episode, self._resets = -1, 0
+        self._seed: int | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[ObsType, dict[str, Any]]:
+        """Resets the environment; an episode that goes on is judged as it is."""
+        self._finish("reset")
+        obs, info = self.env.reset(seed=seed, options=options)
+        self._frames.clear()
+        self._left = None
+        self._steps = 0
+        self._episode += 1
+        self._seed, self._resets = (self._seed, self._resets + 1) if seed is None else (seed, 0)
+        self._look(info)
+        return obs, info
+
+    def step(self, action: ActType) -> tuple[ObsType, SupportsFloat, bool, bool, dict[str, Any]]:
+        """Steps through the environment; the end of an episode that is kept writes the video."""
+        obs, reward, terminated, truncated, info = self.env.step(action)
+        self._steps += 1
+        self._look(info)
+        if terminated or truncated:
+            self._finish("terminated" if terminated else "truncated")
+        return obs, reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Closes the environment; an episode that goes on is judged as it is."""
+        self._finish("closed")
+        super().close()
+
+    def _period(self) -> float | None:
+        """Seconds between two steps; with samples inside of steps the monitor has a shorter one."""
+        period = read_period(self.env)
+        if period is None and self._monitor.period is not None:
+            return float(self._monitor.period)
+        return period
+
+    def _look(self, info: dict[str, Any]) -> None:
+        """Holds the newest frame, if it is to be shown."""
+        self._info = info
+        if self._left is None or self._left > 0:
+            self._frames.append(self.env.render())  # type: ignore[arg-type]  # checked: pictures
+            self._last = self._steps
+        if self._left is not None:
+            self._left -= 1
+        elif info["stl_violated"]:
+            self._left = self._after
+            while len(self._frames) > self._before + 1:
+                self._frames.popleft()
+
+    def _finish(self, ended: str) -> None:
+        """Writes the frames of the episode, if it is to be kept."""
+        info, self._info = self._info, None
+        if info is None:
+            return
+        if info["stl_violated"] if self._keep == "violation" else self._keep(info):
+            self._write(ended)
+        self._frames.clear()
+
+    def _write(self, ended: str) -> None:
+        from gymnasium.utils.save_video import save_video
+
+        parts = [self._prefix]
+        if self._seed is not None:
+            parts.append(f"seed-{self._seed}")
+        violation = self._monitor.first_violation
+        if violation is not None:
+            parts.append(re.sub(r"[^\w.-]+", "_", violation[0]))
+        name = "-".join(parts)
+        save_video(
+            list(self._frames),
+            str(self._folder),
+            lambda _: True,
+            name_prefix=name,
+            episode_index=self._episode,
+            fps=self._fps,
+        )
+        path = self._folder / f"{name}-episode-{self._episode}.mp4"
+        said = {"episode": self._episode, "seed": self._seed, "resets": self._resets}
+        said |= self._outcome() | {
+            "ended": ended,
+            "first_step": self._last - len(self._frames) + 1,
+            "frames": len(self._frames),
+            "fps": self._fps,
+        }
+        path.with_suffix(".json").write_text(json.dumps(said, indent=1, allow_nan=False) + "\n")
+        self.videos.append(path)
+
+    def _outcome(self) -> dict[str, Any]:
+        monitor = self._monitor
+        violation, states = monitor.first_violation, monitor.describe()
+        name, sample = violation or (None, None)
+        at = None if sample is None or monitor.period is None else float(sample * monitor.period)
+        return {
+            "violated_by": name,
+            "violated_at": at,
+            "sample": sample,
+            "robustness": {each: _strict(state["robustness"]) for each, state in states.items()},
+            "verdict": {each: state["verdict"] for each, state in states.items()},
+        }
+
+
+def _strict(value: float) -> float | str:
+    """A number as JSON can have it."""
+    return float(value) if math.isfinite(value) else str(float(value))

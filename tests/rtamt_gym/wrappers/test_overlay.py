@@ -1,0 +1,227 @@
+"""`RobustnessOverlay` draws what the monitors say, and changes nothing else."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from itertools import pairwise
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from environments import CASES, equal, rollout
+from gymnasium.wrappers import RenderCollection
+from painted import Painted, Picture, numbers
+from replay import X
+
+from rtamt.errors import InputError
+from rtamt_gym import RobustnessOverlay, StlMonitor, StlReward
+from rtamt_gym.wrappers.overlay_panel import Gauge, Panel, Place, Sight
+
+VALUES = [3.0, 2.0, 4.0, 0.5, 3.0, 3.0]
+SPECS = {"high": "always(x > 1)", "rises": "eventually[0:2](x > 3)"}
+
+
+def made(env: gym.Env[Any, Any], **options: Any) -> RobustnessOverlay[Any, Any]:  # noqa: ANN401
+    monitored = StlMonitor(env, SPECS, X, period=0.5, on_violation="report")
+    return RobustnessOverlay(monitored, **options)
+
+
+def frames(env: gym.Env[Any, Any]) -> list[Picture]:
+    """The frames of an episode, rendered one by one."""
+    env.reset(seed=0)
+    shown: list[Any] = [env.render()]
+    ended = False
+    while not ended:
+        _, _, terminated, truncated, _ = env.step(np.zeros(1))
+        ended = terminated or truncated
+        shown.append(env.render())
+    return shown
+
+
+@pytest.mark.parametrize("case", CASES[:1] + CASES[-2:-1], ids=lambda case: case.env_id)
+def test_an_episode_is_the_same_with_an_overlay(case: Any) -> None:  # noqa: ANN401
+    def monitored() -> gym.Env[Any, Any]:
+        env = gym.make(case.env_id, render_mode="rgb_array")
+        return StlMonitor(env, case.specs, case.signals, on_violation="report", details=True)
+
+    assert equal(rollout(RobustnessOverlay(monitored())), rollout(monitored()))
+
+
+@pytest.mark.parametrize("size", [(40, 320), (41, 320), (150, 600), (480, 480), (210, 160)])
+def test_the_panel_stands_below_the_picture_and_the_height_is_even(size: tuple[int, int]) -> None:
+    env = made(Painted(VALUES, size=size))
+    for bare, drawn in zip(frames(Painted(VALUES, size=size)), frames(env), strict=True):
+        assert drawn.shape[1:] == bare.shape[1:]
+        assert drawn.shape[0] > bare.shape[0]
+        assert drawn.shape[0] % 2 == 0
+        assert np.array_equal(drawn[: size[0]], bare)
+
+
+@pytest.mark.parametrize("size", [(40, 320), (150, 600), (480, 480)])
+def test_the_panel_over_a_picture_keeps_its_size_and_what_is_above(size: tuple[int, int]) -> None:
+    env = made(Painted(VALUES, size=size), place="over")
+    for bare, drawn in zip(frames(Painted(VALUES, size=size)), frames(env), strict=True):
+        assert drawn.shape == bare.shape
+        changed = np.flatnonzero((drawn != bare).any(axis=(1, 2)))
+        assert changed[-1] == size[0] - 1
+        assert size[0] < 100 or changed[0] > size[0] // 4
+
+
+def test_the_picture_of_the_environment_is_not_drawn_on() -> None:
+    canvas = np.zeros((100, 320, 3), np.uint8)
+
+    class Kept(Painted):
+        def render(self) -> Any:  # noqa: ANN401
+            return canvas
+
+    frames(made(Kept(VALUES), place="over"))
+    assert not canvas.any()
+
+
+@pytest.mark.parametrize("place", ["below", "over"])
+@pytest.mark.parametrize("pop", [True, False])
+@pytest.mark.parametrize("clean", [True, False])
+def test_every_frame_of_a_list_shows_its_own_sample(place: Place, pop: bool, clean: bool) -> None:  # noqa: FBT001 - cases
+    first = frames(made(Painted(VALUES), place=place))
+    # The scales of the bars only grow, so they are those of the end from the second episode on.
+    env = made(Painted(VALUES), place=place)
+    expected = [frames(env), frames(env)]
+    assert all(map(np.array_equal, first, expected[0]))
+
+    inside = RenderCollection(Painted(VALUES), pop_frames=pop, reset_clean=clean)
+    env = made(inside, place=place)
+    assert env.render_mode == "rgb_array_list"
+    for episode in range(2):
+        env.reset(seed=0)
+        shown: list[Picture] = []
+        for step in range(5):
+            env.step(np.zeros(1))
+            if step in {1, 4}:
+                shown = shown + env.render() if pop else env.render()
+        wanted = (
+            expected[0] + expected[1] if not pop and not clean and episode else expected[episode]
+        )
+        assert numbers(shown) == numbers(wanted)
+        assert all(map(np.array_equal, shown, wanted))
+
+
+@pytest.mark.parametrize("place", ["below", "over"])
+def test_gymnasiums_collection_goes_around_it(place: Place) -> None:
+    expected = frames(made(Painted(VALUES), place=place))
+    env = RenderCollection(made(Painted(VALUES), place=place))
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(np.zeros(1))
+    assert all(map(np.array_equal, env.render(), expected))
+
+
+def test_it_is_made_again_from_its_specification_and_copied_mid_episode() -> None:
+    env: Any = gym.make("CartPole-v1", render_mode="rgb_array")
+    monitored = StlReward(env, "always(abs(a) < 0.1)", {"a": "obs[2]"}, mode="add")
+    env = RobustnessOverlay(monitored, place="over", signals=["a"])
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert isinstance(again, RobustnessOverlay)
+    env.reset(seed=1)
+    env.step(0)
+    again.reset(seed=1)
+    again.step(0)
+    assert np.array_equal(env.render(), again.render())
+
+    painted = made(Painted(VALUES))
+    painted.reset()
+    painted.step(np.zeros(1))
+    copies = [copy.deepcopy(painted), pickle.loads(pickle.dumps(painted))]
+    for each in [painted, *copies]:
+        each.step(np.zeros(1))
+    for each in copies:
+        assert np.array_equal(each.render(), painted.render())
+
+
+def test_a_callable_signal_is_called_once_a_sample() -> None:
+    calls: list[float] = []
+
+    def signal(step: Any) -> float:  # noqa: ANN401
+        calls.append(float(step.obs[0]))
+        return calls[-1]
+
+    env = RobustnessOverlay(
+        StlMonitor(Painted(VALUES), "always(x > 1)", {"x": signal}, on_violation="report")
+    )
+    frames(env)
+    assert calls == VALUES
+
+
+def test_the_monitor_tells_signals_as_it_reads_them() -> None:
+    plain = StlMonitor(Painted(VALUES), SPECS, X, period=1, on_violation="report")
+    told = StlMonitor(Painted(VALUES), SPECS, X, period=1, on_violation="report")
+    newest = told.newest_signals()
+    assert (newest, told.newest_signals() is newest) == ({}, True)
+    assert equal(rollout(plain), rollout(told))
+    assert newest == {"x": VALUES[-1]}
+
+
+@pytest.mark.parametrize("value", [0.05, 0.4, 1.0, math.inf])
+def test_a_bar_shows_sign_and_size_without_colour(value: float) -> None:
+    def drawn(robustness: float) -> Picture:
+        gauge = Gauge(robustness, -math.inf, math.inf, "UNDECIDED", 1.0)
+        panel = Panel(["s"], [], 600, 100, "below")
+        black = np.zeros((100, 600, 3), np.uint8)
+        return panel.draw(black, [Sight(0, "", (gauge,), ())])[100:, :448]  # without the number
+
+    zero, plus, minus = drawn(0.0), drawn(value), drawn(-value)
+    right, left = (np.flatnonzero((each != zero).any(axis=(0, 2))) for each in (plus, minus))
+    # The bars leave the middle to opposite sides, and reach equally far.
+    assert abs(int(right.min()) - int(left.max())) <= 2
+    assert abs(len(right) - len(left)) <= 3
+    # A negative one is hatched: along it light and dark alternate.
+    row = np.flatnonzero((plus != zero).any(axis=(1, 2)))[2]
+    changes = [np.count_nonzero(np.diff(each[row].sum(axis=1))) for each in (plus, minus)]
+    assert changes[1] - changes[0] >= 2 * (len(left) // 6)
+
+
+def test_longer_bars_mean_more() -> None:
+    panel = Panel(["s"], [], 600, 100, "below")
+    black = np.zeros((100, 600, 3), np.uint8)
+    heights = []
+    for value in (0.1, 0.2, 0.5, 0.9):
+        gauge = Gauge(value, -math.inf, math.inf, "UNDECIDED", 1.0)
+        shown = panel.draw(black, [Sight(0, "", (gauge,), ())])[100:]
+        green = (shown[..., 1].astype(int) - shown[..., 0] > 100).any(axis=0)
+        heights.append(np.count_nonzero(green))
+    assert all(more > less for less, more in pairwise(heights))
+    assert heights[2] / heights[0] == pytest.approx(5.0, rel=0.1)
+
+
+def test_signals_can_be_chosen() -> None:
+    heights = [
+        frames(made(Painted(VALUES), signals=signals))[0].shape[0] for signals in (None, ["x"], ())
+    ]
+    assert heights[0] == heights[1] > heights[2]
+
+
+def test_what_cannot_be_drawn_is_refused() -> None:
+    with pytest.raises(InputError) as none:
+        RobustnessOverlay(Painted(VALUES))
+    assert str(none.value) == (
+        "RobustnessOverlay shows what a StlMonitor or a StlReward inside of it says, got none in "
+        "<Painted instance>; wrap the environment first: RobustnessOverlay(StlMonitor(env, "
+        '"always(x > 0)", {"x": "obs[0]"}))'
+    )
+    for mode in (None, "ansi"):
+        with pytest.raises(InputError) as pictures:
+            made(Painted(VALUES, render_mode=mode))
+        assert str(pictures.value) == (
+            f"RobustnessOverlay needs pictures, got render_mode={mode!r} of "
+            '<StlMonitor<Painted instance>>; make it with gym.make(..., render_mode="rgb_array")'
+        )
+    with pytest.raises(InputError) as unknown:
+        made(Painted(VALUES), signals=["y"])
+    assert str(unknown.value) == (
+        "signals= names 'y', which is no signal of the monitor; they are 'x'"
+    )
+    with pytest.raises(InputError) as place:
+        made(Painted(VALUES), place="above")
+    assert str(place.value) == "expected place='below' or 'over', got 'above'"
