@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
+    from rtamt_gym.evaluation.evaluate import evaluate_policy
+    from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
     from rtamt_gym.inputs.case import Case
     from rtamt_gym.inputs.ranges import Parameter, Signal
     from rtamt_gym.inputs.space import Space
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     __all__ = [
         "Case",
         "CostEnv",
+        "Evaluation",
         "Falsification",
         "Fmus",
         "Mined",
@@ -49,6 +52,7 @@ if TYPE_CHECKING:
         "Record",
         "RecordViolations",
         "RobustnessOverlay",
+        "RequirementResult",
         "Run",
         "Runner",
         "SavedCase",
@@ -63,6 +67,7 @@ if TYPE_CHECKING:
         "VectorStlMonitor",
         "VectorStlReward",
         "Waveform",
+        "evaluate_policy",
         "evaluate_rollouts",
         "falsify",
         "mine",
@@ -73,6 +78,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "Case": "rtamt_gym.inputs.case",
     "CostEnv": "rtamt_gym.wrappers.cost",
+    "Evaluation": "rtamt_gym.evaluation.evaluation",
     "Falsification": "rtamt_gym.search.falsification.falsification",
     "Fmus": "rtamt_gym.simulation.fmi",
     "Mined": "rtamt_gym.search.mining.mining",
@@ -81,6 +87,7 @@ _MODULES = {
     "Record": "rtamt_gym.search.runs.record",
     "RecordViolations": "rtamt_gym.wrappers.recording",
     "RobustnessOverlay": "rtamt_gym.wrappers.overlay",
+    "RequirementResult": "rtamt_gym.evaluation.evaluation",
     "Run": "rtamt_gym.simulation.run",
     "Runner": "rtamt_gym.search.runs.runner",
     "SavedCase": "rtamt_gym.search.runs.saved_case",
@@ -95,6 +102,7 @@ _MODULES = {
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
+    "evaluate_policy": "rtamt_gym.evaluation.evaluate",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "falsify": "rtamt_gym.search.falsification.falsify",
     "mine": "rtamt_gym.search.mining.mining",

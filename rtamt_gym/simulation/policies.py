@@ -1,8 +1,9 @@
-"""Policies by name, for the command line."""
+"""Policies by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from typing import Any
 
 import gymnasium as gym
@@ -21,7 +22,7 @@ SeededPolicy = Callable[[int], Policy]
 """Makes the policy of an episode from the seed of the episode."""
 
 
-def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
+def policy_of(text: str, env: gym.Env[Any, Any], *, what: str = "--policy") -> SeededPolicy:
     """Makes the policy that a text names, for an environment.
 
     | text | policy |
@@ -32,21 +33,26 @@ def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
     | ``sb3:FILE.zip`` | a model that Stable-Baselines3 saved, see `rtamt_gym.simulation.saved` |
     | ``module:function`` | a function from observation to action |
 
+    Args:
+        text: The name.
+        env: The environment.
+        what: What the name is called in messages.
+
     Raises:
         InputError: If the text names none, it cannot be loaded, or it does not fit the environment;
             from the policy, if it raises or gives no action.
     """
     if text in _UNTRAINED:
-        return _UNTRAINED[text](env.action_space)
+        return _UNTRAINED[text](env.action_space, what)
     if text == "baseline":
         baseline = getattr(env.unwrapped, "baseline", None)
         if not callable(baseline):
-            raise InputError(f"--policy baseline: expected a scenario, which has one, got {env}")
+            raise InputError(f"{what} baseline: expected a scenario, which has one, got {env}")
         return lambda _seed: baseline
     kind, colon, rest = text.partition(":")
     if not (kind and colon and rest):
         raise InputError(
-            "--policy: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
+            f"{what}: expected random, zero, baseline, sb3:FILE.zip or module:function, got "
             f"{text!r}{_meant(text)}"
         )
     if kind == "sb3":
@@ -55,10 +61,10 @@ def policy_of(text: str, env: gym.Env[Any, Any]) -> SeededPolicy:
         return load_policy(rest, env)
     if kind.endswith(".py"):
         raise InputError(
-            f"--policy: expected module:function, got the name of a file; write "
+            f"{what}: expected module:function, got the name of a file; write "
             f"{kind.removesuffix('.py').replace('/', '.')}:{rest}"
         )
-    policy = _checked(text, _function(kind, rest), env.action_space)
+    policy = _checked(text, _function(kind, rest, what), env.action_space)
     return lambda _seed: policy
 
 
@@ -74,7 +80,7 @@ def _meant(text: str) -> str:
     )
 
 
-def _function(module: str, name: str) -> Callable[[Any], Any]:
+def _function(module: str, name: str, what: str) -> Callable[[Any], Any]:
     found = find_object(module, name)
     if callable(found) and not isinstance(found, type):
         function: Callable[[Any], Any] = found
@@ -84,7 +90,7 @@ def _function(module: str, name: str) -> Callable[[Any], Any]:
         way_out = "; write one that returns model.predict(obs, deterministic=True)[0]"
     kind = "a class" if isinstance(found, type) else repr(found)
     raise InputError(
-        f"--policy {module}:{name}: expected a function from observation to action, got "
+        f"{what} {module}:{name}: expected a function from observation to action, got "
         f"{kind}{way_out}"
     )
 
@@ -122,15 +128,16 @@ def _fits(action: Any, space: spaces.Space[Any]) -> bool:  # noqa: ANN401
         return False
 
 
-def _random(space: spaces.Space[Any]) -> SeededPolicy:
+def _random(space: spaces.Space[Any], _what: str) -> SeededPolicy:
     def make_policy(seed: int) -> Policy:
-        space.seed(seed)
-        return lambda _obs: space.sample()
+        own = deepcopy(space)  # episodes that run side by side would draw from each other's
+        own.seed(seed)
+        return lambda _obs: own.sample()
 
     return make_policy
 
 
-def _zero(space: spaces.Space[Any]) -> SeededPolicy:
+def _zero(space: spaces.Space[Any], what: str) -> SeededPolicy:
     match space:
         case spaces.Box():
             action: Any = np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
@@ -139,11 +146,11 @@ def _zero(space: spaces.Space[Any]) -> SeededPolicy:
         case spaces.MultiDiscrete() | spaces.MultiBinary():
             action = np.zeros(space.shape, space.dtype)
         case _:
-            raise InputError(f"--policy zero: expected a space of numbers, got {space}")
+            raise InputError(f"{what} zero: expected a space of numbers, got {space}")
     return lambda _seed: lambda _obs: action
 
 
-_UNTRAINED: Mapping[str, Callable[[spaces.Space[Any]], SeededPolicy]] = {
+_UNTRAINED: Mapping[str, Callable[[spaces.Space[Any], str], SeededPolicy]] = {
     "random": _random,
     "zero": _zero,
 }

@@ -148,6 +148,7 @@ class RunRecord(_ComparesArrays):
     align: Align | None = None
     first_sample: int = 0
     case: Case | None = None
+    reward: float | None = None
 
     def columns(self) -> dict[str, Floats]:
         """The run as a table: ``time``, the signals, and three columns for every specification.

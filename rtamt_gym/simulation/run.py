@@ -47,6 +47,7 @@ class Run(RunRecord):
             run went on from a `StepMonitor`: then robustness, bounds and verdicts are those of the
             whole episode, of which the run has the samples from this one on.
         case: The `Case` that it was given, or None.
+        reward: The sum of the rewards that an environment has given; None of another system.
 
     Example:
         >>> from rtamt_gym import simulate

@@ -9,21 +9,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import gymnasium as gym
-import numpy as np
-from gymnasium import spaces
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.signals.spaces import described
 from rtamt_gym.simulation.imported import find_object
-from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.simulation.models import WITHOUT_TRAINING, Model, check_spaces
 
 __all__ = ["ALGORITHMS", "algorithm_of", "load_policy"]
 
@@ -50,7 +47,7 @@ and the attributes that tell it from those below. A file of DDPG is read as one 
 is a case: both act alike."""
 
 
-def load_policy(text: str, env: gym.Env[Any, Any]) -> Callable[[int], Policy]:
+def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
     """Loads ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
 
     The file holds pickled Python objects, which can do anything when they are loaded.
@@ -61,7 +58,7 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Callable[[int], Policy]:
         env: The environment whose observations and actions the model must have.
 
     Returns:
-        A function that makes the policy of an episode, from the seed of the episode.
+        What makes the policy of an episode.
 
     Raises:
         InputError: If the file is no model, its algorithm is not known, it cannot be loaded, or it
@@ -81,27 +78,8 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Callable[[int], Policy]:
             f"{', '.join(ALGORITHMS)} or module.Class"
         )
     model = _load(name, path, attributes, file)
-    for what in ("observation", "action"):
-        trained, has = getattr(model, f"{what}_space"), getattr(env, f"{what}_space")
-        if not _alike(trained, has):
-            raise InputError(
-                f"{path} was trained with the {what} space {described(trained)}, and that of "
-                f"{env.spec.id if env.spec else env} is {described(has)}"
-            )
-
-    def make_policy(_seed: int) -> Policy:
-        memory: Any = None  # of a recurrent policy, which forgets it when an episode begins
-        begins = np.ones(1, np.bool_)
-
-        def act(obs: Any) -> Any:  # noqa: ANN401
-            nonlocal memory, begins
-            action, memory = model.predict(obs, memory, begins, deterministic=True)
-            begins = np.zeros(1, np.bool_)
-            return action
-
-        return act
-
-    return make_policy
+    check_spaces(model, env, str(path))
+    return Model(model)
 
 
 def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:
@@ -136,13 +114,7 @@ def _load(name: str, path: Path, attributes: Collection[str], file: str) -> Any:
             "allowed; write a function that does, and --policy module:function"
         )
     found = _class_of(name)
-    # What only training needs: memory for as many steps, and the goals of another environment.
-    training: dict[str, Any] = {
-        "buffer_size": 1,
-        "replay_buffer_class": None,
-        "replay_buffer_kwargs": {},
-    }
-    instead = {key: value for key, value in training.items() if key in attributes}
+    instead = {key: value for key, value in WITHOUT_TRAINING.items() if key in attributes}
     try:
         return found.load(path, device="cpu", custom_objects=instead)
     except Exception as error:
@@ -169,8 +141,3 @@ def _class_of(name: str) -> Any:  # noqa: ANN401
     if not callable(getattr(found, "load", None)):
         raise InputError(f"expected a class of models as {name}, got {found!r}, which cannot load")
     return found
-
-
-def _alike(trained: spaces.Space[Any], has: spaces.Space[Any]) -> bool:
-    """Whether two spaces have values of one form; models of pictures move the channels."""
-    return type(trained) is type(has) and spaces.flatdim(trained) == spaces.flatdim(has)

@@ -252,6 +252,7 @@ def simulate(
             align=align,
             first_sample=record.first_sample,
             case=given,
+            reward=getattr(ran, "reward", None),
         )
 
     run: Run | None = None

@@ -44,6 +44,7 @@ def save(run: RunRecord, path: Path) -> None:
         },
         "period": None if run.period is None else str(run.period),
         "case": None if run.case is None else run.case.to_json(),
+        "reward": None if run.reward is None else repr(run.reward),
     }
     metadata = {_KEY: json.dumps(kept, allow_nan=False)}
     table = pa.table({name: np.asarray(values) for name, values in run.columns().items()})
@@ -82,4 +83,5 @@ def load(path: Path) -> dict[str, Any]:
         },
         "period": None if kept["period"] is None else Fraction(kept["period"]),
         "case": Case.from_json(kept["case"]) if kept.get("case") else None,
+        "reward": float(kept["reward"]) if kept.get("reward") else None,
     }

@@ -102,7 +102,13 @@ class Drivable(Protocol):
 
 
 class Environment(System):
-    """A Gymnasium environment and the policy that acts in it."""
+    """A Gymnasium environment and the policy that acts in it.
+
+    Attributes:
+        reward: The sum of its rewards since the start; None if they are no numbers.
+    """
+
+    reward: float | None = None
 
     def __init__(
         self,
@@ -158,6 +164,7 @@ class Environment(System):
 
     def start(self) -> list[float]:
         self.ended = ""
+        self.reward = 0.0
         self._rest.clear()
         self._end: SystemEnd = ""
         self._act = self._find_policy()
@@ -185,10 +192,17 @@ class Environment(System):
         else:
             result = self._env.step(action)
         self._obs, reward, terminated, truncated, info = result
+        self._earn(reward)
         if not self._substeps:
             self._rest.append([read(self._obs, action, reward, info) for read in self._reads])
         if terminated or truncated:
             self._end = "terminated" if terminated else "truncated"
+
+    def _earn(self, reward: Any) -> None:  # noqa: ANN401
+        try:
+            self.reward += float(reward)  # type: ignore[operator]  # None: see below
+        except TypeError:  # several objectives have several rewards
+            self.reward = None
 
     def _keep(self, *step: Any) -> None:  # noqa: ANN401 - the arguments of a `Read`
         self._rest.append([read(*step) for read in self._inside.reads])

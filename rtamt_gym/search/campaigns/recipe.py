@@ -29,7 +29,8 @@ class Recipe:
         self._whole = whole
         self._system = runner.system
         self._requirements = runner.requirements
-        self._options = {**runner.options, "batch": runner.batch}
+        self._kind = type(runner)
+        self._options = runner.arguments
         spec = runner.system.spec if isinstance(runner.system, gym.Env) else None
         if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
             self._system = spec
@@ -38,7 +39,7 @@ class Recipe:
         """Makes the runner."""
         system = self._system
         made = gym.make(system) if isinstance(system, EnvSpec) else system
-        runner = Runner(made, self._requirements, **self._options)
+        runner = self._kind(made, self._requirements, **self._options)
         return Whole(lambda _specs, _stop: runner, self._requirements) if self._whole else runner
 
     def pickled(self, name: str) -> bytes:

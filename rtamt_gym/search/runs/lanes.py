@@ -34,6 +34,10 @@ Floats = NDArray[np.float64]
 _STEPS: Final = 100
 """The steps of a call. Of a lane that is over within one, the rest is thrown away."""
 
+_REWARD: Final = 0.0
+"""The sum of rewards where there is a ``rollout``, which gives observations alone: scenarios have
+requirements in place of rewards."""
+
 _NUMBERS: Final = 2**24
 """The most numbers that the actions of a batch may be; a batch of long runs has fewer lanes."""
 
@@ -162,6 +166,7 @@ class Lanes:
                         batch.ends[lane],
                         seconds(int(batch.last[lane]), panel.period),
                         float(batch.wall[lane]),
+                        reward=_REWARD,
                     ),
                 )
             if not batch.active.any():
@@ -194,7 +199,8 @@ class Lanes:
         for lane, (case, seed) in enumerate(zip(cases, seeds, strict=True)):
             values = np.ascontiguousarray(samples[:, lane].T)
             trace = Trace(dict(zip(self._elements, values, strict=True)), panel.period)
-            found.append((Row(case, seed, {}, self.end, simulated, wall), trace))
+            row = Row(case, seed, {}, self.end, simulated, wall, reward=_REWARD)
+            found.append((row, trace))
         return found
 
     def close(self) -> None:

@@ -165,8 +165,8 @@ class Record(Sequence[Row]):
         """The record as a table: the columns of the case, then ``seed``, then those of outcomes.
 
         These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)`` and
-        ``decided_at(NAME)`` of every requirement, and after them ``ended``, ``simulated``, ``wall``
-        and ``error``. What a row does not have is None.
+        ``decided_at(NAME)`` of every requirement, and after them ``ended``, ``simulated``,
+        ``return``, ``wall`` and ``error``. What a row does not have is None.
         """
         measured = [f"{key}({name})" for name in self.requirements for key in MEASURES]
         seed, *others = OF_ROW

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Final
@@ -17,8 +17,11 @@ __all__ = ["MEASURES", "OF_ROW", "Outcome", "Row", "seconds"]
 MEASURES: Final = ("robustness", "lower", "upper", "verdict", "decided_at")
 """The columns of a requirement, written ``robustness(NAME)``."""
 
-OF_ROW: Final = ("seed", "ended", "simulated", "wall", "error")
+OF_ROW: Final = ("seed", "ended", "simulated", "return", "wall", "error")
 """The columns of a simulation beside those of its case and of its requirements."""
+
+_FIELDS: Final = {"return": "reward"}
+"""The fields of a row that have another name than their column, which in Python is a keyword."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,8 @@ class Row:
         simulated: Simulated time in seconds (steps if there is no period).
         wall: Seconds that it took; of simulations that ran side by side, its share.
         error: The type and the text of the error that ended it; empty if none did.
+        reward: The sum of the rewards of an environment, in the column ``return``; None of a system
+            without rewards, and where an error came before sample 0.
     """
 
     case: Case
@@ -62,6 +67,7 @@ class Row:
     simulated: float
     wall: float = field(compare=False)
     error: str = ""
+    reward: float | None = None
 
     @classmethod
     def of(cls, run: Run, case: Case, error: str = "") -> Row:
@@ -76,7 +82,20 @@ class Row:
             )
             for name, course in run.courses.items()
         }
-        return cls(case, run.seed, outcomes, run.ended, run.duration, run.wall_time, error)
+        wall, reward = run.wall_time, run.reward
+        return cls(case, run.seed, outcomes, run.ended, run.duration, wall, error, reward)
+
+    @classmethod
+    def read(cls, cells: Mapping[str, Any], case: Case, requirements: Iterable[str]) -> Row:
+        """The row whose columns, but for those of the case, are these cells."""
+        outcomes = {}
+        for name in requirements:
+            measured = {key: cells[f"{key}({name})"] for key in MEASURES}
+            if measured["verdict"] is not None:
+                outcomes[name] = Outcome(**measured | {"verdict": Verdict[measured["verdict"]]})
+        # Files of before have no returns.
+        own = {_FIELDS.get(key, key): cells.get(key) for key in OF_ROW}
+        return cls(case=case, outcomes=outcomes, **own)
 
     def columns(self) -> dict[str, float | str | None]:
         """The row as it stands in a table; a verdict is the name of it."""
@@ -84,7 +103,8 @@ class Row:
         for name, outcome in self.outcomes.items():
             columns |= {f"{key}({name})": getattr(outcome, key) for key in MEASURES}
             columns[f"verdict({name})"] = outcome.verdict.name
-        return columns | {key: getattr(self, key) for key in OF_ROW if key != "seed"}
+        own = {key: getattr(self, _FIELDS.get(key, key)) for key in OF_ROW}
+        return columns | own
 
 
 def seconds(sample: int, period: Fraction | None) -> float:

@@ -36,6 +36,7 @@ from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.kinds import as_system
+from rtamt_gym.simulation.policies import SeededPolicy
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
@@ -70,6 +71,7 @@ class Runner:
             `rtamt_gym.simulate`, or several; None: all of the system's own.
         signals: As for `rtamt_gym.simulate`.
         policy: As for `rtamt_gym.simulate`.
+        policies: In place of ``policy``: makes the policy of a run from the seed of the run.
         duration: As for `rtamt_gym.simulate`.
         period: As for `rtamt_gym.simulate`.
         stop: As for `rtamt_gym.simulate`. The robustness of a stopped run is that at the stop,
@@ -102,6 +104,7 @@ class Runner:
         *,
         signals: Mapping[str, SignalLike] | None = None,
         policy: Policy | None = None,
+        policies: SeededPolicy | None = None,
         duration: float | None = None,
         period: float | str | None = None,
         stop: Stop = "end",
@@ -116,6 +119,7 @@ class Runner:
         check_system(system)
         self._made = make(system) if isinstance(system, str) else None
         self._system = self._made if self._made is not None else system
+        self._policies = policies
         try:
             simulation = getattr(self._system, "unwrapped", None)
             self.name = as_system(self._system, policy, None, None, None, substeps=False).name
@@ -144,7 +148,7 @@ class Runner:
                 options.get("at_truncation", "cut"),
             )
             self._lanes = None
-            if policy is None and batch > 1:
+            if policy is None and policies is None and batch > 1:
                 self._lanes = lanes_of(
                     self._system, self.requirements, signals, duration, period, judging, batch
                 )
@@ -174,6 +178,12 @@ class Runner:
     def options(self) -> Mapping[str, Any]:
         """What every call of `rtamt_gym.simulate` is given."""
         return {**self._simulated}
+
+    @property
+    def arguments(self) -> Mapping[str, Any]:
+        """The keyword arguments that make an equal runner of the same system and requirements."""
+        more = {} if self._policies is None else {"policies": self._policies}
+        return {**self._simulated, "batch": self.batch, **more}
 
     @property
     def takes_seeds(self) -> bool:
@@ -261,6 +271,8 @@ class Runner:
         options: Any = self._simulated
         if self.takes_seeds:
             options = options | {"seed": seed}
+        if self._policies is not None:
+            options = options | {"policy": self._policies(seed or 0)}
         if above is not None:
             options = options | {"above": above}
         if stop is not None:

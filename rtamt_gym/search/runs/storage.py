@@ -11,13 +11,13 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rtamt import InputError, Verdict
+from rtamt import InputError
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.search.runs.files import finished
-from rtamt_gym.search.runs.rows import MEASURES, Outcome, Row
+from rtamt_gym.search.runs.rows import Row
 
 __all__ = ["load", "read_space", "save", "written_space"]
 
@@ -110,17 +110,4 @@ def _row(cells: Mapping[str, Any], shapes: Mapping[str, Any], requirements: list
         values = [cells[f"{name}[{i}]"] for i in range(len(shape["times"]))]
         if values[0] is not None:
             case[name] = Waveform(shape["times"], values, shape["interpolation"])
-    outcomes = {}
-    for name in requirements:
-        measured = {key: cells[f"{key}({name})"] for key in MEASURES}
-        if measured["verdict"] is not None:
-            outcomes[name] = Outcome(**measured | {"verdict": Verdict[measured["verdict"]]})
-    return Row(
-        Case(case),
-        cells["seed"],
-        outcomes,
-        cells["ended"],
-        cells["simulated"],
-        cells["wall"],
-        cells["error"],
-    )
+    return Row.read(cells, Case(case), requirements)

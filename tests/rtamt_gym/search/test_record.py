@@ -50,6 +50,7 @@ def records(draw: st.DrawFn) -> Record:
                 draw(st.floats(0, 1e9)),
                 draw(st.floats(0, 1e9)),
                 draw(st.text()) if failed else "",
+                draw(st.none() | st.floats(allow_nan=False)),
             )
         )
     return Record(rows, dict.fromkeys(names, "always(x > 0)"), "a system")
@@ -143,6 +144,7 @@ def test_columns_are_named_after_the_case_and_the_requirements() -> None:
         "decided_at(safe)": [1.0],
         "ended": ["truncated"],
         "simulated": [2.0],
+        "return": [None],
         "wall": [0.5],
         "error": [""],
     }
@@ -179,7 +181,7 @@ def test_a_waveform_has_the_same_control_points_in_all_rows() -> None:
             (
                 "there is no column 'mas' of numbers; there are 'mass', 'seed', "
                 "'robustness(safe)', 'lower(safe)', 'upper(safe)', 'decided_at(safe)', "
-                "'simulated', 'wall'; did you mean 'mass'?"
+                "'simulated', 'return', 'wall'; did you mean 'mass'?"
             ),
         ),
         (

@@ -1,0 +1,207 @@
+"""`Model`: the policies of a trained model, for one episode or for many that run side by side."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from typing import Any, Final
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector.utils import concatenate, create_empty_array
+
+from rtamt import InputError
+from rtamt_gym.signals.spaces import described
+from rtamt_gym.simulation.systems import Policy
+
+__all__ = ["WITHOUT_TRAINING", "Batch", "Model", "check_spaces"]
+
+WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
+    "buffer_size": 1,
+    "replay_buffer_class": None,
+    "replay_buffer_kwargs": {},
+}
+"""What stands in a model that is loaded to act in place of what training alone needs: memory for as
+many steps, and the goals of another environment."""
+
+
+class Model:
+    """Makes the policy of an episode, by its seed, from a model of Stable-Baselines3.
+
+    The model may be anything with the method ``predict(observation, state, episode_start,
+    deterministic=...)`` that gives an action and the next state, of one observation or of a batch.
+    The state of a recurrent model starts anew with every episode. Observations are normalised where
+    the model was trained under a ``VecNormalize``.
+
+    A model that draws its actions draws from generators of the episode: those of Torch and NumPy
+    are as before afterwards.
+
+    Attributes:
+        name: The name of its class.
+        deterministic: Whether it gives the action that it holds for best.
+    """
+
+    def __init__(self, model: Any, *, deterministic: bool = True) -> None:  # noqa: ANN401 - not imported
+        self.name = type(model).__name__
+        self.deterministic = deterministic
+        self._model = model
+        normalizer = getattr(model, "get_vec_normalize_env", lambda: None)()
+        self._shown = (lambda obs: obs) if normalizer is None else normalizer.normalize_obs
+
+    def __call__(self, seed: int) -> Policy:
+        """The policy of an episode."""
+        dice = None if self.deterministic else _Dice(seed, self._model)
+        memory: Any = None
+        begins = np.ones(1, np.bool_)
+
+        def act(obs: Any) -> Any:  # noqa: ANN401
+            nonlocal memory, begins
+            if dice is None:
+                action, memory = self._predict(obs, memory, begins)
+            else:
+                with dice.thrown():
+                    action, memory = self._predict(obs, memory, begins)
+            begins = np.zeros(1, np.bool_)
+            return action
+
+        return act
+
+    def batch(self, space: spaces.Space[Any], count: int) -> Batch:
+        """The policy of so many episodes that run side by side; of a deterministic model alone."""
+        return Batch(self._predict, space, count)
+
+    @property
+    def fingerprint(self) -> str:
+        """A text that only models with the same weights have; their name if there are none."""
+        network = getattr(self._model, "policy", None)
+        state: Mapping[str, Any] = getattr(network, "state_dict", dict)()
+        found = hashlib.sha256()
+        for name, weights in state.items():
+            found.update(name.encode())
+            found.update(np.ascontiguousarray(weights.detach().cpu().numpy()).tobytes())
+        return f"{self.name} {found.hexdigest()[:32]}" if state else self.name
+
+    def _predict(self, obs: Any, memory: Any, begins: Any) -> tuple[Any, Any]:  # noqa: ANN401
+        found: tuple[Any, Any] = self._model.predict(
+            self._shown(obs), memory, begins, deterministic=self.deterministic
+        )
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The model as the file that it saves, without what training needs; else as it is."""
+        state = {**self.__dict__}
+        if hasattr(self._model, "save") and hasattr(type(self._model), "load"):
+            file = BytesIO()
+            self._model.save(file)
+            state["_model"] = _File(type(self._model), file.getvalue())
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if isinstance(self._model, _File):
+            self._model = self._model.load()
+
+
+class Batch:
+    """The policy of episodes that run side by side.
+
+    Args:
+        predict: Gives actions and the next memory for observations, memory and which begin.
+        space: The space of an observation.
+        count: How many there are.
+    """
+
+    def __init__(self, predict: Any, space: spaces.Space[Any], count: int) -> None:  # noqa: ANN401
+        self._predict = predict
+        self._space = space
+        self._memory: Any = None
+        self._begins = np.ones(count, np.bool_)
+
+    def begin(self, place: int) -> None:
+        """Forgets the episode at a place: another one begins there."""
+        self._begins[place] = True
+
+    def act(self, observations: Sequence[Any]) -> Any:  # noqa: ANN401
+        """The actions for observations, one of every episode."""
+        space, count = self._space, len(self._begins)
+        room: Any = create_empty_array(space, count)
+        return self.of(concatenate(space, observations, room))
+
+    def of(self, observations: Any) -> Any:  # noqa: ANN401
+        """The actions for a batch of observations."""
+        actions, self._memory = self._predict(observations, self._memory, self._begins)
+        self._begins = np.zeros_like(self._begins)
+        return actions
+
+
+class _File:
+    """A model as the bytes of the file that it saves."""
+
+    def __init__(self, kind: Any, held: bytes) -> None:  # noqa: ANN401
+        self._kind = kind
+        self._held = held
+
+    def load(self) -> Any:  # noqa: ANN401
+        instead = dict(WITHOUT_TRAINING)
+        return self._kind.load(BytesIO(self._held), device="cpu", custom_objects=instead)
+
+
+class _Dice:
+    """The generators of random numbers that a model draws from, as one episode has them."""
+
+    def __init__(self, seed: int, model: Any) -> None:  # noqa: ANN401
+        self._torch = sys.modules.get("torch")
+        # An exploring model draws from its space of actions too.
+        self._space = model.action_space if hasattr(model, "exploration_rate") else None
+        outside = self._read()
+        np.random.seed(seed % 2**32)  # noqa: NPY002 - the generator that models draw from
+        if self._torch is not None:
+            self._torch.manual_seed(seed)
+        self._own = self._read()
+        self._set(outside)
+
+    @contextmanager
+    def thrown(self) -> Iterator[None]:
+        """A context in which random numbers are those of the episode."""
+        outside = self._read()
+        self._set(self._own)
+        try:
+            if self._space is not None:
+                self._space.seed(np.random.randint(2**31))  # noqa: NPY002
+            yield
+        finally:
+            self._own = self._read()
+            self._set(outside)
+
+    def _read(self) -> tuple[Any, Any]:
+        torch = self._torch
+        return np.random.get_state(), None if torch is None else torch.get_rng_state()  # noqa: NPY002
+
+    def _set(self, state: tuple[Any, Any]) -> None:
+        np.random.set_state(state[0])  # noqa: NPY002
+        if self._torch is not None:
+            self._torch.set_rng_state(state[1])
+
+
+def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa: ANN401
+    """Refuses a model that was trained in other spaces than an environment has.
+
+    Raises:
+        InputError: If it was.
+    """
+    for which in ("observation", "action"):
+        trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
+        if trained is not None and not _alike(trained, has):
+            raise InputError(
+                f"{what} was trained with the {which} space {described(trained)}, and that of "
+                f"{env.spec.id if env.spec else env} is {described(has)}"
+            )
+
+
+def _alike(trained: spaces.Space[Any], has: spaces.Space[Any]) -> bool:
+    """Whether two spaces have values of one form; models of pictures move the channels."""
+    return type(trained) is type(has) and spaces.flatdim(trained) == spaces.flatdim(has)
