@@ -105,9 +105,11 @@ class Environment(System):
     """A Gymnasium environment and the policy that acts in it.
 
     Attributes:
+        observation: What it has shown last, on which the policy acts next.
         reward: The sum of its rewards since the start; None if they are no numbers.
     """
 
+    observation: Any = None
     reward: float | None = None
 
     def __init__(
@@ -136,7 +138,6 @@ class Environment(System):
         self._env = env
         self._policy = policy
         self._seed = seed
-        self._obs: Any = None
         self._case = case
         self._ends = ExitStack()
 
@@ -169,12 +170,12 @@ class Environment(System):
         self._end: SystemEnd = ""
         self._act = self._find_policy()
         if self._case is None:
-            self._obs, info = self._env.reset(seed=self._seed)
+            self.observation, info = self._env.reset(seed=self._seed)
         else:
             self._ends.enter_context(self._case.attributes())
-            self._obs, info = self._env.reset(seed=self._seed, options=self._case.options)
+            self.observation, info = self._env.reset(seed=self._seed, options=self._case.options)
             self._case.check()
-        return [read(self._obs, None, None, info) for read in self._reads_at_reset]
+        return [read(self.observation, None, None, info) for read in self._reads_at_reset]
 
     def advance(self) -> list[float]:
         if not self._rest:
@@ -186,15 +187,17 @@ class Environment(System):
 
     def _step(self) -> None:
         """Steps the environment; its samples, one or with ``substeps`` several, are the rest."""
-        action = self._act(self._obs)
+        action = self._act(self.observation)
         if self._substeps:
             result = self._inside.step(action, self._keep, self._rest.__len__)
         else:
             result = self._env.step(action)
-        self._obs, reward, terminated, truncated, info = result
+        self.observation, reward, terminated, truncated, info = result
         self._earn(reward)
         if not self._substeps:
-            self._rest.append([read(self._obs, action, reward, info) for read in self._reads])
+            self._rest.append(
+                [read(self.observation, action, reward, info) for read in self._reads]
+            )
         if terminated or truncated:
             self._end = "terminated" if terminated else "truncated"
 
