@@ -9,7 +9,18 @@ Let r be the environment's reward, x the robustness of the episode before the st
 | ``replace`` | x' | |
 | ``potential`` | r + weight * (gamma * x' - x), x' = 0 after a termination | the optimal policy |
 | ``terminal`` | r, and weight * x' more in the last step, terminated or truncated | |
+| ``progress`` | r + weight * (m' - m), m the middle of the bounds | the order of ``terminal`` |
 | ``hierarchical`` | the value of the first negative level, below | the order of the levels |
+
+Beside every mode, `settle` pays a bonus once all specifications are certainly satisfied, and takes
+a penalty once one is certainly violated, each once an episode, at the step that shows it or at the
+last one if only the end decides. ``potential`` then keeps the optimal policy of r with bonus and
+penalty, not that of r alone.
+
+``progress`` pays what the bounds of the robustness gain, each clipped. Its sum over an episode is
+weight times their middle at the end less that at the reset. Where the end decides all, both bounds
+are the robustness: then this is what ``terminal`` pays, less a number that no action changes, but
+paid at the steps that have earned it.
 
 ``potential`` keeps x' at a truncation: that episode could have gone on, and the learner bootstraps
 with the value of its last state. After a termination, by the environment or by the monitor, there
@@ -18,8 +29,8 @@ reward transformations", ICML 1999). ``gamma`` must be the learner's discount.
 
 The other modes change the optimal policy on purpose. While x is negative for many steps (a goal not
 yet reached), ``add``, ``replace`` and ``hierarchical`` pay a negative amount each step, and an
-episode that fails early may earn more than one that succeeds late; ``terminal`` and ``potential``
-do not depend on the number of steps in this way.
+episode that fails early may earn more than one that succeeds late; ``terminal``, ``progress`` and
+``potential`` do not depend on the number of steps in this way.
 
 Functions that take several specifications take a sequence with an element for each: floats, or
 arrays of shape (lanes,). Flags (``ended``, ``terminated``) are 1 or 0, or True and False.
@@ -35,8 +46,8 @@ from typing import Literal, TypeVar, assert_never, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError
-from rtamt_gym.checks.arguments import check_choice, check_known, check_number
+from rtamt_gym.checks.arguments import check_amount, check_choice, check_known, check_number
+from rtamt_gym.checks.levels import check_mapping, levels_of
 
 __all__ = [
     "Mode",
@@ -44,16 +55,18 @@ __all__ = [
     "Shaping",
     "add",
     "clip",
-    "flattening",
     "hierarchical",
     "least",
+    "outcome",
     "potential",
+    "progress",
     "replace",
     "scaled",
+    "settle",
     "terminal",
 ]
 
-Mode = Literal["add", "replace", "potential", "terminal", "hierarchical"]
+Mode = Literal["add", "replace", "potential", "terminal", "progress", "hierarchical"]
 """How robustness becomes reward."""
 
 Priority = Literal["safety", "target", "comfort"]
@@ -162,36 +175,6 @@ def _of_first_negative(levels: Sequence[Value], values: Sequence[Value]) -> Valu
     return value
 
 
-def flattening(seen: int, clipped: int, low: float, high: float, bound: float) -> str | None:
-    """What to say to a user whose clip hides what robustness could tell a learner.
-
-    Args:
-        seen: How many values of `Shaping.deciding` were seen, infinite ones not counted.
-        clipped: How many of them the clip changes: ``abs(value) > bound``.
-        low: The least of them.
-        high: The greatest of them.
-        bound: The bound to which the robustness is clipped.
-
-    Returns:
-        The warning; None if the clip changes at most 9 of 10 values.
-
-    Example:
-        >>> print(flattening(seen=200, clipped=190, low=0.5, high=48.0, bound=1.0))
-        clip=1 flattens the reward: at 190 of 200 samples of the first episodes the robustness
-        that decides it was outside of [-1, 1]; it ranged from 0.5 to 48; take a clip= about that
-        range, such as clip=48, or weights= that bring the robustness inside
-        >>> flattening(seen=200, clipped=180, low=0.5, high=48.0, bound=1.0)
-    """
-    if 10 * clipped <= 9 * seen:
-        return None
-    return (
-        f"clip={bound:g} flattens the reward: at {clipped} of {seen} samples of the first episodes "
-        f"the robustness that decides it was outside of [-{bound:g}, {bound:g}]; it ranged from "
-        f"{low:.3g} to {high:.3g}; take a clip= about that range, such as "
-        f"clip={max(-low, high):.3g}, or weights= that bring the robustness inside"
-    )
-
-
 def add(reward: Value, after: Value, weight: float) -> Value:
     """``reward + weight * after``.
 
@@ -243,6 +226,49 @@ def terminal(reward: Value, after: Value, ended: Value, weight: float) -> Value:
     return reward + weight * (after * ended)
 
 
+def progress(reward: Value, before: Value, after: Value, weight: float) -> Value:
+    """``reward + weight * (after - before)``, of the middles of the bounds.
+
+    Example:
+        >>> progress(1.0, -0.5, 0.25, weight=2.0)
+        2.5
+    """
+    return reward + weight * (after - before)
+
+
+def outcome(lower: Value, upper: Value) -> Value:
+    """1 where the bounds say that nothing can violate, -1 where nothing can satisfy, else 0.
+
+    Args:
+        lower: The least robustness that the episode can still have, its sign bit included.
+        upper: The greatest.
+
+    Example:
+        >>> outcome(0.5, 2.0), outcome(-1.0, -0.0), outcome(-1.0, 0.0)
+        (1.0, -1.0, 0.0)
+    """
+    if isinstance(lower, np.ndarray):
+        decided: NDArray[np.float64] = 1.0 - np.signbit(lower) - np.signbit(upper)
+        return decided
+    return (math.copysign(1.0, lower) + math.copysign(1.0, upper)) / 2.0
+
+
+def settle(before: Value, after: Value, bonus: float, penalty: float) -> Value:
+    """The bonus where an `outcome` has become 1, less the penalty where it has become -1.
+
+    An outcome that is not 0 never changes. At a reset it counts as 0, whatever the first sample
+    says: what that decides is settled by the first step.
+
+    Example:
+        >>> settle(0.0, 1.0, bonus=5.0, penalty=2.0), settle(0.0, -1.0, bonus=5.0, penalty=2.0)
+        (5.0, -2.0)
+        >>> settle(1.0, 1.0, bonus=5.0, penalty=2.0)
+        0.0
+    """
+    change = after - before
+    return bonus * (change > 0.0) - penalty * (change < 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Shaping:
     """A mode and its numbers, for specifications in a known order; made by `of`.
@@ -256,6 +282,8 @@ class Shaping:
         weights: Factor of every specification's robustness.
         levels: Indices of the specifications in each level; all modes but ``hierarchical`` have one
             level.
+        bonus: What a certain satisfaction pays.
+        penalty: What a certain violation costs.
     """
 
     mode: Mode
@@ -265,6 +293,8 @@ class Shaping:
     temperature: float | None
     weights: tuple[float, ...]
     levels: tuple[tuple[int, ...], ...]
+    bonus: float = 0.0
+    penalty: float = 0.0
 
     @classmethod
     def of(
@@ -278,6 +308,8 @@ class Shaping:
         temperature: float | None = None,
         weights: Mapping[str, float] | None = None,
         priorities: Mapping[str, Priority] | None = None,
+        bonus: float = 0.0,
+        penalty: float = 0.0,
     ) -> Shaping:
         """The shaping for the specifications named; the arguments are those of `StlReward`.
 
@@ -287,7 +319,7 @@ class Shaping:
         """
         check_choice("mode", mode, get_args(Mode))
         if weights is not None:
-            _check_mapping("weights", weights, dict.fromkeys(names, "1.0"))
+            check_mapping("weights", weights, dict.fromkeys(names, "1.0"))
             check_known("weights", weights, names)
         factor = {
             name: check_number(f"weights[{name!r}]", value)
@@ -300,12 +332,23 @@ class Shaping:
             gamma=check_number("gamma", gamma, 1.0),
             temperature=(None if temperature is None else check_number("temperature", temperature)),
             weights=tuple(factor.get(name, 1.0) for name in names),
-            levels=_levels(names, mode, priorities),
+            levels=levels_of(names, mode, get_args(Priority), priorities),
+            bonus=check_amount("bonus", bonus),
+            penalty=check_amount("penalty", penalty),
         )
+
+    @property
+    def settles(self) -> bool:
+        """Whether a bonus or a penalty is paid."""
+        return self.bonus > 0.0 or self.penalty > 0.0
 
     def robustness(self, values: Sequence[Value]) -> Value:
         """Combines the robustness of the specifications into the number that the reward uses."""
         return hierarchical(self._levels_of(values), self.clip)
+
+    def middle(self, lower: Sequence[Value], upper: Sequence[Value]) -> Value:
+        """The middle of the bounds of the robustness, each clipped, which ``progress`` pays for."""
+        return 0.5 * (self.robustness(lower) + self.robustness(upper))
 
     def deciding(self, values: Sequence[Value]) -> Value:
         """The robustness that decides `robustness`, as it is before it is clipped.
@@ -332,8 +375,8 @@ class Shaping:
 
         Args:
             reward: The reward of the environment.
-            before: `robustness` before the step.
-            after: `robustness` after the step.
+            before: `robustness` before the step; of ``progress`` the `middle`.
+            after: The same after the step.
             terminated: Whether the episode was terminated.
             ended: Whether it was terminated or truncated.
         """
@@ -346,47 +389,7 @@ class Shaping:
                 return potential(reward, before, after, terminated, self.weight, self.gamma)
             case "terminal":
                 return terminal(reward, after, ended, self.weight)
+            case "progress":
+                return progress(reward, before, after, self.weight)
             case _ as never:
                 assert_never(never)
-
-
-def _check_mapping(name: str, given: object, such: Mapping[str, str]) -> None:
-    if not isinstance(given, Mapping):
-        raise InputError(
-            f"expected {name}= as a mapping from specifications, got {given!r}; such as "
-            f"{name}={_written(such)}"
-        )
-
-
-def _written(entries: Mapping[str, str]) -> str:
-    """A dictionary as one writes it: of names, and of values in the words of Python."""
-    return "{" + ", ".join(f'"{name}": {value}' for name, value in entries.items()) + "}"
-
-
-def _levels(
-    names: Sequence[str], mode: Mode, priorities: Mapping[str, Priority] | None
-) -> tuple[tuple[int, ...], ...]:
-    if mode != "hierarchical":
-        if priorities is not None:
-            raise InputError(f"priorities= belongs to mode='hierarchical', got mode={mode!r}")
-        return (tuple(range(len(names))),)
-    ranks = [*get_args(Priority), *[get_args(Priority)[-1]] * len(names)]
-    such = {name: f'"{rank}"' for name, rank in zip(names, ranks, strict=False)}
-    if priorities is None:
-        raise InputError(
-            "expected priorities= with mode='hierarchical', got None; say what every specification "
-            f"is for, such as priorities={_written(such)}"
-        )
-    _check_mapping("priorities", priorities, such)
-    check_known("priorities", priorities, names)
-    for name in names:
-        if name not in priorities:
-            raise InputError(
-                f'specification {name!r} has no priority; give one: "{name}": "comfort"'
-            )
-        check_choice(f"priorities[{name!r}]", priorities[name], get_args(Priority))
-    levels = (
-        tuple(i for i, name in enumerate(names) if priorities[name] == priority)
-        for priority in get_args(Priority)
-    )
-    return tuple(level for level in levels if level)

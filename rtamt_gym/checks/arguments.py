@@ -9,7 +9,7 @@ from numbers import Integral, Real
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 
-__all__ = ["check_choice", "check_count", "check_known", "check_number"]
+__all__ = ["check_amount", "check_choice", "check_count", "check_known", "check_number"]
 
 
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
@@ -25,6 +25,13 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
     raise InputError(f"expected {name}= as a finite number above 0{most}, got {value!r}")
+
+
+def check_amount(name: str, value: object) -> float:
+    """Converts a finite number, 0 or more, to a float; refuses any other."""
+    if isinstance(value, Real) and 0.0 <= float(value) < math.inf:
+        return float(value)
+    raise InputError(f"expected {name}= as a finite number, 0 or more, got {value!r}")
 
 
 def check_count(what: str, count: object) -> int:

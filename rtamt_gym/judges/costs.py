@@ -170,7 +170,7 @@ class CostMeter:
         self._kind = kind
         self._exact = interface.semantics in EXACT
         self._demands = _measured(kind, specs, period, view, interface, align)
-        options = _options(specs, self._demands, interface)
+        options = options_of_parts(specs, [each.spec for each in self._demands], interface)
         self._monitors = [
             rtamt.Monitor(demand.spec, period, nan=nan, align=align, **option)
             for demand, option in zip(self._demands, options, strict=True)
@@ -252,7 +252,7 @@ class VectorCostMeter:
         self._exact = interface.semantics in EXACT
         self._names = list(specs)
         self._demands = _measured(kind, specs, period, view, interface, align)
-        options = _options(specs, self._demands, interface)
+        options = options_of_parts(specs, [each.spec for each in self._demands], interface)
         self._monitors = [
             rtamt.VectorMonitor(demand.spec, num, period, nan=nan, align=align, **option)
             for demand, option in zip(self._demands, options, strict=True)
@@ -338,12 +338,14 @@ def _measured(
     return demands_of(specs, view, period, align) if kind in {"violation", "depth"} else []
 
 
-def _options(
-    specs: Mapping[str, rtamt.Specification], demands: Sequence[Demand], interface: Interface
+def options_of_parts(
+    specs: Mapping[str, rtamt.Specification],
+    parts: Sequence[rtamt.Specification],
+    interface: Interface,
 ) -> list[InterfaceOptions]:
-    """The keyword arguments of the monitor of each demand that say how predicates count."""
-    # Beside the specifications, so that a demand takes those of their names that it knows.
-    numbered = {str(number): demand.spec for number, demand in enumerate(demands)}
+    """The keyword arguments of the monitors of parts that say how predicates count."""
+    # Beside the specifications, so that a part takes those of their names that it knows.
+    numbered = {str(number): part for number, part in enumerate(parts)}
     beside = {f"specification {name}": spec for name, spec in specs.items()}
     options = interface.options({**beside, **numbered})
     return [options[number] for number in numbered]

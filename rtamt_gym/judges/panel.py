@@ -6,22 +6,25 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property, partial
-from operator import itemgetter
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
+from rtamt_gym.judges.clocks import Obligations
 from rtamt_gym.judges.costs import Cost, CostMeter
 from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judges.interface import STANDARD, Interface, described
 from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
+from rtamt_gym.judges.obligations import Obligation
+from rtamt_gym.judges.picking import picked, split, together
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
-from rtamt_gym.signals.signals import Element, Read
+from rtamt_gym.signals.signals import Read
 
 __all__ = ["Assessment", "Feed", "Monitors", "Panel"]
 
@@ -86,10 +89,23 @@ class Panel:
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
         self._meter = cost and CostMeter(cost, specs, period, view, nan, interface, align)
+        self._owing: Obligations | None = None
+        self._reading = period, nan, interface, align
         self._decided: dict[str, int] = {}
         self._failed: frozenset[str] = frozenset()  # by the end alone
         self.settled = 0
         self.violated_by: str | None = None
+
+    def track_obligations(self) -> list[list[Obligation]]:
+        """Follows what the temporal operators owe from now on; returns those of each specification.
+
+        A `feeder` that was made before does not.
+        """
+        if self._owing is None:
+            judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
+            columns = list(dict.fromkeys(chain(*self.variables.values())))
+            self._owing = Obligations(judged, 1, *self._reading, columns)
+        return self._owing.found
 
     @cached_property
     def _described(self) -> dict[str, str]:
@@ -183,12 +199,15 @@ class Panel:
             decide: Called after a sample that has decided a verdict, in place of `note`.
         """
         note = decide or self.note
-        elements, others = _split(reads or ())
-        measure = None if self._meter is None else self._meter.feeder(names)
+        elements, others = split(reads or ())
+        measure = together(
+            None if self._owing is None else self._owing.feeder(names),
+            None if self._meter is None else self._meter.feeder(names),
+        )
         if len(self.monitors) == 1 and len(elements) + len(others) == 1 and measure is None:
             return self._feeder_of_one(elements, others, note)
         parts = [
-            (source.update, *_pick([names.index(v) for v in self.variables[name]]), judge)
+            (source.update, *picked([names.index(v) for v in self.variables[name]]), judge)
             for name, (source, judge) in self.monitors.items()
         ]
         read_values = [math.nan] * len(names)
@@ -265,6 +284,8 @@ class Panel:
             source.reset()
         if self._meter is not None:
             self._meter.reset()
+        if self._owing is not None:
+            self._owing.reset()
         self._decided = {}
         self._failed = frozenset()
         self.settled = 0
@@ -319,7 +340,8 @@ class Panel:
 
     def values(self) -> MonitorValues[float]:
         """Reads the values of all monitors."""
-        return read_values(self.monitors.values(), self._uppers(), self.samples)
+        owed = None if self._owing is None else self._owing.owed_by_one()
+        return read_values(self.monitors.values(), self._uppers(), self.samples, owed)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``info["stl"]``."""
@@ -374,19 +396,3 @@ class Panel:
 
 
 _NAMES = tuple(VERDICTS)  # an enum's own name takes twice the time
-
-
-def _split(reads: Sequence[Read]) -> tuple[list[tuple[int, Any]], list[tuple[int, Read]]]:
-    """The places of what reads an element of the observation, and of all else."""
-    numbered = list(enumerate(reads))
-    elements = [(place, read.index) for place, read in numbered if isinstance(read, Element)]
-    return elements, [(place, read) for place, read in numbered if not isinstance(read, Element)]
-
-
-def _pick(
-    indices: Sequence[int],
-) -> tuple[int, Callable[[Sequence[float]], tuple[float, ...]] | None]:
-    """The index, if it is one; else the function that takes the elements at all of them."""
-    if len(indices) == 1:
-        return indices[0], None
-    return -1, itemgetter(*indices) if indices else lambda _: ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Generic, NamedTuple
 
+from rtamt_gym.judges.clocks import Owed
 from rtamt_gym.judges.infos import Lanewise
 from rtamt_gym.shaping import Value
 
@@ -20,6 +21,7 @@ class MonitorValues(NamedTuple, Generic[Value]):
         lower: The lower bounds of ``judged``.
         upper: The upper bounds of ``judged``.
         samples: Samples since the reset, of every environment: an int or an array.
+        owed: For each specification what its temporal operators owe; None if that is not followed.
     """
 
     robustness: list[Value]
@@ -27,10 +29,14 @@ class MonitorValues(NamedTuple, Generic[Value]):
     lower: list[Value]
     upper: list[Value]
     samples: Lanewise
+    owed: list[list[Owed]] | None = None
 
 
 def read_values(
-    monitors: Iterable[tuple[Any, Any]], upper: list[Value], samples: Lanewise
+    monitors: Iterable[tuple[Any, Any]],
+    upper: list[Value],
+    samples: Lanewise,
+    owed: list[list[Owed]] | None,
 ) -> MonitorValues[Value]:
     """Reads the values of monitors, which are pairs ``(robustness source, judge)``.
 
@@ -43,4 +49,5 @@ def read_values(
         [judge.lower for _, judge in pairs],
         upper,
         samples,
+        owed,
     )

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import VectorEpisodeMonitor
+from rtamt_gym.judges.clocks import Obligations
 from rtamt_gym.judges.costs import Cost, VectorCostMeter
 from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.infos import VERDICTS, Where, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
+from rtamt_gym.judges.obligations import Obligation
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
@@ -82,11 +84,20 @@ class VectorPanel:
         self._meter = cost and VectorCostMeter(
             cost, specs, num, period, view, nan, interface, align, columns
         )
+        self._owing: Obligations | None = None
+        self._reading = num, period, nan, interface, align, columns
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
         self.robustness = np.full(num, np.nan)
         self._lower: Floats | None = None  # found when they are read
         self._upper: Floats | None = None
+
+    def track_obligations(self) -> list[list[Obligation]]:
+        """Follows what the temporal operators owe from now on, as `Panel.track_obligations`."""
+        if self._owing is None:
+            judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
+            self._owing = Obligations(judged, *self._reading)
+        return self._owing.found
 
     @property
     def period(self) -> Fraction | None:
@@ -125,6 +136,8 @@ class VectorPanel:
             source.reset(lanes)
         if self._meter is not None:
             self._meter.reset(lanes)
+        if self._owing is not None:
+            self._owing.reset(lanes)
         if lanes is None:
             self._decided_at[:] = self.violated_at[:] = -1
             self._violated[:] = self._failed[:] = False
@@ -151,6 +164,8 @@ class VectorPanel:
         self._note()
         if self._meter is not None:
             self._meter.feed(table, lanes)
+        if self._owing is not None:
+            self._owing.feed(table, lanes)
 
     def finish(self, lanes: Lanes, end: AtTermination | AtTruncation = "complete") -> None:
         """Ends the traces of the environments of the mask, as `Panel.finish` does."""
@@ -230,7 +245,8 @@ class VectorPanel:
 
     def values(self) -> MonitorValues[Floats]:
         """Reads the values of all monitors."""
-        return read_values(self.monitors.values(), self._uppers(), self.samples)
+        owed = None if self._owing is None else self._owing.owed()
+        return read_values(self.monitors.values(), self._uppers(), self.samples, owed)
 
     def describe(self) -> dict[str, dict[str, Any]]:
         """The state of every specification: ``infos["stl"]``."""

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rtamt_gym.shaping import Shaping, flattening
+from rtamt_gym.shaping import Shaping
 from rtamt_gym.signals.columns import Floats, Lanes
 
-__all__ = ["ClipWatch"]
+__all__ = ["ClipWatch", "flattening"]
 
 EPISODES = 10
 """How many episodes are looked at."""
@@ -74,3 +74,33 @@ class ClipWatch:
             self._clipped += int(np.count_nonzero(np.abs(deciding) > self._shaping.clip))
             self._low = min(self._low, deciding.min())
             self._high = max(self._high, deciding.max())
+
+
+def flattening(seen: int, clipped: int, low: float, high: float, bound: float) -> str | None:
+    """What to say to a user whose clip hides what robustness could tell a learner.
+
+    Args:
+        seen: How many values of `Shaping.deciding` were seen, infinite ones not counted.
+        clipped: How many of them the clip changes: ``abs(value) > bound``.
+        low: The least of them.
+        high: The greatest of them.
+        bound: The bound to which the robustness is clipped.
+
+    Returns:
+        The warning; None if the clip changes at most 9 of 10 values.
+
+    Example:
+        >>> print(flattening(seen=200, clipped=190, low=0.5, high=48.0, bound=1.0))
+        clip=1 flattens the reward: at 190 of 200 samples of the first episodes the robustness
+        that decides it was outside of [-1, 1]; it ranged from 0.5 to 48; take a clip= about that
+        range, such as clip=48, or weights= that bring the robustness inside
+        >>> flattening(seen=200, clipped=180, low=0.5, high=48.0, bound=1.0)
+    """
+    if 10 * clipped <= 9 * seen:
+        return None
+    return (
+        f"clip={bound:g} flattens the reward: at {clipped} of {seen} samples of the first episodes "
+        f"the robustness that decides it was outside of [-{bound:g}, {bound:g}]; it ranged from "
+        f"{low:.3g} to {high:.3g}; take a clip= about that range, such as "
+        f"clip={max(-low, high):.3g}, or weights= that bring the robustness inside"
+    )

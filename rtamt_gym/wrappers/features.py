@@ -7,6 +7,8 @@ For every specification, in their order, times a weight:
 | robustness | [-clip, clip] |
 | the least and the greatest robustness that the episode can still have | [-clip, clip] |
 | time left until the horizon, as a fraction of it; 1 if there is none | [0, 1] |
+| of each temporal operator that `StateFeatures.operators` lists: its clock | [0, 1] |
+| and the newest known robustness of each of its operands | [-clip, clip] |
 
 The functions take floats of one environment, or arrays of shape (lanes,) of many; the features of
 many are an array of shape (lanes, features).
@@ -14,7 +16,9 @@ many are an array of shape (lanes, features).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -22,6 +26,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt_gym.judges.clocks import Owed
+from rtamt_gym.judges.obligations import Obligation
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.shaping import Value, scaled
 
@@ -40,20 +46,40 @@ class StateFeatures:
         clip: The bound to which they are clipped.
         horizons: Of each specification, the samples after the first on which it depends.
         whole: Whether the robustness is that of the whole episode in every view.
+        operators: Of each specification the temporal operators whose clocks and margins are shown;
+            None if none are.
     """
 
     weights: tuple[float, ...]
     clip: float
     horizons: tuple[int | None, ...]
     whole: bool = False
+    operators: tuple[tuple[Obligation, ...], ...] | None = None
 
     @property
     def box(self) -> spaces.Box:
         """The space of the features."""
-        count, bound = len(self.weights), self.clip
-        low = np.array([-bound, -bound, -bound, 0.0] * count, np.float32)
-        high = np.array([bound, bound, bound, 1.0] * count, np.float32)
-        return spaces.Box(low, high, dtype=np.float32)
+        bound = self.clip
+        low: list[float] = []
+        high: list[float] = []
+        for operators in self.operators or ((),) * len(self.weights):
+            low += [-bound, -bound, -bound, 0.0]
+            high += [bound, bound, bound, 1.0]
+            for operator in operators:
+                margins = [bound] * len(operator.operands)
+                low += [0.0, *(-margin for margin in margins)]
+                high += [1.0, *margins]
+        return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
+
+    def names(self, specs: Iterable[str]) -> list[str]:
+        """What each feature is, for a reader."""
+        found = []
+        for name, operators in zip(specs, self.operators or repeat(()), strict=False):
+            found += [f"{name}: {what}" for what in ("robustness", "lower", "upper", "time left")]
+            for operator in operators:
+                found.append(f"{name}: clock of {operator.formula}")
+                found += [f"{name}: margin of {operand}" for operand in operator.operands]
+        return found
 
     def read(self, values: MonitorValues[Value]) -> NDArray[np.float32]:
         """The features of all specifications."""
@@ -64,8 +90,21 @@ class StateFeatures:
         ]
         sample = values.samples - 1.0
         left = [time_left(sample, horizon) for horizon in self.horizons]
-        rows = [number for each in zip(*numbers, left, strict=True) for number in each]
+        state: list[Any] = list(zip(*numbers, left, strict=True))
+        owing = None if self.operators is None else values.owed
+        rows: list[Any] = []
+        for place, each in enumerate(state):
+            rows += each
+            if owing is not None:
+                rows += self._rows_of(owing[place], self.weights[place])
         return np.array(rows, np.float32).T
+
+    def _rows_of(self, owing: Iterable[Owed], weight: float) -> list[Any]:
+        """The clock and the margins of every operator of a specification."""
+        rows = []
+        for clock, margins in owing:
+            rows += [clock, *scaled(margins, [weight] * len(margins), self.clip)]
+        return rows
 
 
 def time_left(sample: Value, horizon: int | None) -> Value:
@@ -85,10 +124,13 @@ def time_left(sample: Value, horizon: int | None) -> Value:
     return max(left, 0.0)
 
 
-def appended_space(space: spaces.Space[Any], box: spaces.Box) -> spaces.Box | spaces.Dict:
+def appended_space(
+    space: spaces.Space[Any], box: spaces.Box, observe: str
+) -> spaces.Box | spaces.Dict:
     """The space of observations with features appended.
 
-    A ``Box`` of one dimension grows, and holds floats; a ``Dict`` gets one more key.
+    A ``Box`` of one dimension grows, and holds floats; a ``Dict`` gets one more key. ``observe`` is
+    the argument that asks for it.
 
     Raises:
         InputError: If the space is neither, or the ``Dict`` has the key.
@@ -108,7 +150,7 @@ def appended_space(space: spaces.Space[Any], box: spaces.Box) -> spaces.Box | sp
             high = np.concatenate([space.high, box.high]).astype(dtype)
             return spaces.Box(low, high, dtype=dtype)
     raise InputError(
-        "expected observations as a Box of one dimension or a Dict for observe='state', got "
+        f"expected observations as a Box of one dimension or a Dict for observe={observe!r}, got "
         f"{space}; flatten them first: gymnasium.wrappers.FlattenObservation"
     )
 

@@ -193,7 +193,8 @@ class StlMonitor(
             substeps: Whether to take a sample after every step of the simulation, see above
             history: Whether to keep the samples of the episode for :meth:`explain`, 8 bytes for
                 each variable of each specification
-            observe: ``"state"`` appends the state of the monitors to the observation
+            observe: ``"state"`` appends the state of the monitors to the observation;
+                ``"obligations"`` what temporal operators owe too
             clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
                 specification should lie inside
 
@@ -242,7 +243,8 @@ class StlMonitor(
             if inner is not None and period is None and fits(loaded, inner, view, cost):
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
-        self._set_up_observations(env, observe, clip, self._panel.monitors)
+        panel = self._panel
+        self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         self._substeps = substeps
         self._bind_signals()
         self._books = Books(env)

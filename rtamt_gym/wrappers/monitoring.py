@@ -16,6 +16,7 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
 from rtamt_gym.judges.interface import Names, Semantics
+from rtamt_gym.judges.obligations import Obligation
 from rtamt_gym.judges.panel import Panel
 from rtamt_gym.judges.specs import (
     Align,
@@ -157,6 +158,16 @@ class Monitoring(Observing):
     def values(self) -> MonitorValues[Any]:
         """Reads robustness and bounds of each specification now: of many environments, arrays."""
         return self._panel.values()
+
+    def track_obligations(self) -> list[list[Obligation]]:
+        """Follows what temporal operators owe, from the next reset on; `values` has it then.
+
+        Returns:
+            The temporal operators below the top of each specification.
+        """
+        found = self._panel.track_obligations()
+        self._bind_signals()  # what feeds samples was made without
+        return found
 
     @property
     def cost(self) -> Cost | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, get_args
 
 import gymnasium as gym
@@ -12,13 +12,14 @@ from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
+from rtamt_gym.judges.obligations import Obligation
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.wrappers.features import StateFeatures, append, appended_space
 
 __all__ = ["Observe", "Observing"]
 
-Observe = Literal["state"]
+Observe = Literal["state", "obligations"]
 """What is appended to the observation."""
 
 
@@ -27,6 +28,8 @@ class Observing:
 
     _state: StateFeatures | None
     """What is appended to the observation; None if nothing is."""
+    _observe: Observe | None
+    _specs: tuple[str, ...]
 
     def _set_up_observations(
         self,
@@ -34,6 +37,7 @@ class Observing:
         observe: Observe | None,
         clip: float,
         monitors: Mapping[str, tuple[Any, Any]],
+        track: Callable[[], list[list[Obligation]]],
         weights: Sequence[float] | None = None,
         *,
         whole: bool = False,
@@ -45,6 +49,7 @@ class Observing:
             observe: The argument of the wrapper.
             clip: The argument of the wrapper: the bound of the numbers appended.
             monitors: The monitors of each specification: ``(robustness source, judge)``.
+            track: Makes the monitors follow what temporal operators owe.
             weights: A factor of the robustness of each specification; None: 1.
             whole: Whether the robustness shown is that of the whole episode in every view.
 
@@ -54,20 +59,47 @@ class Observing:
         """
         check_choice("observe", observe, (None, *get_args(Observe)))
         bound = check_number("clip", clip)
-        self._state = None
+        self._state, self._observe, self._specs = None, observe, tuple(monitors)
         if observe is None:
             return
-        _refuse_twice(env, type(self).__name__)
+        _refuse_twice(env, type(self).__name__, observe)
         horizons = tuple(judge.program.latency for _, judge in monitors.values())
         factors = (1.0,) * len(horizons) if weights is None else tuple(weights)
-        self._state = StateFeatures(factors, bound, horizons, whole=whole)
+        operators = tuple(map(tuple, track())) if observe == "obligations" else None
+        self._state = StateFeatures(factors, bound, horizons, whole=whole, operators=operators)
         wrapper: Any = self  # of one environment, or of many
         if isinstance(env, VectorEnv):
-            space = appended_space(env.single_observation_space, self._state.box)
+            space = appended_space(env.single_observation_space, self._state.box, observe)
             wrapper.single_observation_space = space
             wrapper.observation_space = batch_space(space, env.num_envs)
         else:
-            wrapper.observation_space = appended_space(env.observation_space, self._state.box)
+            wrapper.observation_space = appended_space(
+                env.observation_space, self._state.box, observe
+            )
+
+    @property
+    def observed(self) -> list[str]:
+        """What each number is that is appended to the observation, in their order.
+
+        Example:
+            >>> import gymnasium as gym
+            >>> from rtamt_gym import StlMonitor
+            >>> env = StlMonitor(
+            ...     gym.make("CartPole-v1"),
+            ...     "always(eventually[0:1](x > 0))",
+            ...     {"x": "obs[0]"},
+            ...     observe="obligations",
+            ... )
+            >>> for what in env.observed:
+            ...     print(what)
+            spec: robustness
+            spec: lower
+            spec: upper
+            spec: time left
+            spec: clock of eventually[0:1](x > 0)
+            spec: margin of x > 0
+        """
+        return [] if self._state is None else self._state.names(self._specs)
 
     def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:  # noqa: ANN401
         """The observation, or the batch of them, with what is to be appended."""
@@ -96,12 +128,12 @@ class Observing:
         infos["final_obs"] = shown
 
 
-def _refuse_twice(env: Any, name: str) -> None:  # noqa: ANN401 - an environment, or many
+def _refuse_twice(env: Any, name: str, observe: Observe) -> None:  # noqa: ANN401 - an environment, or many
     while isinstance(env, gym.Wrapper | VectorWrapper):
         if isinstance(env, Observing) and env._state is not None:  # noqa: SLF001 - the same class
             inner = type(env).__name__
             raise InputError(
-                f"observe='state' of {name} would append what observe='state' of the {inner} "
-                "inside of it has appended already; give observe= to one of them"
+                f"observe={observe!r} of {name} would append what observe={env._observe!r} of "  # noqa: SLF001 - the same class
+                f"the {inner} inside of it has appended already; give observe= to one of them"
             )
         env = env.env

@@ -12,7 +12,8 @@ from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import Explanation
 from rtamt_gym.judges.specs import SpecsLike
-from rtamt_gym.shaping import Mode, Priority
+from rtamt_gym.judges.values import MonitorValues
+from rtamt_gym.shaping import Mode, Priority, outcome, settle
 from rtamt_gym.signals.columns import Floats
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
@@ -132,6 +133,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         temperature: float | None = None,
         weights: Mapping[str, float] | None = None,
         priorities: Mapping[str, Priority] | None = None,
+        bonus: float = 0.0,
+        penalty: float = 0.0,
         observe: Observe | None = None,
         **monitor: Unpack[StlMonitorOptions],
     ) -> None:
@@ -158,7 +161,13 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
             priorities: For ``"hierarchical"``, which needs them: ``"safety"``, ``"target"`` or
                 ``"comfort"`` of every specification, such as ``{"upright": "safety", "near":
                 "target"}``; those of one level count as their minimum
-            observe: ``"state"`` appends the state of the monitor to the observation
+            bonus: Paid once an episode, beside the reward of every mode, when all specifications
+                are certainly satisfied: at the step that shows it, or at the last one if only the
+                end decides, as ``at_termination`` and ``at_truncation`` read it; 0 or more. What
+                the sample of the reset decides is paid at the first step
+            penalty: Taken once in the same way when one is certainly violated; 0 or more
+            observe: ``"state"`` appends the state of the monitor to the observation;
+                ``"obligations"`` what temporal operators owe too
             **monitor: The keyword arguments of :class:`StlMonitor`
 
         Raises:
@@ -176,6 +185,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
             temperature=temperature,
             weights=weights,
             priorities=priorities,
+            bonus=bonus,
+            penalty=penalty,
         )
         # Not the arguments of the monitor: it is a wrapper of its own in the specification of the
         # environment, and is found when the environment is made again.
@@ -186,6 +197,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         self._set_up(env, monitors, options, observe, 1)
         self._paying = [judge if self._whole else source for source, judge in monitors.values()]
         self._robustness = 0.0
+        self._outcome = 0.0
         self._return = 0.0
         self._books = Books(env)
 
@@ -195,8 +207,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         """Resets the environment; the potential of the first state is that of its observation."""
         obs, info = self.env.reset(seed=seed, options=options)
         values = self._values()
-        self._robustness = self._shaping.robustness(values)
-        self._return = 0.0
+        self._robustness = self._potential(values)
+        self._outcome = self._return = 0.0
         if self._watch is not None:
             self._watch.reset(_lane(values))
             self._warn_if_flat()
@@ -207,9 +219,14 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         obs, reward, terminated, truncated, info = self.env.step(action)
         paid = float(reward)
         values = self._values()
-        before, self._robustness = self._robustness, self._shaping.robustness(values)
+        before, self._robustness = self._robustness, self._potential(values)
         ended = terminated or truncated
-        shaped = self._shaping.reward(paid, before, self._robustness, terminated, ended)
+        shaping = self._shaping
+        shaped = shaping.reward(paid, before, self._robustness, terminated, ended)
+        if shaping.settles:
+            now = outcome(float(info["stl_lower"]), float(info["stl_upper"]))
+            shaped += settle(self._outcome, now, shaping.bonus, shaping.penalty)
+            self._outcome = now
         self._return += shaped
         info = {**info, "reward": np.float64(paid)}
         if ended and put_return(info, np.float64(self._return)):
@@ -238,6 +255,13 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def _values(self) -> list[float]:
         """For each specification the robustness that the reward is computed from."""
         return [paying.robustness for paying in self._paying]
+
+    def _potential(self, values: list[float]) -> float:
+        """What the reward of a step depends on, before it and after it."""
+        if self._shaping.mode != "progress":
+            return self._shaping.robustness(values)
+        now: MonitorValues[float] = self._monitor.values()
+        return self._shaping.middle(now.lower, now.upper)
 
 
 def _lane(values: list[float]) -> list[Floats]:

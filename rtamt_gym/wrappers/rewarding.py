@@ -36,6 +36,8 @@ class ShapingOptions(TypedDict, total=False):
     temperature: float | None
     weights: Mapping[str, float] | None
     priorities: Mapping[str, Priority] | None
+    bonus: float
+    penalty: float
 
 
 class Rewarding(Observing):
@@ -54,7 +56,13 @@ class Rewarding(Observing):
         self._shaping = shaping = Shaping.of(list(monitors), **options)
         self._whole = shaping.mode == "terminal"
         self._set_up_observations(
-            env, observe, shaping.clip, monitors, shaping.weights, whole=self._whole
+            env,
+            observe,
+            shaping.clip,
+            monitors,
+            self._monitor.track_obligations,
+            shaping.weights,
+            whole=self._whole,
         )
         self._watch: ClipWatch | None = ClipWatch(shaping, num)
 

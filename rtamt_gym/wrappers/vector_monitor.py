@@ -168,7 +168,8 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._panel = VectorPanel(
             loaded, env.num_envs, self._period, view, nan, names, interface, align, cost
         )
-        self._set_up_observations(env, observe, clip, self._panel.monitors)
+        panel = self._panel
+        self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         self._bind_signals()
         self._episodes = EpisodeRecords(buffer_length)
         self._done: Lanes | None = None  # the environments that ended and are still to be reset

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.judges.values import MonitorValues
 from rtamt_gym.judges.vector_infos import put
-from rtamt_gym.shaping import Mode, Priority
+from rtamt_gym.shaping import Mode, Priority, least, outcome, settle
 from rtamt_gym.signals.columns import Batch, Floats
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitoring import MonitorOptions
@@ -73,6 +73,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         temperature: float | None = None,
         weights: Mapping[str, float] | None = None,
         priorities: Mapping[str, Priority] | None = None,
+        bonus: float = 0.0,
+        penalty: float = 0.0,
         observe: Observe | None = None,
         **monitor: Unpack[MonitorOptions],
     ) -> None:
@@ -93,12 +95,15 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             temperature=temperature,
             weights=weights,
             priorities=priorities,
+            bonus=bonus,
+            penalty=penalty,
         )
         RecordConstructorArgs.__init__(self, **options, observe=observe)
         env, self._monitor = find_or_make(VectorStlMonitor, env, specs, signals, monitor)
         VectorWrapper.__init__(self, env)
         self._set_up(env, self._monitor.monitors, options, observe, env.num_envs)
         self._robustness = np.zeros(env.num_envs)
+        self._outcome = np.zeros(env.num_envs)
         self._returns = np.zeros(env.num_envs)
 
     def reset(
@@ -112,7 +117,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
         values = self._monitor.values()
         self._robustness = self._potential(values)
-        self._returns[slice(None) if mask is None else mask] = 0.0
+        which = slice(None) if mask is None else mask
+        self._returns[which] = self._outcome[which] = 0.0
         if self._watch is not None:
             self._watch.reset(self._paying(values), mask)
             self._warn_if_flat()
@@ -129,9 +135,16 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         now = self._monitor.values()
         last = self._monitor.terminal or now
         before, after = self._robustness, self._potential(last)
-        shaped = self._shaping.reward(
+        shaping = self._shaping
+        shaped = shaping.reward(
             paid, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
         )
+        if shaping.settles:
+            found = outcome(least(last.lower), least(last.upper))
+            shaped += settle(self._outcome, found, shaping.bonus, shaping.penalty)
+            self._outcome = found
+            if last is not now:
+                self._outcome[ended] = 0.0
         self._returns += shaped
         infos = dict(infos)
         if last is now:
@@ -139,7 +152,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             begun = self._monitor.begun
             if begun is not None:
                 shaped = np.where(begun, paid, shaped)
-                self._returns[begun] = 0.0
+                self._returns[begun] = self._outcome[begun] = 0.0
             put(infos, "reward", paid, None if begun is None else ~begun, self.num_envs)
         else:
             self._robustness = self._potential(now)
@@ -168,4 +181,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         return values.judged if self._whole else values.robustness
 
     def _potential(self, values: MonitorValues[Floats]) -> Floats:
+        """What the reward of a step depends on, before it and after it."""
+        if self._shaping.mode == "progress":
+            return self._shaping.middle(values.lower, values.upper)
         return self._shaping.robustness(self._paying(values))

@@ -264,8 +264,8 @@ def test_what_is_appended_twice_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"observe": "all"}, "expected observe=None or 'state', got 'all'"),
-        ({"observe": True}, "expected observe=None or 'state', got True"),
+        ({"observe": "all"}, "expected observe=None or 'state' or 'obligations', got 'all'"),
+        ({"observe": True}, "expected observe=None or 'state' or 'obligations', got True"),
         ({"clip": 0}, "expected clip= as a finite number above 0, got 0"),
         ({"clip": np.inf}, "expected clip= as a finite number above 0, got inf"),
     ],

@@ -1,0 +1,384 @@
+"""The clocks and margins of what temporal operators owe, sample by sample, in many environments.
+
+An operand may look ahead by some samples, its latency L; then its newest known value is that of L
+samples ago. An operator with the window [a, b] asks of such values what one with the window
+[a + L, b + L] asks of values that are known at once: these are its a and b below. Let t be the
+newest sample, and s an instant at which the operator is asked.
+
+* ``"oldest"`` of ``eventually[a:b] q``: an instant s is met once q has held in s + a to s + b, and
+  pending until then. The clock counts the instants from the oldest pending one to t, both included,
+  as a fraction of b + 1. It is 0 if none is pending, and 1 at the sample at which the oldest is
+  overdue; it stays there until q holds.
+* ``"oldest"`` of ``always[a:b] p``: the same with p failing instead of q holding. The clock is 1
+  once p has held throughout the window of an instant.
+* ``"oldest"`` of ``p until[a:b] q``: if p fails while an instant is pending, that is overdue at
+  once: the clock is 1 at this sample, and counts later instants from there on. Of ``p unless[a:b]
+  q``: if p fails, nothing is pending any more, and q at its time makes the clock 1.
+* ``"newest"``: how much of its window the newest instant still has, ``(b - (t - s)) / b``. Of
+  ``until`` it falls to 0 where p fails, of ``unless`` where q holds.
+* ``"last"``: the samples since the operand of ``once[a:b]``, ``prev`` or ``rise`` last held, that
+  of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1; 1 if that is longer ago
+  or has not happened. Of ``since`` it is 1 too if p has failed after q.
+
+A window without an end has no such fraction. Its clock is 0 if nothing is pending, 1/2 (``until``,
+``eventually``, ``unless`` and ``always`` that are counted from the oldest) or 1 while something is,
+if a = 0; with an a > 0 it grows to there over the first samples. Of ``once`` and its kin it is 0
+once the operand has held, else 1. An operator that is asked at the first instant alone keeps a
+clock of 1.
+
+The margin of an operand is its newest known robustness, 0 while none is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt_gym.judges.costs import options_of_parts
+from rtamt_gym.judges.interface import Interface
+from rtamt_gym.judges.obligations import Asked, Kind, Obligation, bare, obligations_of
+from rtamt_gym.judges.specs import Align, Nan
+from rtamt_gym.signals.columns import Floats, Lanes
+
+__all__ = ["Obligations", "Owed"]
+
+_Bools = NDArray[np.bool_]
+_Ints = NDArray[np.int64]
+
+_Which = slice | Lanes
+"""The environments that take a sample."""
+
+_NEVER = 2**40
+"""More samples than an episode has."""
+
+
+class Owed(NamedTuple):
+    """The state of an operator: in every environment, or as floats in one.
+
+    Attributes:
+        clock: From 0 to 1.
+        margins: The robustness of its operands.
+    """
+
+    clock: Any
+    margins: tuple[Any, ...]
+
+
+class Obligations:
+    """What the temporal operators of several specifications owe.
+
+    Attributes:
+        found: The operators of each specification.
+
+    Args:
+        judged: The specification of each judge, by name.
+        num: The number of environments.
+        period: Time between samples.
+        nan: Whether a signal that is nan is refused, or keeps its last value.
+        interface: How predicates count.
+        align: How bounds that are no multiple of the period become samples.
+        columns: The names of the columns of the tables that are fed.
+    """
+
+    def __init__(
+        self,
+        judged: Mapping[str, rtamt.Specification],
+        num: int,
+        period: float | str | None,
+        nan: Nan,
+        interface: Interface,
+        align: Align | None,
+        columns: Sequence[str],
+    ) -> None:
+        self.found = [obligations_of(spec, period, align) for spec in judged.values()]
+        parts = {
+            (place, part): bare(spec, part)
+            for place, (spec, found) in enumerate(zip(judged.values(), self.found, strict=True))
+            for each in found
+            for part in each.parts
+        }
+        options = options_of_parts(judged, list(parts.values()), interface)
+        self._courses = {
+            key: _Course(
+                rtamt.VectorMonitor(spec, num, period, nan=nan, align=align, **option), columns
+            )
+            for (key, spec), option in zip(parts.items(), options, strict=True)
+        }
+        self._clocks = [
+            [
+                _CLOCKS[each.kind](
+                    each, num, {part: self._courses[place, part] for part in each.parts}
+                )
+                for each in found
+            ]
+            for place, found in enumerate(self.found)
+        ]
+        self._columns = columns
+        self._samples = np.zeros(num, np.int64)
+
+    def reset(self, lanes: Lanes | None = None) -> None:
+        """Forgets the episodes of the environments of the mask; None: of all."""
+        which = slice(None) if lanes is None else lanes
+        self._samples[which] = 0
+        for course in self._courses.values():
+            course.reset(lanes)
+        for clock in chain(*self._clocks):
+            clock.reset(which)
+
+    def feed(self, table: Floats, lanes: Lanes | None = None) -> None:
+        """Feeds a row of the table to every environment of the mask; None: to all."""
+        which = slice(None) if lanes is None else lanes
+        for course in self._courses.values():
+            course.feed(table, lanes)
+        for clock in chain(*self._clocks):
+            clock.feed(which, self._samples[which])
+        self._samples[which] += 1
+
+    def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
+        """Makes the function that feeds a sample of the one environment that there is.
+
+        Args:
+            names: The names of the signals, in the order of the values that the function takes.
+        """
+        places = [names.index(column) for column in self._columns]
+
+        def feed(values: Sequence[float]) -> None:
+            self.feed(np.array([[values[place] for place in places]]))
+
+        return feed
+
+    def owed(self) -> list[list[Owed]]:
+        """The state of every operator of each specification, in fresh arrays."""
+        return [
+            [
+                Owed(
+                    clock.fraction(),
+                    tuple(np.where(np.isnan(each), 0.0, each) for each in clock.margins),
+                )
+                for clock in clocks
+            ]
+            for clocks in self._clocks
+        ]
+
+    def owed_by_one(self) -> list[list[Owed]]:
+        """The same of the one environment that there is, as floats."""
+        return [
+            [Owed(each.clock.item(), tuple(m.item() for m in each.margins)) for each in found]
+            for found in self.owed()
+        ]
+
+
+class _Course:
+    """The values of a formula, each late by ``late`` samples; nan before the first."""
+
+    def __init__(self, monitor: rtamt.VectorMonitor, columns: Sequence[str]) -> None:
+        self._monitor = monitor
+        self._pick = [columns.index(name) for name in monitor.variables]
+        self.late = monitor.latency
+        self.value: Floats = np.full(monitor.num, np.nan)
+
+    def feed(self, table: Floats, lanes: Lanes | None) -> None:
+        self.value = self._monitor.update(table[:, self._pick], lanes)
+
+    def reset(self, lanes: Lanes | None) -> None:
+        self._monitor.reset(lanes)
+        self.value = np.where(True if lanes is None else lanes, np.nan, self.value)
+
+
+class _Operand:
+    """A course that is late by ``more`` samples more, so that it goes with another."""
+
+    def __init__(self, course: _Course, more: int, num: int) -> None:
+        self._course = course
+        self._more = more
+        self._held = np.full((more, num), np.nan)
+        self.value: Floats = np.full(num, np.nan)
+
+    def feed(self, which: _Which, samples: _Ints) -> None:
+        if self._more == 0:
+            self.value = self._course.value
+            return
+        place = samples % self._more, np.arange(len(self.value))[which]
+        self.value = self.value.copy()
+        self.value[which] = self._held[place]
+        self._held[place] = self._course.value[which]
+
+    def reset(self, which: _Which) -> None:
+        self._held[:, which] = np.nan
+
+
+class _Clock:
+    """The clock of an operator; its numbers have an element for every environment."""
+
+    def __init__(
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+    ) -> None:
+        self._name = obligation.name
+        operands = [courses[operand] for operand in obligation.operands]
+        late = self._late = max(course.late for course in operands)
+        self._operands = [_Operand(course, late - course.late, num) for course in operands]
+        self._begin = obligation.begin + late
+        self._end = None if obligation.end is None else obligation.end + late
+        asked = obligation.asked
+        self._first = asked is Asked.FIRST
+        self._where = None if isinstance(asked, Asked) else courses[asked]
+        self._start = 0
+        self._count = np.zeros(num, np.int64)
+
+    @property
+    def margins(self) -> list[Floats]:
+        """The newest known robustness of each operand."""
+        return [operand.value for operand in self._operands]
+
+    def reset(self, which: _Which) -> None:
+        self._count[which] = self._start
+        for operand in self._operands:
+            operand.reset(which)
+
+    def feed(self, which: _Which, samples: _Ints) -> None:
+        """Takes in the newest values of the courses; ``samples`` were fed before."""
+        for operand in self._operands:
+            operand.feed(which, samples)
+        self._step(which, samples)
+
+    def fraction(self) -> Floats:
+        """The clock, from 0 to 1."""
+        raise NotImplementedError
+
+    def _step(self, which: _Which, samples: _Ints) -> None:
+        raise NotImplementedError
+
+    def _asked(self, which: _Which, samples: _Ints) -> _Bools:
+        """Whether the operator is asked at the newest instant."""
+        if self._where is not None:
+            return ~np.signbit(self._where.value[which])
+        return samples == 0 if self._first else np.ones(len(samples), np.bool_)
+
+    def _holds(self, operand: int, which: _Which) -> _Bools:
+        """Whether an operand is known to hold."""
+        value = self._operands[operand].value[which]
+        return ~np.signbit(value) & ~np.isnan(value)
+
+    def _fails(self, operand: int, which: _Which) -> _Bools:
+        """Whether an operand is known to fail."""
+        value = self._operands[operand].value[which]
+        return np.signbit(value) & ~np.isnan(value)
+
+
+class _Oldest(_Clock):
+    """Counts the instants from the oldest pending one to now, both included; 0 if none is."""
+
+    def __init__(
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+    ) -> None:
+        super().__init__(obligation, num, courses)
+        self._full = self._begin + 2 if self._end is None else self._end + 1
+        self._most = self._begin + 1 if self._end is None else self._full
+        self._shown = np.zeros(num, np.int64)
+        depth = 0 if self._where is None else max(self._begin, self._late)
+        self._recent = np.zeros((depth, num), np.bool_)  # whether it was asked, of each instant
+
+    def reset(self, which: _Which) -> None:
+        super().reset(which)
+        self._shown[which] = 0
+        self._recent[:, which] = False
+
+    def fraction(self) -> Floats:
+        return self._shown / self._full
+
+    def _step(self, which: _Which, samples: _Ints) -> None:
+        before = self._count[which]
+        asked = self._asked(which, samples)
+        count = np.where(before > 0, np.minimum(before + 1, self._most), asked)
+        if len(self._recent):
+            lanes = np.arange(self._recent.shape[1])[which]
+            self._recent[samples % len(self._recent), lanes] = asked
+        over = self._first & (before >= self._full)
+        shown = count
+        if self._name in {"until", "unless"}:
+            reached = self._holds(1, which) & (count > self._begin)
+            if self._name == "until":
+                count = np.where(reached, self._since(self._begin, which, samples, count), count)
+            lost = self._fails(0, which) & (count > self._late)
+            done = lost if self._name == "until" else reached
+            left = np.where(lost, self._since(self._late, which, samples, count), count)
+            shown = np.where(done, self._full, count if self._name == "until" else left)
+            count = np.where(done & self._first, self._full, left)
+        else:
+            event = self._fails if self._name in {"always", "next"} else self._holds
+            reached = event(0, which) & (count > self._begin)
+            count = np.where(reached, self._since(self._begin, which, samples, count), count)
+            shown = count
+        self._count[which] = np.where(over, self._full, count)
+        self._shown[which] = np.where(over, self._full, shown)
+
+    def _since(self, last: int, which: _Which, samples: _Ints, count: _Ints) -> _Ints | int:
+        """The count from the oldest of the last instants that are asked, where it is greater."""
+        if self._first or last == 0:
+            return 0
+        if self._where is None:
+            return np.minimum(count, last)
+        back = np.arange(last - 1, -1, -1)[:, None]
+        lanes = np.arange(self._recent.shape[1])[which]
+        asked = self._recent[(samples - back) % len(self._recent), lanes]
+        found: _Ints = np.where(asked.any(axis=0), last - asked.argmax(axis=0), 0)
+        return found
+
+
+class _Newest(_Clock):
+    """Counts the instants after the newest that was asked."""
+
+    def __init__(
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+    ) -> None:
+        super().__init__(obligation, num, courses)
+        self._start = _NEVER
+        self._count[:] = _NEVER
+
+    def fraction(self) -> Floats:
+        if self._end is None:
+            return (self._count < _NEVER).astype(np.float64)
+        left: Floats = np.maximum(self._end - self._count, 0).astype(np.float64)
+        left /= max(self._end, 1)
+        return left
+
+    def _step(self, which: _Which, samples: _Ints) -> None:
+        age = np.minimum(self._count[which] + 1, _NEVER)
+        age[self._asked(which, samples)] = 0
+        if self._name == "until":
+            age[self._fails(0, which) & (age >= self._late)] = _NEVER
+        elif self._name == "unless":
+            age[self._holds(1, which) & (age >= self._begin)] = _NEVER
+        self._count[which] = age
+
+
+class _Last(_Clock):
+    """Counts the samples since the operand of the past last held."""
+
+    def __init__(
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+    ) -> None:
+        super().__init__(obligation, num, courses)
+        self._start = 1 if obligation.end is None else obligation.end + 1
+        self._grows = obligation.end is not None
+        self._count[:] = self._start
+
+    def fraction(self) -> Floats:
+        return self._count / self._start
+
+    def _step(self, which: _Which, samples: _Ints) -> None:
+        count = np.minimum(self._count[which] + self._grows, self._start)
+        count = np.where(samples < self._late, self._start, count)
+        if self._name == "since":
+            count[self._fails(0, which)] = self._start
+        event = self._fails if self._name in {"historically", "fall"} else self._holds
+        count[event(len(self._operands) - 1, which)] = 0
+        self._count[which] = count
+
+
+_CLOCKS: dict[Kind, type[_Clock]] = {"oldest": _Oldest, "newest": _Newest, "last": _Last}

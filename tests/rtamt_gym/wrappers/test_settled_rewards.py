@@ -1,0 +1,144 @@
+"""A bonus at the certain satisfaction and a penalty at the certain violation, beside every mode."""
+
+from __future__ import annotations
+
+import functools
+import pickle
+from copy import deepcopy
+from typing import Any, get_args
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from environments import equal
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import AutoresetMode
+from hypothesis import given
+from hypothesis import strategies as st
+from replay import Replay, X, shaping_options
+from vector_environments import MODES, Make, difference, sync, trajectory
+
+from rtamt.errors import InputError
+from rtamt_gym import StlReward, VectorStlReward
+from rtamt_gym.shaping import Mode, outcome, settle
+
+SPECS = {"dry": "always(x > 1)", "there": "eventually[0:4](x > 5)"}
+SHAPES: tuple[Mode, ...] = get_args(Mode)
+OPTIONS: dict[str, Any] = {"period": 1, "on_violation": "report", "at_termination": "complete"}
+
+
+def shaped(env: gym.Env[Any, Any], mode: Mode, **options: Any) -> StlReward[Any, Any]:  # noqa: ANN401
+    return StlReward(env, SPECS, X, **shaping_options(mode, *SPECS), **OPTIONS | options)
+
+
+def steps_of(env: gym.Env[Any, Any]) -> list[tuple[float, dict[str, Any]]]:
+    """The rewards and infos of an episode."""
+    env.reset(seed=1)
+    found = []
+    ended = False
+    while not ended:
+        _, reward, terminated, truncated, info = env.step(np.array([0.5]))
+        found.append((float(reward), info))
+        ended = terminated or truncated
+    return found
+
+
+@given(
+    mode=st.sampled_from(SHAPES),
+    series=st.lists(st.sampled_from([0.5, 1.5, 3.0, 6.0]), min_size=2, max_size=9),
+    end=st.sampled_from(["terminated", "truncated"]),
+    reading=st.sampled_from(["complete", "cut", "failure"]),
+)
+def test_each_is_paid_once_at_the_step_that_decides(
+    mode: Mode, series: list[float], end: str, reading: str
+) -> None:
+    options = {"at_termination": reading, "details": True}
+    plain = steps_of(shaped(Replay(series, end), mode, **options))
+    paid = steps_of(shaped(Replay(series, end), mode, bonus=7.0, penalty=3.0, **options))
+    extra = [with_both - without for (with_both, _), (without, _) in zip(paid, plain, strict=True)]
+    expected = []
+    open_still = True
+    for _, info in plain:
+        verdicts = [each["verdict"] for each in info["stl"].values()]
+        won, lost = set(verdicts) == {"SATISFIED"}, "VIOLATED" in verdicts
+        expected.append((7.0 * won - 3.0 * lost) if open_still else 0.0)
+        open_still = open_still and not (won or lost)
+    assert extra == pytest.approx(expected)
+    last = plain[-1][1]
+    assert sum(extra) == pytest.approx(7.0 * last["is_success"] - 3.0 * last["stl_violated"])
+
+
+def test_what_the_reset_decides_is_paid_at_the_first_step() -> None:
+    env = StlReward(
+        Replay([9.0, 1.0, 1.0]), "eventually(x > 5)", X, mode="replace", bonus=4.0, penalty=2.0
+    )
+    assert [reward for reward, _ in steps_of(env)] == [5.0, 1.0]
+    env = shaped(Replay([0.0, 1.5, 9.0]), "replace", bonus=4.0, penalty=2.0)
+    for _ in range(2):
+        assert [reward for reward, _ in steps_of(env)] == [-3.0, -1.0]
+
+
+@given(st.floats(allow_nan=False), st.floats(allow_nan=False), st.floats(0, 9), st.floats(0, 9))
+def test_outcomes_of_arrays_are_those_of_floats(
+    lower: float, upper: float, bonus: float, penalty: float
+) -> None:
+    low, high = sorted((lower, upper))
+    one = outcome(low, high)
+    many = outcome(np.array([low, low]), np.array([high, high]))
+    assert many.tolist() == [one, one]
+    assert (
+        settle(np.zeros(2), many, bonus, penalty).tolist() == [settle(0.0, one, bonus, penalty)] * 2
+    )
+
+
+def series_env(values: list[float], end: str) -> gym.Env[Any, Any]:
+    return Replay(values, end)
+
+
+@pytest.mark.parametrize("autoreset", MODES, ids=lambda mode: mode.name)
+@pytest.mark.parametrize("end", ["terminated", "truncated"])
+@pytest.mark.parametrize("mode", SHAPES)
+def test_many_environments_pay_what_each_does(
+    mode: Mode, end: str, autoreset: AutoresetMode
+) -> None:
+    makes: list[Make] = [
+        functools.partial(series_env, series, end)
+        for series in ([2.0, 6.0, 3.0], [2.0, 3.0, 0.0, 6.0], [9.0, 2.0, 2.0, 2.0, 2.0, 2.0])
+    ]
+    options: Any = {**shaping_options(mode, *SPECS), **OPTIONS, "bonus": 5.0, "penalty": 4.0}
+    options |= {"observe": "obligations"}
+
+    def wrapped(make: Make) -> gym.Env[Any, Any]:
+        return StlReward(make(), SPECS, X, **options)
+
+    singles = sync([functools.partial(wrapped, make) for make in makes], autoreset)
+    together = VectorStlReward(sync(makes, autoreset), SPECS, X, **options)
+    assert difference(trajectory(together, 16), trajectory(singles, 16)) == ""
+
+
+@pytest.mark.parametrize("clone", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_remembers_what_was_paid(clone: Any) -> None:  # noqa: ANN401
+    env = shaped(Replay([2.0, 0.0, 2.0, 6.0, 2.0]), "add", penalty=9.0)
+    env.reset()
+    env.step(np.array([0.5]))
+    copy = clone(env)
+    for _ in range(3):
+        assert equal(copy.step(np.array([0.5])), env.step(np.array([0.5])))
+
+
+def test_the_arguments_are_recorded() -> None:
+    env = StlReward(
+        gym.make("CartPole-v1"), "always(a < 1)", {"a": "obs[2]"}, mode="add", bonus=2, penalty=0.5
+    )
+    assert env.spec is not None
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    assert isinstance(again, StlReward)
+    assert (again._shaping.bonus, again._shaping.penalty) == (2.0, 0.5)
+
+
+@pytest.mark.parametrize("name", ["bonus", "penalty"])
+@pytest.mark.parametrize("value", [-1.0, float("inf"), float("nan"), "1", None])
+def test_amounts_that_are_none_are_refused(name: str, value: object) -> None:
+    with pytest.raises(InputError) as caught:
+        shaped(Replay([1.0]), "add", **{name: value})
+    assert str(caught.value) == f"expected {name}= as a finite number, 0 or more, got {value!r}"
