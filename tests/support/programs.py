@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import runpy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import wraps
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,12 @@ class Ride:
         """Inside all the time, and no fall."""
         return not self.fell and min(self.margins) > 0
 
+    @property
+    def violated_at(self) -> int:
+        """The first sample outside; if there is none, the last, at which the pole falls."""
+        outside = (at for at, margin in enumerate(self.margins) if margin <= 0)
+        return next(outside, self.steps)
+
 
 @dataclass
 class Rides:
@@ -73,6 +80,31 @@ class Rides:
             and (envs is None or any(ride.env is env for env in envs))
         ]
         return sorted(ended, key=lambda ride: ride.last_step)
+
+
+def shares_of(rides: Sequence[Ride]) -> dict[str, float]:
+    """The metrics of training of one requirement, ``spec``, counted by hand."""
+    violations = [ride for ride in rides if not ride.success]
+    good = 1 - len(violations) / len(rides)
+    metrics = {"satisfied": good, "spec/satisfied": good, "spec/undecided": 0.0}
+    metrics["spec/violated"] = len(violations) / len(rides)
+    heights = [min(ride.margins) for ride in rides]
+    for end, share in (("p5", 0.05), ("median", 0.5), ("p95", 0.95)):
+        metrics[f"spec/robustness_{end}"] = least(heights, share)
+    if violations:
+        times = [ride.violated_at * 0.02 for ride in violations]
+        metrics["spec/first_violation"] = least(times, 0.5)
+    return metrics
+
+
+def counts_of(rides: Sequence[Ride]) -> dict[str, float]:
+    """The counts of training since its start, by hand."""
+    return {"episodes": len(rides), "spec/violations": sum(not ride.success for ride in rides)}
+
+
+def least(values: Sequence[float], share: float) -> float:
+    """The least of the values that at least this share of them does not exceed."""
+    return sorted(values)[ceil(share * len(values)) - 1]
 
 
 @contextmanager

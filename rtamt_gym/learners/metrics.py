@@ -1,0 +1,250 @@
+"""Metrics of satisfaction while a policy learns, for any learner.
+
+The last info of an episode has ``stl_episode``, the outcome of every requirement. `metrics_of`
+makes numbers of several episodes; `Satisfaction` keeps the newest episodes and counts violations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rtamt import InputError, Verdict
+from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.checks.names import listing
+from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
+from rtamt_gym.evaluation.intervals import median, quantiles
+from rtamt_gym.judges.vector_infos import key_mask
+
+__all__ = [
+    "Outcomes",
+    "Satisfaction",
+    "ended_episodes",
+    "evaluation_metrics",
+    "mean_return",
+    "metrics_of",
+    "no_outcomes",
+    "successes",
+]
+
+Outcomes = Mapping[str, Mapping[str, Any]]
+"""The outcome of every requirement in one episode: ``info["stl_episode"]`` of its last info."""
+
+QUANTILES = {"p5": 0.05, "median": 0.5, "p95": 0.95}
+"""The quantiles of robustness that are logged, by the end of their keys."""
+
+
+def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dict[str, float]:
+    """The metrics of some episodes, by key.
+
+    * ``satisfied``: share of the episodes that satisfied all requirements
+    * ``NAME/satisfied``, ``NAME/violated``, ``NAME/undecided``: shares of the three verdicts
+    * ``NAME/robustness_p5``, ``_median``, ``_p95``: quantiles of robustness; absent if infinite, as
+      charts have no place for it
+    * ``NAME/first_violation``: median of the times at which violations became certain, in seconds;
+      absent without a violation
+
+    A quantile is one of the values: the least that this share of them does not exceed. Of no
+    episodes there are no metrics.
+
+    Args:
+        episodes: ``info["stl_episode"]`` of each.
+        period: Seconds between two samples; None counts samples.
+
+    Example:
+        >>> fast = {"verdict": "VIOLATED", "satisfied": False, "robustness": -2.0, "decided_at": 30}
+        >>> slow = {"verdict": "SATISFIED", "satisfied": True, "robustness": 0.5, "decided_at": 99}
+        >>> found = metrics_of([{"speed": fast}, {"speed": slow}], period=0.1)
+        >>> for key, value in found.items():
+        ...     print(key, value)
+        satisfied 0.5
+        speed/satisfied 0.5
+        speed/violated 0.5
+        speed/undecided 0.0
+        speed/robustness_p5 -2.0
+        speed/robustness_median -2.0
+        speed/robustness_p95 0.5
+        speed/first_violation 3.0
+    """
+    if not episodes:
+        return {}
+    found = {"satisfied": _share([all(_satisfied(each)) for each in episodes])}
+    for name in episodes[0]:
+        outcomes = [each[name] for each in episodes]
+        for verdict in ("SATISFIED", "VIOLATED", "UNDECIDED"):
+            there = [outcome["verdict"] == verdict for outcome in outcomes]
+            found[f"{name}/{verdict.lower()}"] = _share(there)
+        robustness = quantiles([float(outcome["robustness"]) for outcome in outcomes])
+        at = [each["decided_at"] for each in outcomes if each["verdict"] == "VIOLATED"]
+        times = [each * float(1 if period is None else period) for each in at]
+        found.update(_measured(name, robustness, times))
+    return found
+
+
+def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
+    """The metrics of an evaluation, by key.
+
+    * ``rate``, ``low``, ``high``: share of the episodes that satisfied all requirements, and its
+      95 % interval
+    * ``return``: mean of the returns; absent if there are none
+    * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement
+    * ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
+    """
+    found = _rate("", evaluation.success)
+    returns = mean_return(evaluation)
+    if returns is not None:
+        found["return"] = returns
+    for name, result in evaluation.requirements.items():
+        found.update(_rate(f"{name}/", result))
+        found.update(_measured(name, result.quantiles, result.first_violations))
+    return found
+
+
+def successes(evaluation: Evaluation) -> list[bool]:
+    """Of each episode whether it satisfied all requirements; one that failed did not."""
+    names = evaluation.requirements.keys()
+    return [
+        not row.error
+        and row.outcomes.keys() == names
+        and all(each.verdict is Verdict.SATISFIED for each in row.outcomes.values())
+        for row in evaluation.record
+    ]
+
+
+def mean_return(evaluation: Evaluation) -> float | None:
+    """The mean of the returns of the episodes that have one; None if none has."""
+    known = evaluation.returns[~np.isnan(evaluation.returns)]
+    return float(known.mean()) if known.size else None
+
+
+class Satisfaction:
+    """The satisfaction of requirements over the newest episodes of a policy that learns.
+
+    Args:
+        window: How many episodes the shares and quantiles are about: the newest.
+        period: Seconds between two samples; None counts samples.
+
+    Attributes:
+        period: May be set when it is known.
+        episodes: How many episodes there have been.
+        violations: How many of them have violated each requirement.
+
+    Raises:
+        InputError: If the window is no whole number above 0.
+
+    Example:
+        >>> training = Satisfaction(window=2)
+        >>> for robustness in (-1.0, 2.0, 3.0):
+        ...     satisfied = robustness > 0
+        ...     verdict = "SATISFIED" if satisfied else "VIOLATED"
+        ...     found = {"verdict": verdict, "satisfied": satisfied, "robustness": robustness}
+        ...     training.add({"near": {**found, "decided_at": 9}})
+        >>> found = training.metrics()
+        >>> found["near/satisfied"], found["near/robustness_p5"], found["near/violations"]
+        (1.0, 2.0, 1)
+    """
+
+    def __init__(self, window: int = 100, period: float | None = None) -> None:
+        self.period = period
+        self.episodes = 0
+        self.violations: dict[str, int] = {}
+        self._newest: deque[Outcomes] = deque(maxlen=check_count("window=", window))
+
+    def add(self, episode: Outcomes) -> None:
+        """Adds an episode that has ended.
+
+        Raises:
+            InputError: If its requirements are not those of the episodes before.
+        """
+        if not self.episodes:
+            self.violations = dict.fromkeys(episode, 0)
+        if episode.keys() != self.violations.keys():
+            raise InputError(
+                f"expected the requirements of the episodes before, {listing(self.violations)}, "
+                f"got {listing(episode)}; give all environments the same"
+            )
+        self.episodes += 1
+        for name, outcome in episode.items():
+            self.violations[name] += outcome["verdict"] == "VIOLATED"
+        self._newest.append(episode)
+
+    def metrics(self) -> dict[str, float]:
+        """Those of `metrics_of` for the newest episodes, and the counts since the first.
+
+        The counts are ``episodes`` and, for each requirement, ``NAME/violations``.
+        """
+        found = metrics_of(self._newest, self.period)
+        found.update({f"{name}/violations": count for name, count in self.violations.items()})
+        return {"episodes": self.episodes, **found}
+
+
+def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]:
+    """The outcomes of the episodes that ended in a step of a vector environment.
+
+    Args:
+        infos: Those of the step, in the form of Gymnasium. Where an environment is reset in the
+            step that ends its episode, its last info is in ``final_info``.
+        ended: Of each environment whether its episode ended, ``terminated | truncated``.
+
+    Raises:
+        InputError: If the infos have no outcomes.
+    """
+    at = np.flatnonzero(ended)
+    if not len(at):
+        return []
+    last = infos.get("final_info", infos)
+    if "stl_episode" not in last:
+        raise InputError(no_outcomes(last))
+    return [{name: _lane(each, int(i)) for name, each in _named(last["stl_episode"])} for i in at]
+
+
+def no_outcomes(info: Mapping[str, Any]) -> str:
+    """Says that a last info has no outcomes, and why that may be."""
+    keys = [key for key in info if not key.startswith("_")]
+    return (
+        "expected 'stl_episode' in the last info of an episode, which StlMonitor and StlReward "
+        f"add, got the keys {listing(keys)}; wrap the environment in one of them, and place time "
+        "limits inside of it"
+    )
+
+
+def _named(held: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """The entries of a dictionary of arrays that are no masks: those are arrays themselves."""
+    return [(name, each) for name, each in held.items() if isinstance(each, Mapping)]
+
+
+def _lane(columns: Mapping[str, Any], i: int) -> Mapping[str, Any]:
+    """The outcome of environment i."""
+    found = {key: columns[key][i] for key in ("robustness", "verdict", "satisfied")}
+    if key_mask(columns, "decided_at", i + 1)[i]:
+        found["decided_at"] = columns["decided_at"][i]
+    return found
+
+
+def _rate(prefix: str, result: RequirementResult) -> dict[str, float]:
+    low, high = result.interval
+    return {f"{prefix}rate": result.rate, f"{prefix}low": low, f"{prefix}high": high}
+
+
+def _measured(name: str, robustness: Mapping[float, float], times: ArrayLike) -> dict[str, float]:
+    """The metrics of robustness, which are its quantiles, and of the times of violations."""
+    found = {
+        f"{name}/robustness_{end}": robustness[share]
+        for end, share in QUANTILES.items()
+        if math.isfinite(robustness.get(share, math.inf))
+    }
+    first = median(times)
+    return found if math.isnan(first) else {**found, f"{name}/first_violation": first}
+
+
+def _satisfied(episode: Outcomes) -> list[bool]:
+    return [bool(outcome["satisfied"]) for outcome in episode.values()]
+
+
+def _share(there: Sequence[bool]) -> float:
+    return sum(there) / len(there)

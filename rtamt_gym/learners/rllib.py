@@ -1,0 +1,92 @@
+"""A callback of RLlib: satisfaction while training and in evaluations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from ray.rllib.callbacks.callbacks import RLlibCallback
+
+from rtamt import InputError
+from rtamt_gym.learners.metrics import Satisfaction, metrics_of, no_outcomes
+
+__all__ = ["SatisfactionCallback"]
+
+EPISODES: Final = "stl_episodes"
+"""The key under which the env runners log outcomes, which the results do not keep."""
+
+
+class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no types here
+    """Adds ``result["stl"]`` to what ``train`` returns: how often requirements are satisfied.
+
+    Its keys are those of the callback of Stable-Baselines3: over the newest ``window`` episodes of
+    all env runners ``satisfied`` (all requirements), ``NAME/satisfied``, ``NAME/violated``,
+    ``NAME/undecided`` (shares), ``NAME/robustness_p5``, ``_median``, ``_p95``,
+    ``NAME/first_violation`` (the median, in seconds; in samples, if the period is not known); and
+    since the start ``NAME/violations`` and ``episodes``. A quantile that is infinite is absent.
+
+    Where the algorithm evaluates, ``result["evaluation"]["stl"]`` and what ``evaluate`` returns
+    have the metrics of the episodes of that evaluation alone.
+
+    The env runners log the outcomes of episodes, and the algorithm makes metrics of them: quantiles
+    and medians of several env runners cannot be averaged. It is for one agent on the new API stack.
+
+    Args:
+        window: How many training episodes the shares are about. Give it to RLlib in
+            ``.callbacks(partial(SatisfactionCallback, window=200))``.
+
+    Attributes:
+        training: The episodes of training, a `Satisfaction`.
+
+    Raises:
+        InputError: If an episode ends without outcomes: no monitor, or a time limit around it.
+    """
+
+    def __init__(self, window: int = 100) -> None:
+        self.training = Satisfaction(window)
+        self._period: float | None = None
+        self._asked = False
+
+    def on_episode_end(
+        self,
+        *,
+        episode: Any,  # noqa: ANN401 - of RLlib, as the other arguments
+        metrics_logger: Any = None,  # noqa: ANN401
+        env: Any = None,  # noqa: ANN401
+        **_kwargs: Any,  # noqa: ANN401
+    ) -> None:
+        """Logs the outcomes of the episode, in the process of an env runner."""
+        info = episode.get_infos(-1)
+        if "stl_episode" not in info:
+            raise InputError(no_outcomes(info))
+        if not self._asked:
+            self._asked = True
+            period = env.unwrapped.get_attr("period")[0]
+            self._period = None if period is None else float(period)
+        found = info["stl_episode"], self._period
+        metrics_logger.log_value(EPISODES, found, reduce="item_series")
+
+    def on_train_result(self, *, result: dict[str, Any], **_kwargs: Any) -> None:  # noqa: ANN401
+        """Adds the metrics of training, and of the evaluation if there was one."""
+        for episode, period in _taken(result):
+            self.training.period = period
+            self.training.add(episode)
+        result["stl"] = self.training.metrics()
+        if "evaluation" in result:
+            _evaluated(result["evaluation"])
+
+    def on_evaluate_end(self, *, evaluation_metrics: dict[str, Any], **_kwargs: Any) -> None:  # noqa: ANN401
+        """Adds the metrics of the episodes of an evaluation."""
+        _evaluated(evaluation_metrics)
+
+
+def _evaluated(results: dict[str, Any]) -> None:
+    found = _taken(results)
+    if found:
+        results["stl"] = metrics_of([episode for episode, _ in found], found[0][1])
+
+
+def _taken(results: Mapping[str, Any]) -> list[Any]:
+    """Takes the outcomes, and the periods, of the episodes out of results."""
+    found = results.get("env_runners", {}).pop(EPISODES, [])
+    return found if isinstance(found, list) else []  # RLlib puts nan where there are none

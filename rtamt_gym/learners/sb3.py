@@ -1,0 +1,246 @@
+"""A callback of Stable-Baselines3: satisfaction while training, the best model, a sure stop."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
+
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.evaluation.evaluate import evaluate_policy
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.sequential import RatioTest
+from rtamt_gym.judges.specs import SpecsLike
+from rtamt_gym.learners.best import Best
+from rtamt_gym.learners.metrics import Satisfaction, evaluation_metrics, no_outcomes, successes
+from rtamt_gym.learners.sb3_policy import as_trained
+from rtamt_gym.learners.target import Target
+from rtamt_gym.signals.signals import SignalLike
+
+__all__ = ["SatisfactionCallback", "as_trained"]
+
+
+class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no types here
+    """Logs how often requirements are satisfied, keeps the best model, and stops when sure.
+
+    **While training** it reads the last info of every episode and logs, to the logger of the model
+    and so to TensorBoard, CSV and what else that writes, over the newest ``window`` episodes:
+    ``stl/satisfied`` (all requirements), ``stl/NAME/satisfied``, ``/violated``, ``/undecided``
+    (shares), ``/robustness_p5``, ``_median``, ``_p95``, ``/first_violation`` (the median, in
+    seconds; in samples, if the period is not known), and since the start ``stl/NAME/violations``
+    and ``stl/episodes``. The table in the terminal shows the shares of the satisfied alone.
+
+    **With an environment to evaluate in**, every ``eval_freq`` steps and when training ends, it
+    runs :func:`rtamt_gym.evaluate_policy` on the same ``episodes`` seeds each time, and logs
+    ``eval_stl/rate``, ``/low``, ``/high`` (satisfaction of all requirements, its 95 % interval),
+    ``eval_stl/return``, and for each requirement ``eval_stl/NAME/rate``, ``/low``, ``/high``,
+    ``/robustness_p5``, ``_median``, ``_p95``, ``/first_violation``. The policy sees what it sees in
+    training: the wrappers `VecNormalize`, `VecFrameStack` and their like are applied with the
+    statistics as they are, and evaluating changes none. With ``deterministic=True`` training goes
+    on as it would without evaluations.
+
+    **The best model**, by satisfaction of all requirements and of equals by return, is written to
+    ``path``: ``best_model.zip``; what it was to ``best_model.json``; the statistics of a
+    `VecNormalize`, without which it is of no use, to ``best_model_vecnormalize.pkl``. The best of
+    many evaluations looks better than it is: evaluate it on other seeds before reporting its rate.
+
+    **With a target** training stops at a policy that is shown to meet it. An evaluation whose rate
+    is at or above the target is only the occasion: then a sequential ratio test runs on seeds that
+    no evaluation has used. Each test that may stop the training is one more chance to err, so test
+    number k takes the share 1 / (k (k + 1)) of ``alpha``, and all together ``alpha`` at most: the
+    chance that training ever stops at a policy whose rate is ``target - margin`` or less. The
+    policy that passed is the best model then.
+
+    Args:
+        env: Where to evaluate, as `evaluate_policy` takes it: a function that makes an environment
+            with a monitor, such as the one given to ``make_vec_env``; an id or an environment, with
+            ``specs`` and ``signals``; a `DummyVecEnv`, of which the first environment is taken.
+            Never the one that is trained in. None evaluates nothing
+        specs: The requirements, if the environment has no monitor
+        signals: Their signals, if the environment has no monitor
+        eval_freq: Steps of training between two evaluations, over all environments together
+        episodes: How many episodes an evaluation has
+        seed: The seed of its first episode; the next ones follow. It is far from the seeds that
+            training usually has
+        deterministic: Whether the policy that is evaluated takes its most likely action
+        path: The path of the best model, with or without ``.zip``; None keeps none
+        target: The rate of satisfying all requirements at which to stop; None trains to the end
+        alpha: The greatest chance that a stop is wrong
+        margin: How far below the target a rate must be refused
+        window: How many training episodes the shares are about
+        **evaluation: Further arguments of `evaluate_policy`, such as ``n_envs=`` or ``timeout=``
+
+    Attributes:
+        training: The episodes of training, a `Satisfaction`.
+        evaluations: The steps and the `Evaluation` of each evaluation.
+        best: The `Best` of them.
+        confirmed: The `RatioTest` that stopped the training; None if none did.
+
+    Raises:
+        InputError: If an argument does not fit, or an episode of training ends without outcomes and
+            there is no environment to evaluate in.
+    """
+
+    def __init__(
+        self,
+        env: Any = None,  # noqa: ANN401 - what evaluate_policy takes
+        specs: SpecsLike | None = None,
+        signals: Mapping[str, SignalLike] | None = None,
+        *,
+        eval_freq: int = 10_000,
+        episodes: int = 100,
+        seed: int = 10_000,
+        deterministic: bool = True,
+        path: str | os.PathLike[str] | None = "best_model",
+        target: float | None = None,
+        alpha: float = 0.05,
+        margin: float = 0.05,
+        window: int = 100,
+        **evaluation: Any,  # noqa: ANN401 - as evaluate_policy takes it
+    ) -> None:
+        super().__init__()
+        if env is None and target is not None:
+            raise InputError(
+                f"expected an environment to evaluate in, which target={target!r} needs, got none; "
+                "give the function that makes the training environment"
+            )
+        self.training = Satisfaction(window)
+        self.evaluations: list[tuple[int, Evaluation]] = []
+        self.best = Best()
+        self.confirmed: RatioTest | None = None
+        self._env = _single(env)
+        self._freq = check_count("eval_freq=", eval_freq)
+        self._episodes = check_count("episodes=", episodes)
+        self._seed = seed
+        self._path = None if path is None else Path(os.fspath(path).removesuffix(".zip"))
+        self._target = target
+        if target is not None:
+            self._test = Target(target, alpha, margin, seed=seed + self._episodes)
+        self._options = {"specs": specs, "signals": signals, "deterministic": deterministic}
+        self._options |= {"keep": 0, **evaluation}
+
+    def _on_training_start(self) -> None:
+        self._next = (self.num_timesteps // self._freq + 1) * self._freq
+        self.confirmed = None
+        if self._env is None:
+            return
+        as_trained(self.model)  # refuses wrappers that it does not know
+        if self._env in getattr(self.training_env.unwrapped, "envs", ()):
+            raise InputError(
+                "expected an environment of its own to evaluate in, got one that is trained in; "
+                "give the function that makes it"
+            )
+        seed, num = self.model.seed, self.training_env.num_envs
+        if seed is not None and seed < self._seed + self._episodes and self._seed < seed + num:
+            raise InputError(
+                f"expected seeds that training does not use, got {self._seed} to "
+                f"{self._seed + self._episodes - 1} for evaluations, and {seed} to "
+                f"{seed + num - 1} for the environments of the model; give another seed="
+            )
+
+    def _on_step(self) -> bool:
+        ended = False
+        for done, info in zip(self.locals["dones"], self.locals["infos"], strict=True):
+            if done:
+                ended = True
+                self._count(info)
+        if ended and isinstance(self.model, OffPolicyAlgorithm):  # it writes in the midst of steps
+            self._log("stl", self.training.metrics())
+        if self._env is None or self.num_timesteps < self._next:
+            return True
+        self._next = (self.num_timesteps // self._freq + 1) * self._freq
+        self._evaluate()
+        return self.confirmed is None
+
+    def _on_rollout_end(self) -> None:
+        self._log("stl", self.training.metrics())
+
+    def _on_training_end(self) -> None:
+        evaluated = [steps for steps, _ in self.evaluations[-1:]] == [self.num_timesteps]
+        if self._env is not None and not evaluated:
+            self._evaluate()
+
+    def _count(self, info: Mapping[str, Any]) -> None:
+        """Counts an episode of training; one without outcomes matters if they are all there is."""
+        if "stl_episode" in info:
+            if not self.training.episodes:
+                self.training.period = self.training_env.get_attr("period", 0)[0]
+            self.training.add(info["stl_episode"])
+        elif self._env is None or self.training.episodes:
+            raise InputError(no_outcomes(info))
+
+    def _evaluate(self) -> None:
+        evaluation = self._run(self._seed)
+        self.evaluations.append((self.num_timesteps, evaluation))
+        better = self.best.add(evaluation)
+        if self._target is not None and evaluation.success.rate >= self._target:
+            self.confirmed = self._test.met_by(lambda seed: successes(self._run(seed)))
+        if self.confirmed is not None:
+            self.best.evaluation = evaluation
+        if self._path is not None and (better or self.confirmed is not None):
+            self._save(self._path, evaluation)
+        self._log("eval_stl", evaluation_metrics(evaluation))
+        self.logger.record("time/total_timesteps", self.num_timesteps, exclude="tensorboard")
+        self.logger.dump(self.num_timesteps)
+
+    def _run(self, seed: int) -> Evaluation:
+        policy = as_trained(self.model)
+        return evaluate_policy(
+            policy, self._env, episodes=self._episodes, seed=seed, **self._options
+        )
+
+    def _save(self, path: Path, evaluation: Evaluation) -> None:
+        """Writes the model and what it was; each file is complete or not there."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        statistics = self.model.get_vec_normalize_env()
+        if statistics is not None:
+            _written(path, "_vecnormalize.pkl", statistics.save)
+        _written(path, ".zip", self.model.save)
+        found = {"steps": self.num_timesteps, "seed": self._seed, "episodes": evaluation.episodes}
+        found |= evaluation_metrics(evaluation)
+        if self.confirmed is not None:
+            test = self.confirmed
+            found["confirmed"] = f"{test.decision}: {test.satisfied} of {test.episodes} episodes"
+        text = json.dumps(found, indent=2)
+        _written(path, ".json", lambda file: Path(file).write_text(f"{text}\n", encoding="utf-8"))
+
+    def _log(self, prefix: str, metrics: Mapping[str, float]) -> None:
+        for key, value in metrics.items():
+            # The table in the terminal cuts long keys, and fails where two become equal.
+            shown = key.rpartition("/")[2] in SHOWN and len(key) <= LONGEST
+            self.logger.record(f"{prefix}/{key}", value, exclude=None if shown else "stdout")
+
+
+SHOWN: Final = frozenset({"satisfied", "rate", "low", "high", "return"})
+"""The ends of the keys that the table in the terminal shows."""
+
+LONGEST: Final = 33
+"""The longest key that it shows whole."""
+
+
+def _single(env: Any) -> Any:  # noqa: ANN401
+    """The environment to evaluate in; of a vector environment in this process the first."""
+    if not isinstance(env, VecEnv):
+        return env
+    envs = getattr(env.unwrapped, "envs", ())
+    if not envs:
+        raise InputError(
+            f"expected an environment of this process to evaluate in, got {env.unwrapped}; give "
+            "the function that makes it, and n_envs= or n_jobs= for more at a time"
+        )
+    return envs[0]
+
+
+def _written(path: Path, end: str, write: Callable[[str], Any]) -> None:
+    """Lets a function write the file of this end, under another name until it is whole."""
+    file = path.with_name(f"{path.name}{end}")
+    part = path.with_name(f"{path.name}.part{end}")
+    write(str(part))
+    part.replace(file)

@@ -1,0 +1,159 @@
+"""A model of Stable-Baselines3 as the wrappers of its vector environment show it the world.
+
+A policy that learned below `VecNormalize` or `VecFrameStack` knows nothing but what these make of
+an observation. `as_trained` does the same to the observations of a single environment, with the
+statistics of the training as they are: evaluating changes none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3.common.utils import is_vectorized_observation
+from stable_baselines3.common.vec_env import (
+    VecCheckNan,
+    VecEnv,
+    VecEnvWrapper,
+    VecExtractDictObs,
+    VecFrameStack,
+    VecMonitor,
+    VecNormalize,
+    VecTransposeImage,
+    VecVideoRecorder,
+)
+from stable_baselines3.common.vec_env.stacked_observations import StackedObservations
+
+from rtamt import InputError
+
+__all__ = ["AsTrained", "as_trained"]
+
+Layer = Callable[[Any], Any] | StackedObservations
+"""What one wrapper does to a batch of observations; a stack remembers those before."""
+
+PASSING = (VecMonitor, VecCheckNan, VecVideoRecorder)
+"""The wrappers that leave observations as they are."""
+
+
+def as_trained(model: Any) -> Any:  # noqa: ANN401 - a model, or an `AsTrained`
+    """The policy of a model, for observations as a single environment gives them.
+
+    ``evaluate_policy(as_trained(model), env)`` takes the environment that ``make_vec_env`` was made
+    of: it needs no `VecNormalize` of its own. A model that was loaded gets its training environment
+    by ``model.set_env(VecNormalize.load(path, venv))``.
+
+    Args:
+        model: A model of Stable-Baselines3 or sb3-contrib that has its training environment.
+
+    Returns:
+        The model itself, if no wrapper changes its observations.
+
+    Raises:
+        InputError: If the model has no environment, or one with a wrapper that is not known here.
+    """
+    venv = model.get_env()
+    if venv is None:
+        raise InputError(
+            "expected a model with its training environment, which shows how it sees, got one "
+            "without; write model.set_env(...)"
+        )
+    layers: list[Layer] = []
+    while isinstance(venv, VecEnvWrapper):
+        if not isinstance(venv, PASSING):
+            layers.insert(0, _layer(venv))
+        venv = venv.venv
+    return AsTrained(model, venv, layers) if layers else model
+
+
+class AsTrained:
+    """Predicts as a model does, from observations that no wrapper has changed yet.
+
+    Args:
+        model: The model.
+        venv: The innermost vector environment of its training.
+        layers: What the wrappers around that do, the innermost first.
+    """
+
+    def __init__(self, model: Any, venv: VecEnv, layers: list[Layer]) -> None:  # noqa: ANN401
+        self._model = model
+        self._layers = layers
+        self.observation_space = venv.observation_space
+        self.action_space = model.action_space
+
+    def predict(
+        self,
+        observation: Any,  # noqa: ANN401
+        state: Any = None,  # noqa: ANN401
+        episode_start: Any = None,  # noqa: ANN401
+        deterministic: bool = False,  # noqa: FBT001, FBT002 - as Stable-Baselines3 has it
+    ) -> tuple[Any, Any]:
+        """Predicts the actions for one observation or for several, as ``model.predict`` does.
+
+        The state holds the stacked observations of the episodes beside the memory of a recurrent
+        policy. None begins new episodes.
+        """
+        alone = not is_vectorized_observation(observation, self.observation_space)
+        if alone:
+            observation = _parts(observation, lambda part: np.asarray(part)[None])
+        num = len(
+            next(iter(observation.values())) if isinstance(observation, dict) else observation
+        )
+        if state is None:
+            layers, memory = [_begun(layer, num) for layer in self._layers], None
+            starts = np.ones(num, np.bool_)
+        else:
+            layers, memory = [_begun(layer) for layer in state[0]], state[1]
+            starts = np.zeros(num, np.bool_) if episode_start is None else np.asarray(episode_start)
+        for layer in layers:
+            if isinstance(layer, StackedObservations):
+                # The stack of an episode that starts is cleared as it is where one has ended.
+                ends = [{"terminal_observation": _parts(observation, lambda p: p[0])}] * num
+                observation, _ = layer.update(observation, starts, ends)
+            else:
+                observation = layer(observation)
+        actions, memory = self._model.predict(
+            observation, memory, starts, deterministic=deterministic
+        )
+        return actions[0] if alone else actions, (layers, memory)
+
+
+def _layer(wrapper: VecEnvWrapper) -> Layer:
+    match wrapper:
+        case VecNormalize():
+            return wrapper.normalize_obs  # type: ignore[no-any-return]
+        case VecFrameStack():
+            return wrapper.stacked_obs
+        case VecTransposeImage():
+            return wrapper.transpose_observations  # type: ignore[no-any-return]
+        case VecExtractDictObs():
+            key = wrapper.key
+            return lambda observation: observation[key]
+        case _:
+            raise InputError(
+                "expected a training environment whose wrappers are of Stable-Baselines3, such as "
+                f"VecNormalize and VecFrameStack, got {type(wrapper).__name__}; put what it does "
+                "into a wrapper of Gymnasium, around each environment"
+            )
+
+
+def _begun(layer: Layer, num: int | None = None) -> Layer:
+    """The layer; of a stack a copy, which ``num`` makes an empty one of so many environments."""
+    if not isinstance(layer, StackedObservations):
+        return layer
+    made = copy(layer)
+    if isinstance(made.observation_space, gym.spaces.Dict):
+        parts = made.sub_stacked_observations.items()
+        made.sub_stacked_observations = {key: _begun(part, num) for key, part in parts}
+    elif num is not None:
+        made.stacked_obs = np.zeros((num, *made.stacked_shape), made.observation_space.dtype)
+    return made
+
+
+def _parts(observation: Any, change: Callable[[Any], Any]) -> Any:  # noqa: ANN401
+    """The observation with each array changed."""
+    if isinstance(observation, dict):
+        return {key: change(part) for key, part in observation.items()}
+    return change(observation)
