@@ -17,11 +17,11 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.evaluate import evaluate_policy
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.sequential import RatioTest
-from rtamt_gym.judges.specs import SpecsLike
 from rtamt_gym.learners.best import Best
 from rtamt_gym.learners.metrics import Satisfaction, evaluation_metrics, no_outcomes, successes
 from rtamt_gym.learners.sb3_policy import as_trained
 from rtamt_gym.learners.target import Target
+from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.signals.signals import SignalLike
 
 __all__ = ["SatisfactionCallback", "as_trained"]
@@ -91,7 +91,7 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
     def __init__(
         self,
         env: Any = None,  # noqa: ANN401 - what evaluate_policy takes
-        specs: SpecsLike | None = None,
+        specs: Requirements | None = None,
         signals: Mapping[str, SignalLike] | None = None,
         *,
         eval_freq: int = 10_000,
@@ -123,8 +123,8 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         self._target = target
         if target is not None:
             self._test = Target(target, alpha, margin, seed=seed + self._episodes)
-        self._options = {"specs": specs, "signals": signals, "deterministic": deterministic}
-        self._options |= {"keep": 0, **evaluation}
+        given = {"specs": specs, "signals": signals, "deterministic": deterministic}
+        self._options: dict[str, Any] = {"keep": 0, **given, **evaluation}
 
     def _on_training_start(self) -> None:
         self._next = (self.num_timesteps // self._freq + 1) * self._freq

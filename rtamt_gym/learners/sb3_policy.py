@@ -31,8 +31,8 @@ from rtamt import InputError
 
 __all__ = ["AsTrained", "as_trained"]
 
-Layer = Callable[[Any], Any] | StackedObservations
-"""What one wrapper does to a batch of observations; a stack remembers those before."""
+Layer = Any
+"""What one wrapper does to a batch of observations: a function, or a stack that remembers."""
 
 PASSING = (VecMonitor, VecCheckNan, VecVideoRecorder)
 """The wrappers that leave observations as they are."""
@@ -123,11 +123,11 @@ class AsTrained:
 def _layer(wrapper: VecEnvWrapper) -> Layer:
     match wrapper:
         case VecNormalize():
-            return wrapper.normalize_obs  # type: ignore[no-any-return]
+            return wrapper.normalize_obs
         case VecFrameStack():
             return wrapper.stacked_obs
         case VecTransposeImage():
-            return wrapper.transpose_observations  # type: ignore[no-any-return]
+            return wrapper.transpose_observations
         case VecExtractDictObs():
             key = wrapper.key
             return lambda observation: observation[key]
