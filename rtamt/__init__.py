@@ -28,6 +28,7 @@ from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
 from rtamt.language.scaling import predicates, scaled
 from rtamt.language.specification import Specification
+from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
@@ -76,6 +77,7 @@ __all__ = [
     "explain",
     "explain_dense",
     "holds",
+    "in_words",
     "judge",
     "judge_dense",
     "limits",
