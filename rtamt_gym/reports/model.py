@@ -35,6 +35,7 @@ __all__ = [
     "Requirement",
     "Section",
     "Trial",
+    "plain",
 ]
 
 Kind = Literal["evaluation", "sweep", "search", "matrix", "comparison"]
@@ -274,7 +275,7 @@ class Report:
             >>> Report("Runs", "rtamt", (Section("sweep", "Tank"),)).plain()["sections"][0]["kind"]
             'sweep'
         """
-        found: dict[str, Any] = _plain(self)
+        found: dict[str, Any] = plain(self)
         return found
 
     def to_json(self) -> str:
@@ -282,13 +283,14 @@ class Report:
         return json.dumps(self.plain(), allow_nan=False, separators=(",", ":"), ensure_ascii=False)
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401 - any field of the model
+def plain(value: Any) -> Any:  # noqa: ANN401 - any field of the model
+    """Parts of a report as dicts, lists, numbers and texts, which strict JSON can say."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, tuple):
-        return [_plain(each) for each in value]
+        return [plain(each) for each in value]
     if isinstance(value, Mapping):
-        return {key: _plain(each) for key, each in value.items()}
+        return {key: plain(each) for key, each in value.items()}
     if hasattr(value, "__dataclass_fields__"):
-        return {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     return value

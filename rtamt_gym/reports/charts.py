@@ -1,0 +1,309 @@
+"""The charts of the page: what each shows in a sentence, as a table, and as data for the script."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rtamt_gym.reports.model import Episode, Requirement, Section, plain
+from rtamt_gym.reports.texts import aligned, count_of, number, time
+from rtamt_gym.reports.views import Cases, ComparedRequirement, Convergence, HeatMap
+
+__all__ = ["Chart", "Table", "bins", "charts_of", "episode_chart", "pairs_chart"]
+
+NOUNS: Mapping[str, str] = {
+    "evaluation": "episode",
+    "sweep": "simulation",
+    "search": "simulation",
+    "matrix": "trace",
+    "comparison": "pair",
+}
+"""What one run is called in a section of each kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The numbers of a chart as texts, for those who do not see it."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """A chart that the script draws.
+
+    Attributes:
+        kind: Which function of the script draws it.
+        title: Its title.
+        summary: What it shows, in a sentence or two.
+        height: Its height in pixels.
+        data: What the script needs.
+        table: Its numbers; None if the page has them elsewhere, or the script makes the table.
+        wide: Whether it takes the whole width.
+    """
+
+    kind: str
+    title: str
+    summary: str
+    height: int
+    data: Mapping[str, Any]
+    table: Table | None = None
+    wide: bool = False
+
+
+@dataclass(slots=True)
+class Bins:
+    """Counts of numbers in intervals of one width, with an edge at zero.
+
+    Attributes:
+        width: The width of an interval.
+        first: The number of the first interval; number 0 begins at zero.
+        counts: How many are in each interval, from the first on.
+        below: How many are minus infinity.
+        above: How many are infinity.
+    """
+
+    width: float
+    first: int = 0
+    counts: list[int] = field(default_factory=list)
+    below: int = 0
+    above: int = 0
+
+
+def bins(values: Sequence[float]) -> Bins:
+    """Counts numbers in at most 27 intervals; those below zero never share one with the others.
+
+    A zero with a minus sign counts as below, as a robustness that violates does.
+
+    Example:
+        >>> bins([-0.5, -0.0, 0.0, 0.4, math.inf])
+        Bins(width=0.2, first=-3, counts=[1, 0, 1, 1, 0, 1], below=0, above=1)
+    """
+    finite = [value for value in values if math.isfinite(value)]
+    found = Bins(
+        1.0, below=sum(v == -math.inf for v in values), above=sum(v == math.inf for v in values)
+    )
+    if not finite:
+        return found
+    least, greatest = min(finite), max(finite)
+    span = greatest - least or abs(greatest) or 1.0
+    # Readers see a shape in as many intervals as the root of the count allows.
+    wanted = min(max(8.0, 2 * math.sqrt(len(finite))), 24.0)
+    power = 10.0 ** math.floor(math.log10(span / wanted))
+    found.width = next(w for w in (power, 2 * power, 5 * power, 10 * power) if span <= wanted * w)
+    places = Counter(_place(value, found.width) for value in finite)
+    found.first = min(places)
+    found.counts = [places[i] for i in range(found.first, max(places) + 1)]
+    return found
+
+
+def _place(value: float, width: float) -> int:
+    if math.copysign(1.0, value) < 0:
+        return min(math.floor(value / width + 1e-9), -1)
+    return max(math.floor(value / width + 1e-9), 0)
+
+
+def charts_of(section: Section, requirement: Requirement) -> list[Chart]:
+    """The charts of a requirement but for its worst episodes."""
+    noun = NOUNS[section.kind]
+    found = []
+    if requirement.robustness:
+        found.append(_histogram(requirement, noun))
+    if requirement.first_violations and len(requirement.trials) > 1:
+        found.append(_violations(requirement, noun, section.unit))
+    found += [_convergence(c) for c in section.convergence if c.requirement == requirement.name]
+    found += [_map(m) for m in section.maps if m.requirement == requirement.name]
+    if section.cases is not None and requirement.name in section.cases.robustness:
+        found.append(_cases(section.cases, requirement.name))
+    return found
+
+
+def _histogram(requirement: Requirement, noun: str) -> Chart:
+    values = requirement.robustness
+    found = bins(values)
+    edges = aligned([found.width * (found.first + i) for i in range(len(found.counts) + 1)])
+    rows = [
+        (f"{low} to {high}", str(count))
+        for (low, high), count in zip(itertools.pairwise(edges), found.counts, strict=True)
+        if count
+    ]
+    if found.below:
+        rows.insert(0, (number(-math.inf), str(found.below)))
+    if found.above:
+        rows.append((number(math.inf), str(found.above)))
+    negative = sum(math.copysign(1.0, value) < 0 for value in values)
+    low, middle, high = (number(requirement.quantiles[share]) for share in ("0.25", "0.5", "0.75"))
+    parts = [
+        f"{count_of(negative, noun)} of {len(values)} below zero.",
+        f"Median {middle}, middle half {low} to {high}.",
+        f"Least {number(values[0])}, greatest {number(values[-1])}.",
+    ]
+    beyond = [
+        f"{count_of(count, noun)} at {number(value)}"
+        for count, value in ((found.below, -math.inf), (found.above, math.inf))
+        if count
+    ]
+    if beyond:
+        parts.append(f"{' and '.join(beyond)} beyond the axis.")
+    return Chart(
+        "histogram",
+        "Robustness",
+        " ".join(parts),
+        240,
+        {**plain(found), "noun": noun},
+        Table(("robustness", f"{noun}s"), tuple(rows)),
+    )
+
+
+def _violations(requirement: Requirement, noun: str, unit: str) -> Chart:
+    times = requirement.first_violations
+    total = requirement.counts.episodes
+    summary = (
+        f"{len(times)} of {count_of(total, noun)} certainly violated: "
+        f"the first at {time(times[0], unit)}, half of them by "
+        f"{time(float(np.median(times)), unit)}, the last at {time(times[-1], unit)}."
+    )
+    if len(times) == 1:
+        summary = f"1 of {count_of(total, noun)} certainly violated, at {time(times[0], unit)}."
+    counts = sorted(Counter(times).items())
+    sums = itertools.accumulate(count for _, count in counts)
+    rows = zip(aligned([at for at, _ in counts]), map(str, sums), strict=True)
+    return Chart(
+        "violations",
+        "Time of first violation",
+        summary,
+        240,
+        {"times": times, "episodes": total, "unit": unit, "noun": noun},
+        Table((f"time ({unit})", f"{noun}s violated by then"), tuple(rows)),
+    )
+
+
+def _convergence(convergence: Convergence) -> Chart:
+    least = convergence.least
+    steps = [
+        (n, value)
+        for i, (n, value) in enumerate(zip(convergence.simulations, least, strict=True))
+        if value is not None and (i == 0 or value != least[i - 1])
+    ]
+    last = steps[-1] if steps else None
+    summary = (
+        f"The least robustness found is {number(last[1])}, in simulation {last[0]} of {len(least)}."
+        if last
+        else "No simulation came to a robustness."
+    )
+    return Chart(
+        "convergence",
+        "Convergence of the search",
+        summary,
+        260,
+        plain(convergence),
+        Table(
+            ("simulation", "least robustness so far"),
+            tuple(
+                zip((str(n) for n, _ in steps), aligned([value for _, value in steps]), strict=True)
+            ),
+        ),
+    )
+
+
+def _map(heat: HeatMap) -> Chart:
+    cells = [value for row in heat.cells for value in row]
+    known = [value for value in cells if value is not None]
+    negative = sum(math.copysign(1.0, value) < 0 for value in known)
+    summary = f"{negative} of {count_of(len(known), 'cell')} below zero, marked with a cross."
+    if known:
+        where = cells.index(min(known))
+        row, column = divmod(where, len(heat.xs))
+        summary += (
+            f" The least is {number(min(known))}, at {heat.x} = {number(heat.xs[column])} and "
+            f"{heat.y} = {number(heat.ys[row])}."
+        )
+    if heat.folded:
+        summary += " A cell is the least of several simulations."
+    if len(known) < len(cells):
+        summary += f" {count_of(len(cells) - len(known), 'cell')} without a result."
+    texts = iter(aligned(cells))
+    rows = [(y, *(next(texts) or "failed" for _ in heat.xs)) for y in aligned(heat.ys)]
+    return Chart(
+        "map",
+        f"Robustness over {heat.x} and {heat.y}",
+        summary,
+        min(max(260, 26 * len(heat.ys) + 100), 560),
+        plain(heat),
+        Table((f"{heat.y} \\ {heat.x}", *aligned(heat.xs)), tuple(reversed(rows))),
+    )
+
+
+def _cases(cases: Cases, name: str) -> Chart:
+    words = Counter(cases.verdicts[name])
+    summary = "Each point is a simulation: " + ", ".join(
+        f"{words[word]} {word}"
+        for word in ("satisfied", "violated", "undecided", "failed")
+        if words[word]
+    )
+    if cases.left_out:
+        summary += f"; {count_of(cases.left_out, 'simulation')} left out"
+    return Chart(
+        "cases",
+        "Robustness over what was varied",
+        f"{summary}. The table of simulations has their numbers.",
+        240,
+        {"requirement": name},
+        wide=len(cases.columns) > 1,
+    )
+
+
+def episode_chart(episode: Episode, unit: str) -> Chart:
+    """The plot of one episode: signals, robustness, predicates, one below the other."""
+    panels = len(episode.signals) + len(episode.predicates)
+    summary = (
+        f"Robustness {number(episode.final)} at the end, {episode.verdict}"
+        + (
+            f"; the violation was certain from {time(episode.violated_at, unit)} on."
+            if episode.violated_at is not None
+            else "."
+        )
+        + " Diamonds mark the samples that decided." * bool(episode.deciding and episode.predicates)
+    )
+    if len(episode.times) < episode.samples:
+        summary += f" {len(episode.times)} of {episode.samples} samples are shown."
+    data = {
+        **{
+            name: getattr(episode, name)
+            for name in ("times", "signals", "robustness", "lower", "upper", "predicates")
+        },
+        "deciding": episode.deciding,
+        "violated_at": episode.violated_at,
+        "frames": episode.frames,
+        "unit": unit,
+    }
+    height = 96 * panels + (150 if episode.robustness else 0) + 64
+    return Chart("episode", "", summary, height, data, wide=True)
+
+
+def pairs_chart(compared: ComparedRequirement) -> Chart | None:
+    """The robustness of both policies in each pair of episodes; None if it is not known."""
+    if not compared.pairs:
+        return None
+    better = sum(second > first for first, second in compared.pairs)
+    return Chart(
+        "pairs",
+        "Robustness of A and B in each pair",
+        f"B is above A in {better} of {count_of(len(compared.pairs), 'pair')}: "
+        "the points above the dotted line.",
+        340,
+        {"pairs": compared.pairs},
+        Table(
+            ("A", "B"),
+            tuple(
+                zip(*(aligned([pair[i] for pair in compared.pairs]) for i in (0, 1)), strict=True)
+            ),
+        ),
+    )

@@ -1,0 +1,274 @@
+// The charts but for those of episodes. Each function makes traces and a layout from its data.
+
+const symbols = { satisfied: "circle", violated: "x", undecided: "diamond-open", failed: "cross-thin-open" };
+
+function axis(c, title, more = {}) {
+  return {
+    title: { text: title, font: { size: 12, color: c.muted }, standoff: 8 },
+    gridcolor: c.line,
+    linecolor: c.line,
+    zeroline: false,
+    automargin: true,
+    fixedrange: true,
+    ...more,
+  };
+}
+
+function frame(c, more = {}) {
+  return {
+    font: { family: getComputedStyle(document.body).fontFamily, size: 12, color: c.ink },
+    paper_bgcolor: "rgba(0,0,0,0)",
+    plot_bgcolor: "rgba(0,0,0,0)",
+    margin: { l: 52, r: 12, t: 22, b: 44 },
+    showlegend: false,
+    dragmode: false,
+    hovermode: "closest",
+    hoverlabel: { bgcolor: c.raised, bordercolor: c.line, font: { color: c.ink }, align: "left", namelength: -1 },
+    ...more,
+  };
+}
+
+function line(c, where, more = {}) {
+  return { type: "line", line: { color: c.ink, width: 1.5 }, ...where, ...more };
+}
+
+function zeroLine(c, along) {
+  return along === "x"
+    ? line(c, { xref: "x", yref: "paper", x0: 0, x1: 0, y0: 0, y1: 1 })
+    : line(c, { xref: "paper", yref: "y", x0: 0, x1: 1, y0: 0, y1: 0 }, { layer: "below" });
+}
+
+function note(c, text, where) {
+  return { text, showarrow: false, font: { size: 11, color: c.muted }, ...where };
+}
+
+function histogram(chart, c) {
+  const places = chart.counts.map((_, i) => chart.first + i);
+  const negative = places.map((place) => place < 0);
+  const says = chart.counts.map(
+    (count, i) => `${show(places[i] * chart.width)} to ${show((places[i] + 1) * chart.width)}: ${countOf(count, chart.noun)}`,
+  );
+  const bar = {
+    type: "bar",
+    x: places.map((place) => (place + 0.5) * chart.width),
+    y: chart.counts,
+    width: chart.width,
+    customdata: says,
+    hovertemplate: "%{customdata}<extra></extra>",
+    marker: {
+      color: negative.map((is) => (is ? c.violated : c.satisfied)),
+      line: { color: c.page, width: 1 },
+      pattern: { shape: negative.map((is) => (is ? "/" : "")), fillmode: "overlay", fgcolor: c.page, fgopacity: 0.7, size: 7, solidity: 0.25 },
+    },
+  };
+  const low = Math.min(chart.first, 0) * chart.width;
+  const high = Math.max(chart.first + chart.counts.length, 0) * chart.width;
+  const pad = (high - low || 2) * 0.04;
+  const top = { yref: "paper", y: 1, yanchor: "bottom", xref: "x", x: 0 };
+  const sides = [
+    note(c, "✗ violated", { ...top, xanchor: "right", xshift: -6, font: { size: 11, color: c["violated-ink"] } }),
+    note(c, "✓ satisfied", { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: c["satisfied-ink"] } }),
+  ].filter((_, i) => (i === 0 ? low < 0 : high > 0));
+  return {
+    traces: [bar],
+    layout: frame(c, {
+      bargap: 0,
+      xaxis: axis(c, "robustness", { range: [low - pad, high + pad], showgrid: false }),
+      yaxis: axis(c, `${chart.noun}s`, { rangemode: "tozero", tickformat: "d", nticks: 5, ...(Math.max(...chart.counts) < 5 && { dtick: 1 }) }),
+      shapes: [zeroLine(c, "x")],
+      annotations: sides,
+    }),
+  };
+}
+
+function violations(chart, c) {
+  const share = chart.times.map((_, i) => (i + 1) / chart.episodes);
+  const last = chart.times.at(-1);
+  const says = chart.times.map(
+    (time, i) => `${countOf(i + 1, chart.noun)} of ${chart.episodes} by ${showTime(time, chart.unit)}`,
+  );
+  const steps = {
+    type: "scatter",
+    mode: "lines+markers",
+    x: [0, ...chart.times],
+    y: [0, ...share],
+    customdata: ["none at the start", ...says],
+    hovertemplate: "%{customdata}<extra></extra>",
+    line: { shape: "hv", color: c.violated, width: 2 },
+    marker: { symbol: "x", size: [0, ...chart.times.map(() => 7)], color: c.violated },
+  };
+  return {
+    traces: [steps],
+    layout: frame(c, {
+      xaxis: axis(c, chart.unit === "s" ? "time (s)" : "step", { range: [0, last * 1.06 || 1], showgrid: false }),
+      yaxis: axis(c, "violated so far", { tickformat: ".0%", range: [0, Math.min(1.04, share.at(-1) * 1.25)], nticks: 5 }),
+    }),
+  };
+}
+
+function convergence(chart, c) {
+  const robustness = reals(chart.robustness);
+  const says = robustness.map(
+    (value, i) => `simulation ${chart.simulations[i]}: ${value === null ? "failed" : show(value)}`,
+  );
+  const negative = robustness.map((value) => value !== null && isNegative(value));
+  return {
+    traces: [
+      {
+        type: "scatter",
+        mode: "markers",
+        x: chart.simulations,
+        y: robustness,
+        customdata: says,
+        hovertemplate: "%{customdata}<extra></extra>",
+        marker: {
+          symbol: negative.map((is) => (is ? "x" : "circle")),
+          color: negative.map((is) => (is ? c.violated : faded(c.signal, 0.6))),
+          size: 7,
+        },
+      },
+      {
+        type: "scatter",
+        mode: "lines",
+        x: chart.simulations,
+        y: reals(chart.least),
+        hoverinfo: "skip",
+        line: { shape: "hv", color: c.ink, width: 2 },
+      },
+    ],
+    layout: frame(c, {
+      xaxis: axis(c, "simulation", { showgrid: false }),
+      yaxis: axis(c, "robustness"),
+      shapes: [zeroLine(c, "y")],
+      annotations: [
+        note(c, "line: the least so far", { xref: "paper", yref: "paper", x: 1, y: 1, xanchor: "right", yanchor: "bottom" }),
+      ],
+    }),
+  };
+}
+
+function map(chart, c, width) {
+  const cells = chart.cells.map(reals);
+  const finite = cells.flat().filter((value) => Number.isFinite(value));
+  const size = Math.max(...finite.map(Math.abs), 1e-12);
+  const cell = (value) => (value === null ? null : Math.max(-size, Math.min(size, value)));
+  const few = width / chart.xs.length > 44 && chart.ys.length <= 20;
+  const crosses = [];
+  cells.forEach((row, j) => row.forEach((value, i) => {
+    if (value !== null && isNegative(value)) crosses.push([i, j]);
+  }));
+  // Columns are numbered: a grid whose steps differ has cells of one size.
+  const places = (numbers) => ({
+    tickmode: "array",
+    tickvals: numbers.map((_, i) => i).filter((i) => i % Math.ceil(numbers.length / 12) === 0),
+    ticktext: numbers.map(show).filter((_, i) => i % Math.ceil(numbers.length / 12) === 0),
+    showgrid: false,
+  });
+  return {
+    traces: [
+      {
+        type: "heatmap",
+        z: cells.map((row) => row.map(cell)),
+        zmin: -size,
+        zmax: size,
+        xgap: 1,
+        ygap: 1,
+        colorscale: [[0, c.violated], [0.5, c.page], [1, c.satisfied]],
+        colorbar: { thickness: 10, outlinewidth: 0, len: 0.9, tickfont: { size: 11 } },
+        text: cells.map((row) => row.map((value) => (few && value !== null ? show(Number(value.toPrecision(3))) : ""))),
+        texttemplate: few ? "%{text}" : "",
+        textfont: { color: c.ink },
+        customdata: cells.map((row, j) => row.map((value, i) => safe(
+          `${cut(chart.x, 40)} = ${show(real(chart.xs[i]))}, ${cut(chart.y, 40)} = ${show(real(chart.ys[j]))}: ${value === null ? "failed" : show(value)}`,
+        ))),
+        hovertemplate: "%{customdata}<extra></extra>",
+        hoverongaps: true,
+      },
+      {
+        type: "scatter",
+        mode: "markers",
+        x: crosses.map(([i]) => i),
+        y: crosses.map(([, j]) => j + (few ? 0.28 : 0)),
+        hoverinfo: "skip",
+        marker: { symbol: "x-thin", size: 7, line: { width: 1.5, color: c.ink } },
+      },
+    ],
+    layout: frame(c, {
+      xaxis: axis(c, safe(cut(chart.x, 60)), places(chart.xs)),
+      yaxis: axis(c, safe(cut(chart.y, 30)), places(chart.ys)),
+    }),
+  };
+}
+
+function cases(chart, c, width) {
+  const of = data.cases[chart.section];
+  const robustness = reals(of.robustness[chart.requirement]);
+  const verdicts = of.verdicts[chart.requirement];
+  const columns = Object.entries(of.columns);
+  const across = Math.max(1, Math.min(columns.length, Math.floor(width / 300)));
+  const down = Math.ceil(columns.length / across);
+  const layout = frame(c, {
+    height: 230 * down,
+    grid: { rows: down, columns: across, pattern: "independent", xgap: 0.12, ygap: 0.34 },
+    shapes: [],
+  });
+  const finite = robustness.filter(Number.isFinite);
+  const low = Math.min(0, ...finite);
+  const high = Math.max(0, ...finite);
+  const pad = (high - low || 1) * 0.08;
+  const traces = columns.map(([name, values], i) => {
+    const suffix = i === 0 ? "" : String(i + 1);
+    layout[`xaxis${suffix}`] = axis(c, safe(cut(name, Math.floor(width / across / 8))), { showgrid: false });
+    layout[`yaxis${suffix}`] = axis(c, i % across === 0 ? "robustness" : "", { range: [low - pad, high + pad] });
+    layout.shapes.push(line(c, { xref: `x${suffix} domain`, yref: `y${suffix}`, x0: 0, x1: 1, y0: 0, y1: 0 }, { layer: "below" }));
+    return {
+      type: "scatter",
+      mode: "markers",
+      x: reals(values),
+      y: robustness.map((value) => (value === null ? null : Math.max(low - pad, Math.min(high + pad, value)))),
+      xaxis: `x${suffix}`,
+      yaxis: `y${suffix}`,
+      customdata: values.map((value, j) => safe(
+        `${of.labels[j]}, ${verdicts[j]}: ${show(robustness[j])} at ${cut(name, 40)} = ${show(real(value))}`,
+      )),
+      hovertemplate: "%{customdata}<extra></extra>",
+      marker: {
+        symbol: verdicts.map((word) => symbols[word]),
+        color: verdicts.map((word) => c[word]),
+        size: 7,
+        opacity: 0.8,
+      },
+    };
+  });
+  return { traces, layout };
+}
+
+function pairs(chart, c) {
+  const points = chart.pairs.map(reals).filter((pair) => pair.every(Number.isFinite));
+  const low = Math.min(0, ...points.flat());
+  const high = Math.max(0, ...points.flat());
+  const pad = (high - low || 1) * 0.06;
+  const range = [low - pad, high + pad];
+  return {
+    traces: [
+      {
+        type: "scatter",
+        mode: "markers",
+        x: points.map(([a]) => a),
+        y: points.map(([, b]) => b),
+        customdata: points.map(([a, b]) => `A ${show(a)}, B ${show(b)}`),
+        hovertemplate: "%{customdata}<extra></extra>",
+        marker: { color: faded(c.signal, 0.7), size: 7 },
+      },
+    ],
+    layout: frame(c, {
+      xaxis: axis(c, "robustness of A", { range, showgrid: false }),
+      yaxis: axis(c, "robustness of B", { range }),
+      shapes: [
+        zeroLine(c, "x"),
+        zeroLine(c, "y"),
+        line(c, { x0: range[0], x1: range[1], y0: range[0], y1: range[1] }, { line: { color: c.muted, width: 1, dash: "dot" } }),
+      ],
+    }),
+  };
+}
