@@ -44,23 +44,22 @@ function note(c, text, where) {
 
 function histogram(chart, c) {
   const places = chart.counts.map((_, i) => chart.first + i);
-  const negative = places.map((place) => place < 0);
   const says = chart.counts.map(
     (count, i) => `${show(places[i] * chart.width)} to ${show((places[i] + 1) * chart.width)}: ${countOf(count, chart.noun)}`,
   );
-  const bar = {
+  const bars = (chosen, colour, shape) => ({
     type: "bar",
-    x: places.map((place) => (place + 0.5) * chart.width),
-    y: chart.counts,
+    x: chosen.map((place) => (place + 0.5) * chart.width),
+    y: chosen.map((place) => chart.counts[place - chart.first]),
     width: chart.width,
-    customdata: says,
+    customdata: chosen.map((place) => says[place - chart.first]),
     hovertemplate: "%{customdata}<extra></extra>",
     marker: {
-      color: negative.map((is) => (is ? c.violated : c.satisfied)),
+      color: colour,
       line: { color: c.page, width: 1 },
-      pattern: { shape: negative.map((is) => (is ? "/" : "")), fillmode: "overlay", fgcolor: c.page, fgopacity: 0.7, size: 7, solidity: 0.25 },
+      pattern: { shape, fillmode: "overlay", fgcolor: c.page, fgopacity: 0.8, size: 7, solidity: 0.25 },
     },
-  };
+  });
   const low = Math.min(chart.first, 0) * chart.width;
   const high = Math.max(chart.first + chart.counts.length, 0) * chart.width;
   const pad = (high - low || 2) * 0.04;
@@ -70,9 +69,12 @@ function histogram(chart, c) {
     note(c, "✓ satisfied", { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: c["satisfied-ink"] } }),
   ].filter((_, i) => (i === 0 ? low < 0 : high > 0));
   return {
-    traces: [bar],
+    traces: [
+      bars(places.filter((place) => place < 0), c.violated, "/"),
+      bars(places.filter((place) => place >= 0), c.satisfied, ""),
+    ],
     layout: frame(c, {
-      bargap: 0,
+      barmode: "overlay",
       xaxis: axis(c, "robustness", { range: [low - pad, high + pad], showgrid: false }),
       yaxis: axis(c, `${chart.noun}s`, { rangemode: "tozero", tickformat: "d", nticks: 5, ...(Math.max(...chart.counts) < 5 && { dtick: 1 }) }),
       shapes: [zeroLine(c, "x")],
