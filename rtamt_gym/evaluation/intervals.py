@@ -33,6 +33,9 @@ QUANTILES: Final = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 _RESAMPLES: Final = 9999
 
+_AT_ONCE: Final = 1_000_000
+"""The numbers that the bootstrap draws at once: memory for all resamples would not be there."""
+
 
 def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
     """The interval of Wilson (1927) for the rate of which ``count`` of ``total`` is a sample.
@@ -177,6 +180,7 @@ def bootstrap(
             np.mean,
             confidence_level=confidence,
             n_resamples=resamples,
+            batch=max(1, _AT_ONCE // len(array)),
             random_state=np.random.default_rng(seed),
         )
         .confidence_interval

@@ -1,0 +1,369 @@
+"""`compare`: which of two policies satisfies the requirements more often, on the same seeds."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rtamt import InputError, InputTypeError, Verdict
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.names import listing
+from rtamt_gym.evaluation.evaluation import SUCCESS, Evaluation
+from rtamt_gym.evaluation.intervals import wilson
+from rtamt_gym.evaluation.paired import Effect, effect_of, holm, mcnemar, tango
+from rtamt_gym.evaluation.sentences import LEVEL, sentence_of
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:  # it is optional
+    import pandas as pd
+
+__all__ = ["Compared", "Comparison", "compare"]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One requirement in the episodes of two policies, A and B, with the same seeds.
+
+    An episode that an error has ended, or that leaves the requirement open, does not satisfy it.
+
+    Attributes:
+        name: The name of the requirement.
+        formula: Its text.
+        both: With how many seeds both satisfy it.
+        only_a: With how many A alone does.
+        only_b: With how many B alone does.
+        neither: With how many none does.
+        interval_a: The 95 % interval of Wilson for the rate of A.
+        interval_b: The same of B.
+        interval: The 95 % interval of Tango for the difference, see `paired.tango`.
+        p: The p-value of McNemar's exact test.
+        adjusted: The same, adjusted by Holm's method for the number of requirements.
+        robustness: How far the robustness of B is above that of A, over the seeds with which
+            neither failed; None if there is no such seed.
+    """
+
+    name: str
+    formula: str
+    both: int
+    only_a: int
+    only_b: int
+    neither: int
+    interval_a: tuple[float, float]
+    interval_b: tuple[float, float]
+    interval: tuple[float, float]
+    p: float
+    adjusted: float
+    robustness: Effect | None
+
+    @property
+    def pairs(self) -> int:
+        """The number of seeds."""
+        return self.both + self.only_a + self.only_b + self.neither
+
+    @property
+    def rate_a(self) -> float:
+        """The share of the seeds with which A satisfies it."""
+        return (self.both + self.only_a) / self.pairs
+
+    @property
+    def rate_b(self) -> float:
+        """The share of the seeds with which B satisfies it."""
+        return (self.both + self.only_b) / self.pairs
+
+    @property
+    def difference(self) -> float:
+        """The rate of B less that of A."""
+        return (self.only_b - self.only_a) / self.pairs
+
+    @property
+    def sentence(self) -> str:
+        """What is shown about the rates, and about the robustness."""
+        return sentence_of(self)
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Two policies under the same requirements, on the same seeds; `compare` makes it.
+
+    ``print`` shows a table and says what is shown. All differences are B less A.
+
+    Attributes:
+        system: The name of the environment.
+        a: What the policy A is called.
+        b: What the policy B is called.
+        seeds: The seeds that both have episodes of.
+        requirements: The comparison for every requirement, by name.
+        success: That for all requirements at once, with a p-value of its own, not adjusted.
+        returns: How far the returns are apart, the sums of the environment's own rewards; None
+            without rewards.
+        notes: What a reader should know about the pairs, each a sentence.
+    """
+
+    system: str
+    a: str
+    b: str
+    seeds: tuple[int, ...]
+    requirements: Mapping[str, Compared]
+    success: Compared
+    returns: Effect | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """What is shown about each requirement, and if there are several about all at once."""
+        return " ".join(each.sentence for each in self.results)
+
+    @property
+    def results(self) -> tuple[Compared, ...]:
+        """The comparison for every requirement, and of several for all at once."""
+        every = tuple(self.requirements.values())
+        return every if len(every) == 1 else (*every, self.success)
+
+    def to_frame(self) -> pd.DataFrame:
+        """A data frame of pandas: a row for each of `results`, by name.
+
+        Needs the extra ``pandas``.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "Comparison.to_frame") from error
+        names = pd.Index([each.name for each in self.results], name="requirement")
+        return pd.DataFrame([_cells(each) for each in self.results], index=names)
+
+    def to_json(self) -> str:
+        """Strict JSON that holds all of the comparison; infinities are ``"inf"`` and ``"-inf"``."""
+        from rtamt_gym.evaluation.comparison_storage import written
+
+        return written(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the text of `to_json` into a file.
+
+        Raises:
+            InputError: If the name does not end in ``.json``.
+        """
+        path = Path(path)
+        if path.suffix.lower() != ".json":
+            raise InputError(f"cannot write {path}: expected a name that ends in .json")
+        path.write_text(self.to_json() + "\n", encoding="utf-8")
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Comparison:
+        """Reads a file that `save` has written.
+
+        Raises:
+            InputError: If the file does not hold a comparison.
+        """
+        from rtamt_gym.evaluation.comparison_storage import read
+
+        return read(Path(path))
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {self.a} and {self.b}: {counted(len(self.seeds), 'pair')}>"
+
+    def __str__(self) -> str:
+        from rtamt_gym.evaluation.tables import comparison_table
+
+        return comparison_table(self)
+
+
+def compare(a: Any, b: Any, env: Any = None, **options: Any) -> Comparison:  # noqa: ANN401 - policies and environments of any library
+    """Compares two policies on the same seeds: how much more often B satisfies each requirement.
+
+    Episodes with the same seed start alike, so they are compared pair by pair, which takes fewer
+    episodes than two evaluations apart. Episodes whose seed the other has not are left out.
+
+    Args:
+        a: An `Evaluation`; or a policy, as `evaluate_policy` takes it.
+        b: What A is compared with, of the same kind.
+        env: The environment of two policies; None with evaluations.
+        **options: Further arguments of `evaluate_policy`, for both policies, such as
+            ``episodes=200``; all but ``until_width=`` and ``target=``, which would stop each policy
+            at another episode.
+
+    Returns:
+        The comparison: for every requirement the difference of the rates with a paired interval,
+        the p-value of McNemar's exact test, and the paired difference of the robustness.
+
+    Raises:
+        InputError: If two evaluations cannot be paired, because their systems, periods or
+            requirements differ or they have no seed in common; or as `evaluate_policy` does.
+        InputTypeError: If they are neither two evaluations nor two policies with an environment.
+    """
+    _check_arguments(a, b, env, options)
+    if env is not None:
+        from rtamt_gym.evaluation.evaluate import evaluate_policy
+
+        a, b = (evaluate_policy(policy, env, **options) for policy in (a, b))
+    return _paired(a, b)
+
+
+def _check_arguments(a: object, b: object, env: object, options: Mapping[str, object]) -> None:
+    """Refuses what is neither two evaluations nor two policies with an environment."""
+    evaluations = sum(isinstance(each, Evaluation) for each in (a, b))
+    if evaluations == 2:
+        given = ", ".join((["env"] if env is not None else []) + list(options))
+        if given:
+            raise InputError(
+                f"two evaluations have run already, got further arguments: {given}; leave them out"
+            )
+    elif evaluations or env is None:
+        raise InputTypeError(
+            "expected two evaluations, or two policies and an environment, as in compare(old, new, "
+            f"'CartPole-v1', ...), got {type(a).__name__} and {type(b).__name__} "
+            f"{'without' if env is None else 'with'} an environment; Evaluation.load reads a file"
+        )
+    for name in ("until_width", "target"):
+        if options.get(name) is not None:
+            raise InputError(
+                f"{name}= would stop each policy at another episode; give both the same episodes="
+            )
+
+
+def _paired(a: Evaluation, b: Evaluation) -> Comparison:
+    """Compares two evaluations."""
+    _check_alike(a, b)
+    places = [{row.seed: place for place, row in enumerate(each.record)} for each in (a, b)]
+    seeds = [seed for seed in places[0] if seed is not None and seed in places[1]]
+    if not seeds:
+        raise InputError(
+            f"cannot pair the episodes: A has {_seeds(a)}, B has {_seeds(b)}, none in common; "
+            "evaluate both with the same seed="
+        )
+    rows = [(a.record[places[0][seed]], b.record[places[1][seed]]) for seed in seeds]
+
+    def compared(name: str, names: Collection[str]) -> Compared:
+        of_a, of_b = (
+            each.success if name == SUCCESS else each.requirements[name] for each in (a, b)
+        )
+        heights = [
+            (of_a.robustness[places[0][seed]], of_b.robustness[places[1][seed]]) for seed in seeds
+        ]
+        counts = Counter((_satisfies(one, names), _satisfies(two, names)) for one, two in rows)
+        return _compared(name, of_a.formula, counts, heights)
+
+    found = {name: compared(name, [name]) for name in a.requirements}
+    adjusted = holm({name: each.p for name, each in found.items()})
+    rewards = [(one.reward, two.reward) for one, two in rows]
+    return Comparison(
+        a.system,
+        a.policy,
+        b.policy,
+        tuple(seeds),
+        {name: replace(each, adjusted=adjusted[name]) for name, each in found.items()},
+        compared(SUCCESS, list(a.requirements)),
+        _effect([(math.nan if x is None else x, math.nan if y is None else y) for x, y in rewards]),
+        tuple(_notes(a, b, rows, len(found))),
+    )
+
+
+def _check_alike(a: Evaluation, b: Evaluation) -> None:
+    """Refuses evaluations of other systems, periods or requirements."""
+    for what, one, two in (
+        ("system", a.system, b.system),
+        ("period", a.period, b.period),
+    ):
+        if one != two:
+            raise InputError(f"cannot compare: the {what} is {one} of A and {two} of B")
+    texts_a, texts_b = a.record.requirements, b.record.requirements
+    if set(texts_a) != set(texts_b):
+        raise InputError(
+            f"cannot compare: the requirements are {listing(texts_a)} of A and {listing(texts_b)} "
+            "of B; evaluate both with the same"
+        )
+    for name, text in texts_a.items():
+        if text != texts_b[name]:
+            raise InputError(f"cannot compare: {name} is {text} of A and {texts_b[name]} of B")
+
+
+def _seeds(of: Evaluation) -> str:
+    seeds = [row.seed for row in of.record if row.seed is not None]
+    return f"the seeds {min(seeds)} to {max(seeds)}" if seeds else "no seeds"
+
+
+def _satisfies(row: Row, names: Collection[str]) -> bool:
+    """Whether an episode satisfies requirements; one that an error has ended does not."""
+    return not row.error and all(
+        name in row.outcomes and row.outcomes[name].verdict is Verdict.SATISFIED for name in names
+    )
+
+
+def _compared(
+    name: str,
+    formula: str,
+    counts: Mapping[tuple[bool, bool], int],
+    heights: Sequence[tuple[float, float]],
+) -> Compared:
+    """One requirement, from the counts of what A and B did and their robustness, in pairs."""
+    both, neither = counts[True, True], counts[False, False]
+    only_a, only_b = counts[True, False], counts[False, True]
+    pairs = both + neither + only_a + only_b
+    p = mcnemar(only_a, only_b)
+    return Compared(
+        name,
+        formula,
+        both,
+        only_a,
+        only_b,
+        neither,
+        wilson(both + only_a, pairs),
+        wilson(both + only_b, pairs),
+        tango(only_a, only_b, pairs),
+        p,
+        p,
+        _effect(heights),
+    )
+
+
+def _effect(pairs: Sequence[tuple[float, float]]) -> Effect | None:
+    """The effect over the pairs that have no nan."""
+    known = [(x, y) for x, y in pairs if not (math.isnan(x) or math.isnan(y))]
+    return effect_of([x for x, _ in known], [y for _, y in known])
+
+
+def _notes(
+    a: Evaluation, b: Evaluation, rows: Sequence[tuple[Row, Row]], requirements: int
+) -> Iterator[str]:
+    """What a reader should know about the pairs."""
+    for name, each, side in (("A", a, 0), ("B", b, 1)):
+        if left := len(each.record) - len(rows):
+            yield (
+                f"{counted(left, 'episode')} of {name} {'is' if left == 1 else 'are'} left out: "
+                "the other has no episode with such a seed"
+            )
+        if failed := sum(bool(pair[side].error) for pair in rows):
+            yield f"{counted(failed, 'episode')} of {name} failed, which counts as not satisfied"
+        if each.decision is not None:
+            yield (
+                f"{name} ran until its answer was known, so its rate may lean to that answer; "
+                "a comparison is sound of fixed numbers of episodes"
+            )
+    if 2 * 0.5 ** len(rows) * requirements > LEVEL:
+        yield f"{counted(len(rows), 'pair')} cannot show a difference of rates, however they end"
+
+
+def _cells(compared: Compared) -> dict[str, Any]:
+    """The row of a data frame."""
+    low, high = compared.interval
+    cells = {
+        "A": compared.rate_a,
+        "B": compared.rate_b,
+        "difference": compared.difference,
+        "low": low,
+        "high": high,
+        "p": compared.p,
+        "adjusted p": compared.adjusted,
+    }
+    cells |= {key: getattr(compared, key) for key in ("both", "only_a", "only_b", "neither")}
+    effect = compared.robustness
+    cells["robustness difference"] = math.nan if effect is None else effect.value
+    ends = (math.nan, math.nan) if effect is None else effect.interval
+    cells |= dict(zip(("robustness low", "robustness high"), ends, strict=True))
+    return cells

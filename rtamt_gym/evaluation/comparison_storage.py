@@ -1,0 +1,121 @@
+"""Comparisons as strict JSON, in which infinities are the texts "inf" and "-inf"."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Final
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.evaluation.comparison import Compared, Comparison
+from rtamt_gym.evaluation.paired import Effect
+from rtamt_gym.search.runs.report import strict_json
+
+__all__ = ["FORMAT", "read", "written"]
+
+FORMAT: Final = "rtamt comparison 1"
+
+_INTERVALS: Final = ("interval_a", "interval_b", "interval")
+
+
+def written(comparison: Comparison) -> str:
+    """The text of a comparison; `read` reads it.
+
+    What follows from the rest, such as rates and sentences, is there for other programs.
+    """
+    return strict_json(
+        {
+            "format": FORMAT,
+            "rtamt": rtamt.__version__,
+            "system": comparison.system,
+            "a": comparison.a,
+            "b": comparison.b,
+            "seeds": list(comparison.seeds),
+            "requirements": [_compared(each) for each in comparison.requirements.values()],
+            "success": _compared(comparison.success),
+            "returns": _effect(comparison.returns),
+            "notes": list(comparison.notes),
+        }
+    )
+
+
+def read(path: Path) -> Comparison:
+    """Reads the text that `written` has made from a file.
+
+    Raises:
+        InputError: If the file does not hold a comparison.
+    """
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"cannot read {path}: it is no JSON: {error}") from error
+    if not isinstance(kept, dict) or kept.get("format") != FORMAT:
+        raise InputError(
+            f'{path} holds no comparison: expected "format": "{FORMAT}", as Comparison.save '
+            "writes it"
+        )
+    try:
+        requirements = [_read_compared(each) for each in kept["requirements"]]
+        return Comparison(
+            kept["system"],
+            kept["a"],
+            kept["b"],
+            tuple(kept["seeds"]),
+            {each.name: each for each in requirements},
+            _read_compared(kept["success"]),
+            _read_effect(kept["returns"]),
+            tuple(kept["notes"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"cannot read {path}: it is no comparison that Comparison.save has written: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+
+
+def _compared(compared: Compared) -> dict[str, Any]:
+    kept = {each.name: getattr(compared, each.name) for each in fields(compared)}
+    derived = ("pairs", "rate_a", "rate_b", "difference", "sentence")
+    return (
+        kept
+        | {name: getattr(compared, name) for name in derived}
+        | {name: list(kept[name]) for name in _INTERVALS}
+        | {"robustness": _effect(compared.robustness)}
+    )
+
+
+def _read_compared(kept: Mapping[str, Any]) -> Compared:
+    values = {each.name: kept[each.name] for each in fields(Compared)}
+    values |= {name: _two(kept[name]) for name in _INTERVALS}
+    return Compared(**values | {"robustness": _read_effect(kept["robustness"])})
+
+
+def _effect(effect: Effect | None) -> dict[str, Any] | None:
+    if effect is None:
+        return None
+    return {
+        "statistic": effect.statistic,
+        "value": _finite(effect.value),
+        "interval": [_finite(end) for end in effect.interval],
+        "pairs": [[_finite(a), _finite(b)] for a, b in effect.pairs],
+    }
+
+
+def _read_effect(kept: Mapping[str, Any] | None) -> Effect | None:
+    if kept is None:
+        return None
+    pairs = tuple(_two(pair) for pair in kept["pairs"])
+    return Effect(kept["statistic"], float(kept["value"]), _two(kept["interval"]), pairs)
+
+
+def _finite(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)
+
+
+def _two(kept: list[Any]) -> tuple[float, float]:
+    first, second = kept
+    return float(first), float(second)

@@ -1,0 +1,151 @@
+"""Two measurements on the same episodes: how far apart they are, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.evaluation.intervals import (
+    bootstrap,
+    check_confidence,
+    differences,
+    median,
+    median_interval,
+    scipy_stats,
+)
+
+__all__ = ["Effect", "effect_of", "holm", "mcnemar", "tango"]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """How far two measurements on the same episodes are apart, B less A.
+
+    Attributes:
+        statistic: What ``value`` is of the differences: their mean, or their median, as that of
+            `quantiles`, where one of them is infinite.
+        value: The difference.
+        interval: Its 95 % interval: by the bootstrap for a mean, by ranks for a median.
+        pairs: The measurements of A and B in each episode that has both.
+    """
+
+    statistic: Literal["mean", "median"]
+    value: float
+    interval: tuple[float, float]
+    pairs: tuple[tuple[float, float], ...]
+
+
+def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect | None:
+    """How far the second measurements are above the first, pair by pair; None without any pair.
+
+    Two equal infinities are no difference. The sign says which way, and swapping both sides turns
+    it, up to the random numbers of the bootstrap.
+
+    Example:
+        >>> found = effect_of([1.0, 2.0, 3.0, 4.0], [2.0, 2.5, 4.0, 4.5])
+        >>> found.statistic, found.value, found.interval
+        ('mean', 0.75, (0.5, 1.0))
+        >>> inf = float("inf")
+        >>> found = effect_of([inf, 2.0, 3.0], [inf, inf, 3.0])
+        >>> found.statistic, found.value, found.interval
+        ('median', 0.0, (-inf, inf))
+    """
+    gaps = differences(first, second)
+    if not gaps.size:
+        return None
+    both = np.stack([np.asarray(first, float), np.asarray(second, float)], axis=1)
+    pairs = tuple((float(a), float(b)) for a, b in both)
+    if np.isfinite(gaps).all():
+        return Effect("mean", float(gaps.mean()), bootstrap(gaps, seed=seed), pairs)
+    return Effect("median", median(gaps), median_interval(gaps), pairs)
+
+
+def mcnemar(only_a: int, only_b: int) -> float:
+    """The p-value of McNemar's exact test: how likely so uneven a split is if both rates are equal.
+
+    Of the episodes in which one alone succeeds, half are A's then. Without such an episode it is 1.
+
+    Example:
+        >>> mcnemar(0, 6), mcnemar(3, 3), mcnemar(0, 0)
+        (0.03125, 1.0, 1.0)
+    """
+    if only_a + only_b == 0:
+        return 1.0
+    return float(scipy_stats("mcnemar").binomtest(only_b, only_a + only_b).pvalue)
+
+
+def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """The interval of the difference of two rates on the same episodes, that of B less that of A.
+
+    It holds each difference that the score test does not refuse, as the interval of Wilson does for
+    one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
+    proportions for the paired-sample design", Statistics in Medicine 17). So it has a width where A
+    and B agree in all episodes too, and lies within -1 and 1.
+
+    Args:
+        only_a: The episodes in which A alone succeeds.
+        only_b: Those in which B alone does.
+        pairs: All episodes; of 0 nothing is known, and the interval is (-1, 1).
+        confidence: How often an interval shall cover the difference: between 0 and 1.
+
+    Example:
+        >>> low, high = tango(only_a=20, only_b=40, pairs=160)
+        >>> round(low, 3), round(high, 3)
+        (0.031, 0.218)
+        >>> low, high = tango(0, 0, 100)
+        >>> round(low, 3), round(high, 3)
+        (-0.037, 0.037)
+    """
+    check_confidence(confidence)
+    return -_greatest(only_b, only_a, pairs, confidence), _greatest(
+        only_a, only_b, pairs, confidence
+    )
+
+
+def _greatest(only_a: int, only_b: int, pairs: int, confidence: float) -> float:
+    """The greatest difference that the score test does not refuse."""
+    if only_b == pairs:
+        return 1.0
+    try:
+        from scipy.optimize import brentq
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, "tango") from error
+    z = scipy_stats("tango").norm.ppf((1 + confidence) / 2)
+
+    def score(gap: float) -> float:
+        """Changes its sign where the test statistic is -z; free of its division by 0."""
+        # The likeliest share of episodes in which A alone succeeds, if the difference is `gap`.
+        linear = (2 * pairs + only_a - only_b) * gap - only_a - only_b
+        constant = -only_a * gap * (1 - gap)
+        root = math.sqrt(max(linear**2 - 8 * pairs * constant, 0.0))
+        share = (root - linear) / (4 * pairs)
+        variance = max(pairs * (2 * share + gap * (1 - gap)), 0.0)
+        return float(only_b - only_a - pairs * gap + z * math.sqrt(variance))
+
+    # Where A and B agree throughout, the variance is 0 at the estimate, which is no end.
+    start = (only_b - only_a) / pairs + 1e-9
+    return float(brentq(score, start, 1.0, xtol=1e-12))
+
+
+def holm(chances: Mapping[str, float]) -> dict[str, float]:
+    """P-values of several tests, adjusted by the method of Holm (1979).
+
+    To call all results below 0.05 differences is then wrong at all, in one of them or more, with a
+    chance of 0.05 at most.
+
+    Example:
+        >>> holm({"near": 0.01, "slow": 0.04, "calm": 0.03})
+        {'near': 0.03, 'slow': 0.06, 'calm': 0.06}
+    """
+    adjusted: dict[str, float] = {}
+    least = 0.0
+    for done, name in enumerate(sorted(chances, key=chances.__getitem__)):
+        least = max(least, min(1.0, (len(chances) - done) * chances[name]))
+        adjusted[name] = least
+    return {name: adjusted[name] for name in chances}

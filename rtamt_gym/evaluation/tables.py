@@ -1,0 +1,232 @@
+"""Evaluations and comparisons for a terminal: a table, and below it what it cannot say."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.evaluation.comparison import Comparison
+from rtamt_gym.evaluation.paired import Effect
+from rtamt_gym.evaluation.sentences import effect_sentence, p_text, points, short
+from rtamt_gym.search.runs.report import failures
+from rtamt_gym.tables import counted
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
+
+__all__ = ["comparison_table", "evaluation_table", "show"]
+
+_WIDTH: Final = 80
+
+_NAMED: Final = 3
+"""How many of the worst episodes are named."""
+
+
+def evaluation_table(evaluation: Evaluation) -> str:
+    """The table of an evaluation as plain text of 80 columns: what ``print`` shows of it."""
+    return _plain(_of_evaluation(evaluation))
+
+
+def comparison_table(comparison: Comparison) -> str:
+    """The table of a comparison as plain text of 80 columns: what ``print`` shows of it."""
+    return _plain(_of_comparison(comparison))
+
+
+def show(result: Evaluation | Comparison) -> None:
+    """Prints the table of a result, on a terminal with colours and as wide as it is."""
+    from rich.console import Console
+
+    parts = _of_comparison(result) if isinstance(result, Comparison) else _of_evaluation(result)
+    _print(Console(markup=False, highlight=False, emoji=False), parts)
+
+
+Part = Any  # a Text or a Table of rich
+Parts = Iterator[Part]
+
+
+def _plain(parts: Parts) -> str:
+    try:
+        from rich.console import Console
+    except ModuleNotFoundError as error:
+        raise naming_extra(error, "the table of an evaluation") from error
+    file = io.StringIO()
+    _print(Console(file=file, width=_WIDTH, color_system=None, markup=False, emoji=False), parts)
+    return "\n".join(line.rstrip() for line in file.getvalue().splitlines())
+
+
+def _print(console: Any, parts: Parts) -> None:  # noqa: ANN401 - a Console of rich
+    for part in parts:
+        cut = getattr(part, "no_wrap", None)
+        console.print(part, highlight=False, no_wrap=cut, overflow="ellipsis" if cut else None)
+
+
+def _of_evaluation(evaluation: Evaluation) -> Parts:
+    results = list(evaluation.requirements.values())
+    if len(results) > 1:
+        results.append(evaluation.success)
+    seeds = [row.seed for row in evaluation.record if row.seed is not None]
+    yield _line(f"{evaluation.system} under {evaluation.policy}")
+    yield _line(
+        f"{counted(len(evaluation.record), 'episode')}"
+        + (f", seeds {min(seeds)} to {max(seeds)}" if seeds else "")
+    )
+    yield ""
+    columns: list[tuple[str, Callable[[RequirementResult], str], str]] = [
+        ("satisfied", lambda of: f"{of.rate:.1%}", ""),
+        ("95% interval", lambda of: _percents(of.interval), ""),
+        ("violated", lambda of: str(of.violated), "red"),
+        ("open", lambda of: str(of.undecided), "yellow"),
+        ("failed", lambda of: str(of.failed), "red"),
+        ("least", lambda of: short(of.worst[0][1]) if of.worst else "-", ""),
+        ("median", lambda of: short(of.quantiles[0.5]) if of.worst else "-", ""),
+    ]
+    left_out = {
+        name
+        for name, count in (("open", "undecided"), ("failed", "failed"))
+        if not any(getattr(each, count) for each in results)
+    }
+    shown = [column for column in columns if column[0] not in left_out]
+    yield _table(
+        [name for name, _, _ in shown],
+        [(each.name, [_cell(cell(each), style) for _, cell, style in shown]) for each in results],
+    )
+    yield ""
+    for each in evaluation.requirements.values():
+        yield _line(f"{each.name}: {each.formula}")
+    yield ""
+    for each in evaluation.requirements.values():
+        yield from _worst(each, "s" if evaluation.period is not None else "steps")
+    yield from _around(evaluation)
+    if evaluation.decision is not None:
+        yield ""
+        for name, decision in evaluation.decision.items():
+            yield _text(f"{name}: {decision}", _style(decision))
+    if lines := failures(evaluation.record):
+        yield ""
+        yield from (_text(line, "red") for line in lines)
+
+
+def _worst(result: RequirementResult, unit: str) -> Parts:
+    """The worst episodes of a requirement that is not satisfied in all, and when it is violated."""
+    if result.satisfied == result.episodes or not result.worst:
+        return
+    worst = ", ".join(f"{seed} ({short(height)})" for seed, height in result.worst[:_NAMED])
+    yield _line(f"worst seeds of {result.name}: {worst}")
+    times = result.first_violations[~np.isnan(result.first_violations)]
+    if times.size:
+        least, most = short(float(times.min())), short(float(times.max()))
+        span = f"from {least} {unit} to {most} {unit}" if least != most else f"at {least} {unit}"
+        yield _line(f"  violated {span}, half of them by {short(float(np.median(times)))} {unit}")
+
+
+def _around(evaluation: Evaluation) -> Parts:
+    """The returns, the lengths, and what stopping has saved."""
+    unit = "s" if evaluation.period is not None else "steps"
+    parts = [f"length {short(float(np.mean(evaluation.lengths)))} {unit} on average"]
+    known = evaluation.returns[~np.isnan(evaluation.returns)]
+    if known.size:
+        parts.insert(0, f"return {short(float(np.mean(known)))} on average")
+    if saved := max(each.saved for each in evaluation.requirements.values()):
+        parts.append(f"{short(saved)} {unit} saved by stopping")
+    yield _line(", ".join(parts))
+
+
+def _style(decision: str) -> str:
+    for start, style in (("meets", "green"), ("falls short", "red"), ("undecided", "yellow")):
+        if decision.startswith(start):
+            return style
+    return ""
+
+
+def _of_comparison(comparison: Comparison) -> Parts:
+    seeds = comparison.seeds
+    for name, policy in (("A", comparison.a), ("B", comparison.b)):
+        yield _line(f"{name}: {policy}")
+    pairs = counted(len(seeds), "pair")
+    yield _line(f"{comparison.system}, {pairs} of episodes, seeds {min(seeds)} to {max(seeds)}")
+    yield ""
+    names = ["A", "B", "B - A", "95%", "p", "robustness", "95%"]
+    rows = [
+        (
+            each.name,
+            [
+                _text(f"{points(each.rate_a, each.pairs)}%"),
+                _text(f"{points(each.rate_b, each.pairs)}%"),
+                _text(_signed(points(each.difference, each.pairs))),
+                _text(" to ".join(_signed(points(end, each.pairs)) for end in each.interval)),
+                _text(p_text(each.adjusted).removeprefix("p ").removeprefix("= ").replace(" ", "")),
+                *_effect(each.robustness),
+            ],
+        )
+        for each in comparison.results
+    ]
+    yield _table(names, rows)
+    for each in comparison.results:
+        yield ""
+        yield _text(each.sentence)
+    yield ""
+    if comparison.returns is not None:
+        yield _text(effect_sentence(comparison.returns, "the return"))
+    if len(comparison.requirements) > 1:
+        yield _text(
+            f"p: McNemar's exact test, adjusted by Holm's method for "
+            f"{len(comparison.requirements)} requirements; intervals are of each alone."
+        )
+    for note in comparison.notes:
+        yield _text(f"note: {note}", "yellow")
+
+
+def _effect(effect: Effect | None) -> list[Text]:
+    """The cells of an effect: the difference, and its interval."""
+    if effect is None:
+        return [_text("-"), _text("-")]
+    low, high = effect.interval
+    known = math.isfinite(low) or math.isfinite(high)
+    ends = f"{_signed(short(low, 2))} to {_signed(short(high, 2))}" if known else "-"
+    return [_text(_signed(short(effect.value, 2))), _text(ends)]
+
+
+def _signed(text: str) -> str:
+    return text if text.startswith("-") or float(text) == 0 else f"+{text}"
+
+
+def _cell(text: str, style: str) -> Text:
+    return _text(text, "" if text == "0" else style)
+
+
+def _percents(interval: tuple[float, float]) -> str:
+    return " to ".join(f"{100 * end:.1f}" for end in interval)
+
+
+def _table(head: Sequence[str], rows: Sequence[tuple[str, Sequence[Text]]]) -> Part:
+    """A table whose first column has names, which are shortened where the others need the room."""
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="bold")
+    table.add_column("requirement", overflow="ellipsis", min_width=6)
+    for name in head:
+        table.add_column(name, justify="right", no_wrap=True)
+    for name, cells in rows:
+        table.add_row(_line(name), *cells)
+    return table
+
+
+def _text(text: str, style: str = "") -> Text:
+    """A text that is wrapped at the width of the terminal."""
+    from rich.text import Text
+
+    return Text(text, style=style)
+
+
+def _line(text: str) -> Text:
+    """A text that is cut at the width of the terminal."""
+    from rich.text import Text
+
+    return Text(text, no_wrap=True, overflow="ellipsis")
