@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
+    from rtamt_gym.evaluation.comparison import Comparison, compare
     from rtamt_gym.evaluation.evaluate import evaluate_policy
     from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
     from rtamt_gym.inputs.case import Case
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
     __all__ = [
         "Case",
+        "Comparison",
         "CostEnv",
         "Evaluation",
         "Falsification",
@@ -67,6 +69,7 @@ if TYPE_CHECKING:
         "VectorStlMonitor",
         "VectorStlReward",
         "Waveform",
+        "compare",
         "evaluate_policy",
         "evaluate_rollouts",
         "falsify",
@@ -77,6 +80,7 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "Case": "rtamt_gym.inputs.case",
+    "Comparison": "rtamt_gym.evaluation.comparison",
     "CostEnv": "rtamt_gym.wrappers.cost",
     "Evaluation": "rtamt_gym.evaluation.evaluation",
     "Falsification": "rtamt_gym.search.falsification.falsification",
@@ -102,6 +106,7 @@ _MODULES = {
     "VectorStlMonitor": "rtamt_gym.wrappers.vector_monitor",
     "VectorStlReward": "rtamt_gym.wrappers.vector_reward",
     "Waveform": "rtamt_gym.inputs.waveform",
+    "compare": "rtamt_gym.evaluation.comparison",
     "evaluate_policy": "rtamt_gym.evaluation.evaluate",
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "falsify": "rtamt_gym.search.falsification.falsify",

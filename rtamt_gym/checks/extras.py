@@ -26,7 +26,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "staliro": "taliro",
     "jinja2": "report",
     "plotly": "report",
-    "rich": "report",
+    "rich": "search",
     "minari": "minari",
 }
 """The extra that installs each optional package."""

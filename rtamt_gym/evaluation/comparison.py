@@ -6,85 +6,25 @@ import math
 import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.evaluation.evaluation import SUCCESS, Evaluation
-from rtamt_gym.evaluation.intervals import wilson
-from rtamt_gym.evaluation.paired import Effect, effect_of, holm, mcnemar, tango
-from rtamt_gym.evaluation.sentences import LEVEL, sentence_of
+from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.paired import Effect, effect_of, holm
+from rtamt_gym.evaluation.sentences import SUCCESS
+from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
     import pandas as pd
 
-__all__ = ["Compared", "Comparison", "compare"]
-
-
-@dataclass(frozen=True)
-class Compared:
-    """One requirement in the episodes of two policies, A and B, with the same seeds.
-
-    An episode that an error has ended, or that leaves the requirement open, does not satisfy it.
-
-    Attributes:
-        name: The name of the requirement.
-        formula: Its text.
-        both: With how many seeds both satisfy it.
-        only_a: With how many A alone does.
-        only_b: With how many B alone does.
-        neither: With how many none does.
-        interval_a: The 95 % interval of Wilson for the rate of A.
-        interval_b: The same of B.
-        interval: The 95 % interval of Tango for the difference, see `paired.tango`.
-        p: The p-value of McNemar's exact test.
-        adjusted: The same, adjusted by Holm's method for the number of requirements.
-        robustness: How far the robustness of B is above that of A, over the seeds with which
-            neither failed; None if there is no such seed.
-    """
-
-    name: str
-    formula: str
-    both: int
-    only_a: int
-    only_b: int
-    neither: int
-    interval_a: tuple[float, float]
-    interval_b: tuple[float, float]
-    interval: tuple[float, float]
-    p: float
-    adjusted: float
-    robustness: Effect | None
-
-    @property
-    def pairs(self) -> int:
-        """The number of seeds."""
-        return self.both + self.only_a + self.only_b + self.neither
-
-    @property
-    def rate_a(self) -> float:
-        """The share of the seeds with which A satisfies it."""
-        return (self.both + self.only_a) / self.pairs
-
-    @property
-    def rate_b(self) -> float:
-        """The share of the seeds with which B satisfies it."""
-        return (self.both + self.only_b) / self.pairs
-
-    @property
-    def difference(self) -> float:
-        """The rate of B less that of A."""
-        return (self.only_b - self.only_a) / self.pairs
-
-    @property
-    def sentence(self) -> str:
-        """What is shown about the rates, and about the robustness."""
-        return sentence_of(self)
+__all__ = ["Comparison", "compare"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -141,7 +81,7 @@ class Comparison:
         """Strict JSON that holds all of the comparison; infinities are ``"inf"`` and ``"-inf"``."""
         from rtamt_gym.evaluation.comparison_storage import written
 
-        return written(self)
+        return written({each.name: getattr(self, each.name) for each in fields(self)})
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the text of `to_json` into a file.
@@ -163,15 +103,19 @@ class Comparison:
         """
         from rtamt_gym.evaluation.comparison_storage import read
 
-        return read(Path(path))
+        return Comparison(**read(Path(path)))
 
     def __repr__(self) -> str:
         return f"<Comparison of {self.a} and {self.b}: {counted(len(self.seeds), 'pair')}>"
 
     def __str__(self) -> str:
-        from rtamt_gym.evaluation.tables import comparison_table
-
-        return comparison_table(self)
+        pairs = counted(len(self.seeds), "pair")
+        heads = [
+            f"A: {self.a}",
+            f"B: {self.b}",
+            f"{self.system}, {pairs} of episodes, seeds {min(self.seeds)} to {max(self.seeds)}",
+        ]
+        return comparison_table(heads, self.results, self.returns, self.notes)
 
 
 def compare(a: Any, b: Any, env: Any = None, **options: Any) -> Comparison:  # noqa: ANN401 - policies and environments of any library
@@ -247,7 +191,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
             (of_a.robustness[places[0][seed]], of_b.robustness[places[1][seed]]) for seed in seeds
         ]
         counts = Counter((_satisfies(one, names), _satisfies(two, names)) for one, two in rows)
-        return _compared(name, of_a.formula, counts, heights)
+        return compared_of(name, of_a.formula, counts, _effect(heights))
 
     found = {name: compared(name, [name]) for name in a.requirements}
     adjusted = holm({name: each.p for name, each in found.items()})
@@ -292,33 +236,6 @@ def _satisfies(row: Row, names: Collection[str]) -> bool:
     """Whether an episode satisfies requirements; one that an error has ended does not."""
     return not row.error and all(
         name in row.outcomes and row.outcomes[name].verdict is Verdict.SATISFIED for name in names
-    )
-
-
-def _compared(
-    name: str,
-    formula: str,
-    counts: Mapping[tuple[bool, bool], int],
-    heights: Sequence[tuple[float, float]],
-) -> Compared:
-    """One requirement, from the counts of what A and B did and their robustness, in pairs."""
-    both, neither = counts[True, True], counts[False, False]
-    only_a, only_b = counts[True, False], counts[False, True]
-    pairs = both + neither + only_a + only_b
-    p = mcnemar(only_a, only_b)
-    return Compared(
-        name,
-        formula,
-        both,
-        only_a,
-        only_b,
-        neither,
-        wilson(both + only_a, pairs),
-        wilson(both + only_b, pairs),
-        tango(only_a, only_b, pairs),
-        p,
-        p,
-        _effect(heights),
     )
 
 

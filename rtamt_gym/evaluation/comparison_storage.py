@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.evaluation.comparison import Compared, Comparison
+from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.search.runs.report import strict_json
 
@@ -22,8 +22,8 @@ FORMAT: Final = "rtamt comparison 1"
 _INTERVALS: Final = ("interval_a", "interval_b", "interval")
 
 
-def written(comparison: Comparison) -> str:
-    """The text of a comparison; `read` reads it.
+def written(kept: Mapping[str, Any]) -> str:
+    """The text of a comparison, from its fields by name; `read` reads it.
 
     What follows from the rest, such as rates and sentences, is there for other programs.
     """
@@ -31,20 +31,18 @@ def written(comparison: Comparison) -> str:
         {
             "format": FORMAT,
             "rtamt": rtamt.__version__,
-            "system": comparison.system,
-            "a": comparison.a,
-            "b": comparison.b,
-            "seeds": list(comparison.seeds),
-            "requirements": [_compared(each) for each in comparison.requirements.values()],
-            "success": _compared(comparison.success),
-            "returns": _effect(comparison.returns),
-            "notes": list(comparison.notes),
+            **kept,
+            "seeds": list(kept["seeds"]),
+            "requirements": [_compared(each) for each in kept["requirements"].values()],
+            "success": _compared(kept["success"]),
+            "returns": _effect(kept["returns"]),
+            "notes": list(kept["notes"]),
         }
     )
 
 
-def read(path: Path) -> Comparison:
-    """Reads the text that `written` has made from a file.
+def read(path: Path) -> dict[str, Any]:
+    """Reads the fields of a comparison from a file with the text that `written` has made.
 
     Raises:
         InputError: If the file does not hold a comparison.
@@ -60,16 +58,13 @@ def read(path: Path) -> Comparison:
         )
     try:
         requirements = [_read_compared(each) for each in kept["requirements"]]
-        return Comparison(
-            kept["system"],
-            kept["a"],
-            kept["b"],
-            tuple(kept["seeds"]),
-            {each.name: each for each in requirements},
-            _read_compared(kept["success"]),
-            _read_effect(kept["returns"]),
-            tuple(kept["notes"]),
-        )
+        return {name: kept[name] for name in ("system", "a", "b")} | {
+            "seeds": tuple(kept["seeds"]),
+            "requirements": {each.name: each for each in requirements},
+            "success": _read_compared(kept["success"]),
+            "returns": _read_effect(kept["returns"]),
+            "notes": tuple(kept["notes"]),
+        }
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"cannot read {path}: it is no comparison that Comparison.save has written: "

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.intervals import quantiles, wilson
+from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.rows import Outcome, Row
 from rtamt_gym.simulation.record import STOPPED
@@ -29,12 +30,9 @@ if TYPE_CHECKING:  # it is optional
 
     from rtamt_gym.search.runs.runner import Runner
 
-__all__ = ["SUCCESS", "Evaluation", "RequirementResult", "played"]
+__all__ = ["Evaluation", "RequirementResult", "played"]
 
 Floats = NDArray[np.float64]
-
-SUCCESS: Final = "all requirements"
-"""The name of the result of all requirements at once."""
 
 _WORST: Final = 10
 """How many of the worst episodes a result names."""
@@ -246,6 +244,11 @@ class Evaluation:
             f"<Evaluation of {self.policy} on {self.system}: {counted(len(self.record), 'episode')}"
             f", {self.success.satisfied} satisfy {SUCCESS}>"
         )
+
+    def __str__(self) -> str:
+        from rtamt_gym.evaluation.tables import evaluation_table
+
+        return evaluation_table(self)
 
     def _result(
         self, name: str, formula: str, outcomes: Sequence[Outcome | None]

@@ -1,51 +1,17 @@
-"""A comparison in words: what is shown, and what is not."""
+"""Numbers of a comparison in words, and what a difference shows."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from rtamt_gym.evaluation.evaluation import SUCCESS
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.tables import counted
 
-if TYPE_CHECKING:
-    from rtamt_gym.evaluation.comparison import Compared
+__all__ = ["SUCCESS", "counted_points", "effect_sentence", "p_text", "points", "short"]
 
-__all__ = ["LEVEL", "effect_sentence", "p_text", "points", "sentence_of", "short"]
-
-LEVEL: Final = 0.05
-"""Rates are called different if the adjusted p-value lies below."""
-
-
-def sentence_of(compared: Compared) -> str:
-    """What is shown about the rates of one requirement, and about its robustness."""
-    parts = [_rates(compared)]
-    if compared.robustness is not None:
-        parts.append(effect_sentence(compared.robustness, "its robustness"))
-    return " ".join(parts)
-
-
-def _rates(compared: Compared) -> str:
-    name = SUCCESS if compared.name == SUCCESS else f"`{compared.name}`"
-    gap, pairs = compared.difference, compared.pairs
-    low, high = (points(end, pairs) for end in compared.interval)
-    if compared.adjusted < LEVEL:
-        ends = sorted(abs(end) for end in compared.interval)
-        low, high = (points(end, pairs) for end in ends)
-        return (
-            f"B satisfies {name} in {_counted_points(abs(gap), pairs)} "
-            f"{'more' if gap > 0 else 'less'} of the episodes "
-            f"(95%: {low} to {high}; {p_text(compared.adjusted)})."
-        )
-    start = f"No difference is shown for {name}:"
-    if compared.only_a == compared.only_b == 0:
-        agree = "agree in the only episode" if pairs == 1 else f"agree in all {pairs} episodes"
-        return f"{start} A and B {agree} (95%: {low} to {high} points)."
-    return (
-        f"{start} {_counted_points(gap, pairs)}, {low} to {high} "
-        f"(95%; {p_text(compared.adjusted)})."
-    )
+SUCCESS: Final = "all requirements"
+"""The name of the result of all requirements at once."""
 
 
 def effect_sentence(effect: Effect, what: str) -> str:
@@ -81,7 +47,8 @@ def points(share: float, pairs: int) -> str:
     return f"{rounded + 0.0:.{digits}f}"  # -0.0 becomes 0.0
 
 
-def _counted_points(share: float, pairs: int) -> str:
+def counted_points(share: float, pairs: int) -> str:
+    """The same with its unit: ``1 point``, ``12 points``."""
     text = points(share, pairs)
     return f"{text} {'point' if text in {'1', '-1'} else 'points'}"
 

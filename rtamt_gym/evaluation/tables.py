@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.evaluation.comparison import Comparison
+from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, p_text, points, short
 from rtamt_gym.search.runs.report import failures
@@ -18,8 +18,6 @@ from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
     from rich.text import Text
-
-    from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
 
 __all__ = ["comparison_table", "evaluation_table", "show"]
 
@@ -29,22 +27,33 @@ _NAMED: Final = 3
 """How many of the worst episodes are named."""
 
 
-def evaluation_table(evaluation: Evaluation) -> str:
-    """The table of an evaluation as plain text of 80 columns: what ``print`` shows of it."""
+def evaluation_table(evaluation: Any) -> str:  # noqa: ANN401 - an `Evaluation`, which prints itself so
+    """The table of an evaluation as plain text of 80 columns."""
     return _plain(_of_evaluation(evaluation))
 
 
-def comparison_table(comparison: Comparison) -> str:
-    """The table of a comparison as plain text of 80 columns: what ``print`` shows of it."""
-    return _plain(_of_comparison(comparison))
-
-
-def show(result: Evaluation | Comparison) -> None:
-    """Prints the table of a result, on a terminal with colours and as wide as it is."""
+def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`
+    """Prints the table of an evaluation: on a terminal with colours, and as wide as it is."""
     from rich.console import Console
 
-    parts = _of_comparison(result) if isinstance(result, Comparison) else _of_evaluation(result)
-    _print(Console(markup=False, highlight=False, emoji=False), parts)
+    _print(Console(markup=False, highlight=False, emoji=False), _of_evaluation(evaluation))
+
+
+def comparison_table(
+    heads: Sequence[str],
+    results: Sequence[Compared],
+    returns: Effect | None,
+    notes: Sequence[str],
+) -> str:
+    """The table of a comparison as plain text of 80 columns.
+
+    Args:
+        heads: The lines above the table.
+        results: The requirements; of several the last is all at once.
+        returns: The difference of the returns.
+        notes: The lines below, which are sentences.
+    """
+    return _plain(_of_comparison(heads, results, returns, notes))
 
 
 Part = Any  # a Text or a Table of rich
@@ -67,7 +76,7 @@ def _print(console: Any, parts: Parts) -> None:  # noqa: ANN401 - a Console of r
         console.print(part, highlight=False, no_wrap=cut, overflow="ellipsis" if cut else None)
 
 
-def _of_evaluation(evaluation: Evaluation) -> Parts:
+def _of_evaluation(evaluation: Any) -> Parts:  # noqa: ANN401
     results = list(evaluation.requirements.values())
     if len(results) > 1:
         results.append(evaluation.success)
@@ -78,7 +87,7 @@ def _of_evaluation(evaluation: Evaluation) -> Parts:
         + (f", seeds {min(seeds)} to {max(seeds)}" if seeds else "")
     )
     yield ""
-    columns: list[tuple[str, Callable[[RequirementResult], str], str]] = [
+    columns: list[tuple[str, Callable[[Any], str], str]] = [
         ("satisfied", lambda of: f"{of.rate:.1%}", ""),
         ("95% interval", lambda of: _percents(of.interval), ""),
         ("violated", lambda of: str(of.violated), "red"),
@@ -113,7 +122,7 @@ def _of_evaluation(evaluation: Evaluation) -> Parts:
         yield from (_text(line, "red") for line in lines)
 
 
-def _worst(result: RequirementResult, unit: str) -> Parts:
+def _worst(result: Any, unit: str) -> Parts:  # noqa: ANN401 - a `RequirementResult`
     """The worst episodes of a requirement that is not satisfied in all, and when it is violated."""
     if result.satisfied == result.episodes or not result.worst:
         return
@@ -126,7 +135,7 @@ def _worst(result: RequirementResult, unit: str) -> Parts:
         yield _line(f"  violated {span}, half of them by {short(float(np.median(times)))} {unit}")
 
 
-def _around(evaluation: Evaluation) -> Parts:
+def _around(evaluation: Any) -> Parts:  # noqa: ANN401
     """The returns, the lengths, and what stopping has saved."""
     unit = "s" if evaluation.period is not None else "steps"
     parts = [f"length {short(float(np.mean(evaluation.lengths)))} {unit} on average"]
@@ -145,42 +154,41 @@ def _style(decision: str) -> str:
     return ""
 
 
-def _of_comparison(comparison: Comparison) -> Parts:
-    seeds = comparison.seeds
-    for name, policy in (("A", comparison.a), ("B", comparison.b)):
-        yield _line(f"{name}: {policy}")
-    pairs = counted(len(seeds), "pair")
-    yield _line(f"{comparison.system}, {pairs} of episodes, seeds {min(seeds)} to {max(seeds)}")
+def _of_comparison(
+    heads: Sequence[str],
+    results: Sequence[Compared],
+    returns: Effect | None,
+    notes: Sequence[str],
+) -> Parts:
+    yield from map(_line, heads)
     yield ""
     names = ["A", "B", "B - A", "95%", "p", "robustness", "95%"]
-    rows = [
-        (
-            each.name,
-            [
-                _text(f"{points(each.rate_a, each.pairs)}%"),
-                _text(f"{points(each.rate_b, each.pairs)}%"),
-                _text(_signed(points(each.difference, each.pairs))),
-                _text(" to ".join(_signed(points(end, each.pairs)) for end in each.interval)),
-                _text(p_text(each.adjusted).removeprefix("p ").removeprefix("= ").replace(" ", "")),
-                *_effect(each.robustness),
-            ],
-        )
-        for each in comparison.results
-    ]
-    yield _table(names, rows)
-    for each in comparison.results:
+    yield _table(names, [(each.name, _cells(each)) for each in results])
+    for each in results:
         yield ""
         yield _text(each.sentence)
     yield ""
-    if comparison.returns is not None:
-        yield _text(effect_sentence(comparison.returns, "the return"))
-    if len(comparison.requirements) > 1:
+    if returns is not None:
+        yield _text(effect_sentence(returns, "the return"))
+    if len(results) > 1:
         yield _text(
-            f"p: McNemar's exact test, adjusted by Holm's method for "
-            f"{len(comparison.requirements)} requirements; intervals are of each alone."
+            f"p: McNemar's exact test, adjusted by Holm's method for {len(results) - 1} "
+            "requirements, but of all at once; intervals are of each alone."
         )
-    for note in comparison.notes:
-        yield _text(f"note: {note}", "yellow")
+    for note in notes:
+        yield _text(f"note: {note}")
+
+
+def _cells(compared: Compared) -> list[Text]:
+    """The cells of a requirement."""
+    pairs = compared.pairs
+    rates = (f"{points(rate, pairs)}%" for rate in (compared.rate_a, compared.rate_b))
+    gap, *ends = (
+        _signed(points(each, pairs)) for each in (compared.difference, *compared.interval)
+    )
+    p = p_text(compared.adjusted).removeprefix("p ").removeprefix("= ").replace(" ", "")
+    texts = map(_text, (*rates, gap, " to ".join(ends), p))
+    return [*texts, *_effect(compared.robustness)]
 
 
 def _effect(effect: Effect | None) -> list[Text]:

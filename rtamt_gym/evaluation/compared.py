@@ -1,0 +1,133 @@
+"""`Compared`: one requirement under two policies, and what is shown about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from rtamt_gym.evaluation.intervals import wilson
+from rtamt_gym.evaluation.paired import Effect, mcnemar, tango
+from rtamt_gym.evaluation.sentences import SUCCESS, counted_points, effect_sentence, p_text, points
+
+__all__ = ["LEVEL", "Compared", "compared_of"]
+
+LEVEL: Final = 0.05
+"""Rates are called different if the adjusted p-value lies below."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One requirement in the episodes of two policies, A and B, with the same seeds.
+
+    An episode that an error has ended, or that leaves the requirement open, does not satisfy it.
+
+    Attributes:
+        name: The name of the requirement.
+        formula: Its text.
+        both: With how many seeds both satisfy it.
+        only_a: With how many A alone does.
+        only_b: With how many B alone does.
+        neither: With how many none does.
+        interval_a: The 95 % interval of Wilson for the rate of A.
+        interval_b: The same of B.
+        interval: The 95 % interval of Tango for the difference, `paired.tango`.
+        p: The p-value of McNemar's exact test.
+        adjusted: The same, adjusted by Holm's method for the number of requirements.
+        robustness: How far the robustness of B is above that of A, over the seeds with which
+            neither failed; None if there is no such seed.
+    """
+
+    name: str
+    formula: str
+    both: int
+    only_a: int
+    only_b: int
+    neither: int
+    interval_a: tuple[float, float]
+    interval_b: tuple[float, float]
+    interval: tuple[float, float]
+    p: float
+    adjusted: float
+    robustness: Effect | None
+
+    @property
+    def pairs(self) -> int:
+        """The number of seeds."""
+        return self.both + self.only_a + self.only_b + self.neither
+
+    @property
+    def rate_a(self) -> float:
+        """The share of the seeds with which A satisfies it."""
+        return (self.both + self.only_a) / self.pairs
+
+    @property
+    def rate_b(self) -> float:
+        """The share of the seeds with which B satisfies it."""
+        return (self.both + self.only_b) / self.pairs
+
+    @property
+    def difference(self) -> float:
+        """The rate of B less that of A."""
+        return (self.only_b - self.only_a) / self.pairs
+
+    @property
+    def sentence(self) -> str:
+        """What is shown about the rates, and about the robustness."""
+        return _sentence(self)
+
+
+def compared_of(
+    name: str,
+    formula: str,
+    counts: Mapping[tuple[bool, bool], int],
+    robustness: Effect | None,
+) -> Compared:
+    """One requirement, from how often A and B satisfy it: counts by what both did, A first."""
+    both, neither = counts[True, True], counts[False, False]
+    only_a, only_b = counts[True, False], counts[False, True]
+    pairs = both + neither + only_a + only_b
+    p = mcnemar(only_a, only_b)
+    return Compared(
+        name,
+        formula,
+        both,
+        only_a,
+        only_b,
+        neither,
+        wilson(both + only_a, pairs),
+        wilson(both + only_b, pairs),
+        tango(only_a, only_b, pairs),
+        p,
+        p,
+        robustness,
+    )
+
+
+def _sentence(compared: Compared) -> str:
+    """What is shown about the rates of one requirement, and about its robustness."""
+    parts = [_rates(compared)]
+    if compared.robustness is not None:
+        parts.append(effect_sentence(compared.robustness, "its robustness"))
+    return " ".join(parts)
+
+
+def _rates(compared: Compared) -> str:
+    name = SUCCESS if compared.name == SUCCESS else f"`{compared.name}`"
+    gap, pairs = compared.difference, compared.pairs
+    low, high = (points(end, pairs) for end in compared.interval)
+    if compared.adjusted < LEVEL:
+        ends = sorted(abs(end) for end in compared.interval)
+        low, high = (points(end, pairs) for end in ends)
+        return (
+            f"B satisfies {name} in {counted_points(abs(gap), pairs)} "
+            f"{'more' if gap > 0 else 'less'} of the episodes "
+            f"(95%: {low} to {high}; {p_text(compared.adjusted)})."
+        )
+    start = f"No difference is shown for {name}:"
+    if compared.only_a == compared.only_b == 0:
+        agree = "agree in the only episode" if pairs == 1 else f"agree in all {pairs} episodes"
+        return f"{start} A and B {agree} (95%: {low} to {high} points)."
+    return (
+        f"{start} {counted_points(gap, pairs)}, {low} to {high} (95%; {p_text(compared.adjusted)})."
+    )
