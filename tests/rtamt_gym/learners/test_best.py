@@ -1,0 +1,88 @@
+"""The best of several evaluations, and the metrics of one: of real ones, counted by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from rtamt_gym import evaluate_policy
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.intervals import wilson
+from rtamt_gym.learners.best import Best
+from rtamt_gym.learners.metrics import evaluation_metrics, successes
+
+SPECS = {"near": "always(abs(x) < 0.12)", "upright": "always(abs(theta) < 0.1)"}
+SIGNALS = {"x": "obs[0]", "theta": "obs[2]"}
+
+
+def cart() -> gym.Env[Any, Any]:
+    return gym.make("CartPole-v1", max_episode_steps=30)
+
+
+def leaning(weight: float) -> Any:  # noqa: ANN401
+    return lambda obs: int(obs[2] + weight * obs[3] > 0)
+
+
+def evaluation(policy: Any, bound: float = 0.12, **more: Any) -> Evaluation:  # noqa: ANN401
+    specs = {**SPECS, "near": f"always(abs(x) < {bound})"}
+    return evaluate_policy(policy, cart, specs, SIGNALS, episodes=12, seed=50, keep=0, **more)
+
+
+def by_hand(policy: Any) -> list[tuple[bool, bool, int, float, float]]:  # noqa: ANN401
+    """Of each episode: near, upright, length, the time of the first sample not near, its margin."""
+    found = []
+    env = cart()
+    for seed in range(50, 62):
+        obs, _ = env.reset(seed=seed)
+        rows, ended = [obs], False
+        while not ended:
+            obs, _, terminated, truncated, _ = env.step(policy(obs))
+            rows.append(obs)
+            ended = terminated or truncated
+        margins = 0.12 - np.abs(np.array(rows, float)[:, 0])
+        upright = bool((np.abs(np.array(rows, float)[:, 2]) < 0.1).all())
+        first = float(np.argmax(margins <= 0)) * 0.02
+        found.append((bool(margins.min() > 0), upright, len(rows) - 1, first, margins.min()))
+    return found
+
+
+def test_the_metrics_of_an_evaluation_are_those_of_a_count_by_hand() -> None:
+    made = evaluation(leaning(0.0))
+    found, episodes = evaluation_metrics(made), by_hand(leaning(0.0))
+    both = [near and upright for near, upright, *_ in episodes]
+    assert successes(made) == both
+    assert 0 < sum(both) < 12
+    assert found["rate"] == sum(both) / 12
+    assert (found["low"], found["high"]) == wilson(sum(both), 12)
+    assert found["return"] == np.mean([length for *_, length, _, _ in episodes])
+    near = [each[0] for each in episodes]
+    assert found["near/rate"] == sum(near) / 12
+    assert (found["near/low"], found["near/high"]) == wilson(sum(near), 12)
+    heights = sorted(each[4] for each in episodes)
+    assert found["near/robustness_p5"] == heights[0]
+    assert found["near/robustness_median"] == heights[5]
+    assert found["near/robustness_p95"] == heights[11]
+    times = sorted(each[3] for each in episodes if not each[0])
+    assert found["near/first_violation"] == pytest.approx(times[(len(times) - 1) // 2])
+
+
+def test_infinite_quantiles_are_left_out() -> None:
+    found = evaluation_metrics(evaluation(leaning(0.3), semantics="boolean"))
+    assert not [key for key in found if "robustness" in key]
+    assert all(np.isfinite(value) for value in found.values())
+
+
+def test_the_best_has_most_successes_and_of_equals_the_greatest_return() -> None:
+    good, bad = leaning(0.3), leaning(-0.3)
+    some, none = evaluation(good), evaluation(bad, bound=0.001)
+    tie = evaluation(good, bound=0.001)  # as few successes, and longer episodes
+    assert [each.success.satisfied > 0 for each in (some, none, tie)] == [True, False, False]
+    assert none.returns.mean() < tie.returns.mean()
+    best = Best()
+    assert [best.add(each) for each in (none, tie, none, tie, some, tie, some)] == [
+        *(True, True, False, False, True, False, False)
+    ]
+    assert best.evaluation is some
