@@ -18,6 +18,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv, VecNormalize
 
 from rtamt_gym import StlMonitor, StlReward
+from rtamt_gym.learners.sb3 import SatisfactionCallback
 
 
 def monitored(count: int, wrapper: type = StlMonitor, **arguments: Any) -> VecEnv:  # noqa: ANN401
@@ -129,9 +130,13 @@ def test_processes_of_their_own_give_the_same_infos() -> None:
                 margins[index] = [BOUND - abs(float(observations[index][0]))]
                 ends += 1
     assert rewards.shape == (2,)
-    model = learner(envs).learn(256)
+    logged = [SatisfactionCallback(), SatisfactionCallback()]
+    model = learner(envs).learn(256, callback=logged[0])
     assert len(evaluate_policy(model, envs, 4, return_episode_rewards=True)[0]) == 4
     envs.close()
+    learner(monitored(2, seed=1)).learn(256, callback=logged[1])
+    assert logged[0].training.metrics() == logged[1].training.metrics()
+    assert logged[0].training.metrics()["spec/first_violation"] < 0.4  # seconds
 
 
 def test_normalized_rewards_leave_the_books_as_they_are() -> None:
