@@ -128,6 +128,13 @@ class EpisodeMonitoring(Monitoring):
             "episode; call reset()"
         )
 
+    def _how_to_end(self) -> str:
+        """What a verdict on all specifications, certain before any end, does to the episode."""
+        panel = self._panel
+        if panel.violated_by is not None:
+            return self._on_violation
+        return self._on_satisfaction if panel.all_decided else "report"
+
     def _finish(self, terminated: bool) -> tuple[float, float]:  # noqa: FBT001 - as Gymnasium has it
         """Reads the end that the environment has made; returns the bounds after it."""
         panel = self._panel

@@ -23,7 +23,7 @@ from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
 from rtamt_gym.wrappers.episode import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import MonitorOptions, OnViolation, single_env
+from rtamt_gym.wrappers.monitoring import MonitorOptions, OnSatisfaction, OnViolation, single_env
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 
@@ -133,6 +133,7 @@ class StlMonitor(
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "terminate",
+        on_satisfaction: OnSatisfaction = "report",
         at_termination: AtTermination | None = None,
         at_truncation: AtTruncation = "cut",
         view: View = "episode",
@@ -164,6 +165,8 @@ class StlMonitor(
                 it from the environment; ``1`` with bounds in the default unit counts steps
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode, or only ``"report"`` it
+            on_satisfaction: What it does once every specification is certainly satisfied: only
+                ``"report"`` it, or ``"terminate"`` or ``"truncate"`` the episode
             at_termination: How the environment's own end is read: ``"complete"``, the episode is
                 all there is (an invariant that held is satisfied, a goal not reached is violated);
                 ``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated,
@@ -210,6 +213,7 @@ class StlMonitor(
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
+            on_satisfaction=on_satisfaction,
             at_termination=at_termination,
             at_truncation=at_truncation,
             view=view,
@@ -298,13 +302,13 @@ class StlMonitor(
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        violated = panel.violated_by is not None
+        how = self._how_to_end()
         ended = terminated or truncated
         if ended:
             lower, upper = self._finish(terminated)
-        if violated and not terminated:
-            terminated = self._on_violation == "terminate"
-            truncated = truncated or self._on_violation == "truncate"
+        if how != "report" and not terminated:
+            terminated = how == "terminate"
+            truncated = truncated or how == "truncate"
         info = step_info(
             info,
             _float(robustness),

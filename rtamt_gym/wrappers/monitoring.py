@@ -38,6 +38,7 @@ from rtamt_gym.wrappers.observing import Observing
 __all__ = [
     "MonitorOptions",
     "Monitoring",
+    "OnSatisfaction",
     "OnViolation",
     "check_can_end",
     "refuse_monitored",
@@ -48,9 +49,22 @@ __all__ = [
 OnViolation = Literal["terminate", "truncate", "report"]
 """What happens to an episode at a certain violation."""
 
-_Choice = Literal["on_violation", "at_termination", "at_truncation", "view", "nan", "align", "cost"]
+OnSatisfaction = Literal["report", "terminate", "truncate"]
+"""What happens to an episode once every specification is certainly satisfied."""
+
+_Choice = Literal[
+    "on_violation",
+    "on_satisfaction",
+    "at_termination",
+    "at_truncation",
+    "view",
+    "nan",
+    "align",
+    "cost",
+]
 _CHOICES: dict[_Choice, tuple[object, ...]] = {
     "on_violation": get_args(OnViolation),
+    "on_satisfaction": get_args(OnSatisfaction),
     "at_termination": (None, *get_args(AtTermination)),
     "at_truncation": get_args(AtTruncation),
     "view": get_args(View),
@@ -60,11 +74,16 @@ _CHOICES: dict[_Choice, tuple[object, ...]] = {
 }
 
 
+_ENDS: tuple[Literal["on_violation"], Literal["on_satisfaction"]]
+_ENDS = "on_violation", "on_satisfaction"
+
+
 class MonitorOptions(TypedDict, total=False):
     """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
 
     period: float | str | None
     on_violation: OnViolation
+    on_satisfaction: OnSatisfaction
     at_termination: AtTermination | None
     at_truncation: AtTruncation
     view: View
@@ -105,6 +124,7 @@ class Monitoring(Observing):
         if not isinstance(length, int) or length < 0:
             raise InputError(f"expected buffer_length= as an integer, 0 or more, got {length!r}")
         self._on_violation = options["on_violation"]
+        self._on_satisfaction = options["on_satisfaction"]
         self._at_termination: AtTermination = options["at_termination"] or "complete"
         self._at_truncation = options["at_truncation"]
         self._unasked = options["at_termination"] is None  # and nobody was told yet
@@ -226,15 +246,19 @@ def vector_env(env: Any) -> VectorEnv[Any, Any, Any]:  # noqa: ANN401 - whatever
     raise InputTypeError(f"expected a vector environment of Gymnasium, got {env!r}; {way_out}")
 
 
-def check_can_end(on_violation: OnViolation, autoreset: AutoresetMode, env: object) -> None:
+def check_can_end(options: MonitorOptions, autoreset: AutoresetMode, env: object) -> None:
     """Refuses to end episodes of a vector environment that nobody could reset then."""
-    if on_violation != "report" and autoreset is not AutoresetMode.DISABLED:
-        raise InputError(
-            f"on_violation={on_violation!r} needs an environment that resets when it is told, "
-            f"AutoresetMode.DISABLED, got {autoreset} of {env}; wrap each environment, "
-            "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
-            "take on_violation='report'"
-        )
+    if autoreset is AutoresetMode.DISABLED:
+        return
+    chosen = {name: options[name] for name in _ENDS}
+    for name, choice in chosen.items():
+        if choice != "report":
+            raise InputError(
+                f"{name}={choice!r} needs an environment that resets when it is told, "
+                f"AutoresetMode.DISABLED, got {autoreset} of {env}; wrap each environment, "
+                "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor, or "
+                f"take {name}='report'"
+            )
 
 
 def refuse_monitored(monitor: str, where: str = "") -> NoReturn:

@@ -20,7 +20,12 @@ from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period
 from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.episode import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import MonitorOptions, OnViolation, refuse_monitored
+from rtamt_gym.wrappers.monitoring import (
+    MonitorOptions,
+    OnSatisfaction,
+    OnViolation,
+    refuse_monitored,
+)
 
 if TYPE_CHECKING or find_spec("pettingzoo"):
     from pettingzoo.utils import ParallelEnv
@@ -131,6 +136,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "terminate",
+        on_satisfaction: OnSatisfaction = "report",
         at_termination: AtTermination | None = None,
         at_truncation: AtTruncation = "cut",
         view: View = "episode",
@@ -156,6 +162,8 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             period: As for :class:`StlMonitor`
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode of all agents, or only ``"report"`` it
+            on_satisfaction: The same once every specification is certainly satisfied; by default
+                it is only reported
             at_termination: As for :class:`StlMonitor`, of the last agents
             at_truncation: As for :class:`StlMonitor`, of the last agents
             view: As for :class:`StlMonitor`
@@ -179,6 +187,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
+            on_satisfaction=on_satisfaction,
             at_termination=at_termination,
             at_truncation=at_truncation,
             view=view,
@@ -269,14 +278,14 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        violated = panel.violated_by is not None
+        how = self._how_to_end()
         ended = all(terminations.get(each) or truncations.get(each) for each in env.agents)
         terminated = ended and any(terminations.get(each) for each in here)
         truncated = ended and (not terminated or any(truncations.get(each) for each in here))
         if ended:
             lower, upper = self._finish(terminated)
-        if violated and not terminated and self._on_violation != "report":
-            terminated = self._on_violation == "terminate"
+        if how != "report" and not terminated:
+            terminated = how == "terminate"
             truncated = truncated or not terminated
             ends = dict.fromkeys((each for each in here if not terminations.get(each)), True)
             if terminated:

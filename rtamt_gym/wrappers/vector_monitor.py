@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from rtamt import StateError
 from rtamt_gym.judges.costs import Cost
 from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.episodes import EpisodeRecords, record
-from rtamt_gym.judges.infos import last_info, step_info
+from rtamt_gym.judges.episodes import EpisodeRecords
 from rtamt_gym.judges.interface import Interface, Names, Semantics
 from rtamt_gym.judges.specs import (
     Align,
@@ -28,13 +27,14 @@ from rtamt_gym.judges.specs import (
     recordable,
 )
 from rtamt_gym.judges.values import MonitorValues
-from rtamt_gym.judges.vector_infos import final_infos, final_observations, key_mask, put, put_last
+from rtamt_gym.judges.vector_infos import final_infos, final_observations
 from rtamt_gym.judges.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.wrappers.lanes import LaneMonitoring, flagged
 from rtamt_gym.wrappers.monitoring import (
-    Monitoring,
     MonitorOptions,
+    OnSatisfaction,
     OnViolation,
     check_can_end,
     refuse_monitored,
@@ -45,7 +45,7 @@ from rtamt_gym.wrappers.observing import Observe
 __all__ = ["VectorStlMonitor"]
 
 
-class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
+class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     """Monitors every environment of a vector environment against specifications.
 
     Samples and infos are those of environments wrapped by :class:`StlMonitor` one by one. The infos
@@ -115,6 +115,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         *,
         period: float | str | None = None,
         on_violation: OnViolation = "report",
+        on_satisfaction: OnSatisfaction = "report",
         at_termination: AtTermination | None = None,
         at_truncation: AtTruncation = "cut",
         view: View = "episode",
@@ -134,18 +135,19 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         The arguments are those of :class:`StlMonitor`, except that ``env`` is a vector environment,
         that a callable signal reads all environments at once, that for the period of an
         ``AsyncVectorEnv`` one more environment is made and closed if a specification has bounds,
-        and that ``on_violation`` is ``"report"`` by default and may be ``"terminate"`` or
-        ``"truncate"`` only with ``AutoresetMode.DISABLED``.
+        and that ``on_violation`` is ``"report"`` by default; it and ``on_satisfaction`` may be
+        ``"terminate"`` or ``"truncate"`` only with ``AutoresetMode.DISABLED``.
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
             InputError: As :class:`StlMonitor` does; and if the environment cannot do what
-                ``on_violation`` asks
+                ``on_violation`` or ``on_satisfaction`` asks
         """
         interface = Interface(semantics, inputs, outputs)
         options = MonitorOptions(
             period=period,
             on_violation=on_violation,
+            on_satisfaction=on_satisfaction,
             at_termination=at_termination,
             at_truncation=at_truncation,
             view=view,
@@ -163,7 +165,7 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         VectorWrapper.__init__(self, vector_env(env))
         loaded = self._set_up(env, specs, signals, options, read_period)
         self._autoreset = autoreset_mode(env)
-        check_can_end(on_violation, self._autoreset, env)
+        check_can_end(options, self._autoreset, env)
         names = [signal.name for signal in self._signals]
         self._panel = VectorPanel(
             loaded, env.num_envs, self._period, view, nan, names, interface, align, cost
@@ -246,11 +248,12 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         if begun is not None:
             self._panel.reset(begun)
         self._panel.feed(self._table)
-        violated = self._panel.violated_at >= 0 if self._on_violation != "report" else None
+        certain = self._certain()
         if ended is not None:
             self._finish(np.asarray(terminated), np.asarray(truncated))
-        if violated is not None:
-            terminated, truncated = self._end(terminated, truncated, violated)
+        if certain:
+            for lanes, how in certain:
+                terminated, truncated = flagged(lanes, how, terminated, truncated)
             ended = _some(np.logical_or(terminated, truncated))
         infos = dict(infos)
         stepped = None if begun is None else ~begun
@@ -308,13 +311,6 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
             )
         return self._done
 
-    def _end(self, terminated: Any, truncated: Any, violated: Lanes) -> tuple[Any, Any]:  # noqa: ANN401
-        """Sets the flag that `on_violation` names, for the episodes that are violated."""
-        failed = violated & ~np.asarray(terminated)
-        if self._on_violation == "terminate":
-            return np.logical_or(terminated, failed), truncated
-        return terminated, np.logical_or(truncated, failed)
-
     def _at_end(self, obs: Any, infos: dict[str, Any], ended: Lanes) -> Any:  # noqa: ANN401
         """Observations and infos from before the resets in a step, as far as signals need them."""
         if self._columns.reads_obs:
@@ -327,68 +323,6 @@ class VectorStlMonitor(Monitoring, VectorWrapper, RecordConstructorArgs):
         self._panel.reset(lanes)
         self._panel.feed(table, lanes)
         self._table[which] = table[which]
-
-    def _report(
-        self,
-        infos: dict[str, Any],
-        lanes: Lanes | None,
-        costs: dict[str, Floats] | None = None,
-        charged: Lanes | None = None,
-    ) -> None:
-        """Adds the keys that every info has, to the environments of the mask; None: to all.
-
-        The costs are added to the environments ``charged``; None: to all.
-        """
-        panel = self._panel
-        states = panel.describe() if self._details else None
-        violated = panel.violated_at >= 0
-        added = step_info({}, panel.robustness, panel.lower, panel.upper, violated, states)
-        for key, value in added.items():
-            put(infos, key, value, lanes, self.num_envs)
-        for key, cost in (costs or {}).items():
-            put(infos, key, cost, charged, self.num_envs)
-
-    def _finish(self, terminated: Lanes, truncated: Lanes) -> None:
-        """Reads the ends that the environments have made."""
-        panel, names = self._panel, list(self._panel.monitors)
-        at = terminated.nonzero()[0]
-        undecided = panel.undecided(at) if self._unasked else None
-        panel.finish(terminated, self._at_termination)
-        panel.finish(truncated & ~terminated, self._at_truncation)
-        if undecided is not None:
-            held = np.flatnonzero((undecided & panel.satisfied(at)).any(axis=1))
-            self._assumed = names[held[0]] if len(held) else None
-
-    def _conclude(
-        self,
-        infos: dict[str, Any],
-        ended: Lanes,
-        terminated: Any,  # noqa: ANN401
-        truncated: Any,  # noqa: ANN401
-    ) -> None:
-        """Adds the keys that only the last infos of episodes have, and records the episodes."""
-        panel, at = self._panel, ended.nonzero()[0]
-        found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
-        reported = key_mask(infos, "is_success", self.num_envs)
-        undecided = panel.undecided(at).any(axis=0)
-        last = last_info(*found, panel.success(at), undecided, reported[at])
-        put_last(infos, last, at, ended, reported)
-        flags = np.asarray(terminated)[at], np.asarray(truncated)[at]
-        self._episodes.append(at, record(*found, panel.samples[at], *flags))
-        self._seen_success |= bool(reported[at].any())
-
-    def _abandon(self, lanes: Lanes) -> None:
-        """Records what goes on in these environments as truncated: it was ended from outside."""
-        if self._running:
-            cut = lanes & (self._panel.samples > 1)
-            if self._done is not None:
-                cut &= ~self._done
-            at, panel = cut.nonzero()[0], self._panel
-            if len(at):
-                panel.finish(cut, self._at_truncation)
-                found = panel.outcomes(at), panel.violated_by[at], panel.violated_at[at]
-                self._episodes.append(at, record(*found, panel.samples[at], ~cut[at], cut[at]))
-        self._running = False
 
 
 def _some(lanes: Lanes) -> Lanes | None:

@@ -1,0 +1,187 @@
+"""`on_satisfaction`: what a certain satisfaction of all specifications does to an episode."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from environments import Env
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers import RecordEpisodeStatistics
+from hypothesis import given
+from hypothesis import strategies as st
+from parallel_environments import Crew
+from replay import Replay, X, run
+from vector_environments import Make, difference, sync, trajectory
+
+from rtamt.errors import InputError
+from rtamt_gym import ParallelStlMonitor, StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
+
+SPECS = {"near": "always[0:2](x > 1)", "there": "eventually(x > 5)"}
+SERIES = [2.0, 6.0, 2.0, 2.0, 0.0, 2.0]
+OPTIONS: dict[str, Any] = {"period": 1, "at_termination": "complete"}
+
+
+def monitored(series: list[float], end: str = "none", **options: Any) -> StlMonitor[Any, Any]:  # noqa: ANN401
+    return StlMonitor(Replay(series, end), SPECS, X, **OPTIONS | options)
+
+
+@pytest.mark.parametrize("how", ["terminate", "truncate"])
+def test_the_episode_ends_at_the_sample_that_makes_it_certain(how: str) -> None:
+    infos = run(monitored(SERIES, on_satisfaction=how))
+    last = infos[-1]
+    assert len(infos) == 3  # `near` is certain at sample 2
+    assert (last["terminated"], last["truncated"]) == (how == "terminate", how == "truncate")
+    assert (last["is_success"], last["stl_success"], last["stl_undecided"]) == (True, True, False)
+    assert last["stl_episode"]["near"]["decided_at"] == 2
+    assert "stl_violated_by" not in last
+    assert float(last["stl_lower"]) > 0.0
+
+
+def test_a_satisfaction_is_only_reported_unless_something_else_is_said() -> None:
+    infos = run(monitored([*SERIES[:4], 2.0], "truncated"))
+    assert len(infos) == 5
+    assert run(monitored([*SERIES[:4], 2.0], "truncated", on_satisfaction="report")) == infos
+
+
+@given(
+    series=st.lists(st.sampled_from([0.0, 2.0, 6.0]), min_size=2, max_size=8),
+    end=st.sampled_from(["terminated", "truncated"]),
+    how=st.sampled_from(["terminate", "truncate"]),
+)
+def test_no_other_end_is_moved(series: list[float], end: str, how: str) -> None:
+    whole = run(monitored(series, end, on_violation="report", details=True))
+    certain = [
+        number
+        for number, info in enumerate(whole)
+        if all(each["lower"] > 0.0 for each in info["stl"].values())
+    ]
+    own_end = len(whole) - 1
+    # At the last sample the reading of the end has made bounds certain, which is no early end.
+    expected = min([max(number, 1) for number in certain] + [own_end])
+    infos = run(monitored(series, end, on_violation="report", details=True, on_satisfaction=how))
+    assert len(infos) == expected + 1
+    if expected < own_end:
+        last = infos[-1]
+        assert (last["terminated"], last["truncated"]) == (how == "terminate", how == "truncate")
+
+
+def test_a_reset_that_satisfies_ends_at_the_first_step() -> None:
+    env = StlMonitor(Replay([6.0, 0.0, 0.0]), "eventually(x > 5)", X, on_satisfaction="truncate")
+    assert [info["stl_lower"] > 0 for info in run(env)] == [True, True]
+
+
+def test_a_violation_is_told_by_its_own_option() -> None:
+    infos = run(
+        monitored([0.0, 6.0, 6.0], "truncated", on_violation="report", on_satisfaction="terminate")
+    )
+    assert len(infos) == 3
+    assert infos[-1]["stl_violated_by"] == "near"
+
+
+@pytest.mark.parametrize("how", ["terminate", "truncate"])
+def test_books_inside_count_the_episode(how: Any) -> None:  # noqa: ANN401
+    inside = RecordEpisodeStatistics(Replay(SERIES, "none"))
+    env = StlReward(
+        inside,
+        SPECS,
+        X,
+        mode="replace",
+        bonus=3.0,
+        on_satisfaction=how,
+        **OPTIONS,
+    )
+    last = run(env)[-1]
+    assert (last["episode"]["l"], last["episode"]["r_env"]) == (2, 3.0)
+    assert last["episode"]["r"] == pytest.approx(1.0 + 1.0 + 3.0)
+    assert list(inside.return_queue) == [last["episode"]["r"]]
+    assert env.stl_episodes[-1]["terminated"] is (how == "terminate")
+
+
+@pytest.mark.parametrize("how", ["terminate", "truncate"])
+def test_the_episode_of_all_agents_ends(how: Any) -> None:  # noqa: ANN401
+    env = ParallelStlMonitor(
+        Crew({"a": SERIES, "b": SERIES}), SPECS, {"x": "a: obs[0]"}, on_satisfaction=how, **OPTIONS
+    )
+    env.reset()
+    steps = 0
+    while env.agents:
+        actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+        _, _, terminations, truncations, infos = env.step(actions)
+        steps += 1
+    assert steps == 2
+    ends = {"a": True, "b": True}
+    assert (terminations if how == "terminate" else truncations) == ends
+    assert infos["b"]["is_success"] is True
+
+
+def series_env(values: list[float], end: str) -> Env:
+    return Replay(values, end)
+
+
+@pytest.mark.parametrize("how", ["terminate", "truncate"])
+@pytest.mark.parametrize("on_violation", ["report", "terminate", "truncate"])
+@pytest.mark.parametrize("reward", [False, True])
+def test_many_environments_end_as_each_does(how: str, on_violation: str, *, reward: bool) -> None:
+    makes: list[Make] = [
+        functools.partial(series_env, series, end)
+        for series, end in (
+            (SERIES, "terminated"),
+            ([6.0, 2.0, 2.0], "truncated"),
+            ([2.0, 2.0, 0.0, 6.0, 6.0], "terminated"),
+            ([2.0, 2.0, 2.0, 2.0, 2.0, 6.0, 2.0], "truncated"),
+        )
+    ]
+    options: Any = {**OPTIONS, "on_satisfaction": how, "on_violation": on_violation}
+    shape: Any = {"mode": "potential", "bonus": 2.0, "penalty": 1.0, "clip": 9.0} if reward else {}
+    one: Any = functools.partial(StlReward if reward else StlMonitor, **shape)
+    many: Any = functools.partial(VectorStlReward if reward else VectorStlMonitor, **shape)
+
+    def wrapped(make: Make) -> Env:
+        made: Env = one(make(), SPECS, X, **options)
+        return made
+
+    mode = AutoresetMode.DISABLED
+    singles = sync([functools.partial(wrapped, make) for make in makes], mode)
+    together = many(sync(makes, mode), SPECS, X, **options)
+    assert difference(trajectory(together, 20), trajectory(singles, 20)) == ""
+
+
+def test_environments_that_reset_by_themselves_cannot_be_ended() -> None:
+    makes: list[Make] = [functools.partial(series_env, SERIES, "terminated")]
+    with pytest.raises(InputError) as caught:
+        VectorStlMonitor(
+            sync(makes, AutoresetMode.NEXT_STEP), SPECS, X, period=1, on_satisfaction="truncate"
+        )
+    assert str(caught.value) == (
+        "on_satisfaction='truncate' needs an environment that resets when it is told, "
+        "AutoresetMode.DISABLED, got AutoresetMode.NEXT_STEP of SyncVectorEnv(num_envs=1); wrap "
+        "each environment, gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with "
+        "StlMonitor, or take on_satisfaction='report'"
+    )
+
+
+def test_another_word_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        monitored(SERIES, on_satisfaction="stop")
+    assert str(caught.value) == (
+        "expected on_satisfaction='report' or 'terminate' or 'truncate', got 'stop'"
+    )
+
+
+def test_the_argument_is_recorded() -> None:
+    env = StlMonitor(
+        gym.make("CartPole-v1"), "eventually(a > 0.01)", {"a": "obs[2]"}, on_satisfaction="truncate"
+    )
+    assert env.spec is not None
+    again = gym.make(EnvSpec.from_json(env.spec.to_json()))
+    for each in (env, again):
+        _, info = each.reset(seed=3)
+        truncated = False
+        while not truncated:
+            *_, truncated, info = each.step(np.int64(0))
+        assert info["is_success"] is True
