@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rtamt_gym.checks.extras import missing, naming_extra
 
 if TYPE_CHECKING:
+    from rtamt_gym.datasets.relabel import relabel
     from rtamt_gym.evaluation.comparison import Comparison, compare
     from rtamt_gym.evaluation.evaluate import evaluate_policy
     from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
         "evaluate_rollouts",
         "falsify",
         "mine",
+        "relabel",
         "simulate",
         "sweep",
     ]
@@ -111,6 +113,7 @@ _MODULES = {
     "evaluate_rollouts": "rtamt_gym.mujoco.rollouts",
     "falsify": "rtamt_gym.search.falsification.falsify",
     "mine": "rtamt_gym.search.mining.mining",
+    "relabel": "rtamt_gym.datasets.relabel",
     "simulate": "rtamt_gym.simulation.simulate",
     "sweep": "rtamt_gym.search.sweeps.sweep",
 }

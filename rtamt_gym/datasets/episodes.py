@@ -1,0 +1,194 @@
+"""Recorded episodes, as Minari has them, and the same with what monitors say of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from rtamt import InputError, InputTypeError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.signals.columns import Lanes
+
+__all__ = ["Episode", "RelabelledEpisode", "part", "read_episode", "size_of", "space_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """A recorded episode of n steps; an entry of ``infos`` has n + 1 elements, or n if the reset
+    had none.
+
+    Attributes:
+        number: Its number in the dataset.
+        observations: n + 1 of them, the first that of the reset: an array, or a dictionary or a
+            tuple of such.
+        actions: n of them.
+        rewards: n numbers.
+        terminations: n truth values.
+        truncations: n truth values.
+        infos: Arrays by key.
+        seed: The seed of the reset, if it is known.
+        options: The options of the reset, if they are known.
+    """  # noqa: D205 - the shape is part of what an episode is
+
+    number: int
+    observations: Any
+    actions: Any
+    rewards: NDArray[Any]
+    terminations: Lanes
+    truncations: Lanes
+    infos: dict[str, Any]
+    seed: int | None = None
+    options: dict[str, Any] | None = None
+
+    def __len__(self) -> int:
+        """The number of steps."""
+        return len(self.rewards)
+
+
+@dataclass(frozen=True, slots=True)
+class RelabelledEpisode(Episode):
+    """A recorded episode with what monitors say of it.
+
+    Its attributes are those of Minari's ``EpisodeData``, and:
+
+    Attributes:
+        outcomes: For each specification ``{"robustness", "verdict", "satisfied", "decided_at"}``,
+            as in ``info["stl_episode"]`` of a monitored environment.
+        violated_by: The specification that was violated first; None if none was.
+        violated_at: The sample that showed it; None if none was violated.
+    """
+
+    outcomes: dict[str, dict[str, Any]] = field(default_factory=dict)
+    violated_by: str | None = None
+    violated_at: int | None = None
+
+    @property
+    def satisfied(self) -> bool:
+        """Whether all specifications are satisfied."""
+        return all(outcome["satisfied"] for outcome in self.outcomes.values())
+
+    @property
+    def robustness(self) -> float:
+        """The least robustness of the episode over the specifications."""
+        return float(min(outcome["robustness"] for outcome in self.outcomes.values()))
+
+
+_FIELDS = ("observations", "actions", "rewards", "terminations", "truncations")
+
+
+def read_episode(given: Any, number: int, metadata: Mapping[str, Any] | None = None) -> Episode:  # noqa: ANN401 - whatever is given
+    """Reads an episode of a dataset, and checks that its parts belong together.
+
+    Args:
+        given: Minari's ``EpisodeData`` or ``EpisodeBuffer``, or a mapping with the same names.
+        number: Its number in the dataset.
+        metadata: What the dataset says of the reset, ``seed`` and ``options``; None: the episode
+            says it itself, if it does.
+
+    Raises:
+        InputTypeError: If it is no episode.
+        InputError: If a part is missing or has another length than it should have, or if the
+            episode goes on after its end.
+    """
+    if isinstance(given, Mapping):
+        known, missing = given, [name for name in _FIELDS if name not in given]
+    else:
+        names = (*_FIELDS, "infos", "seed", "options")
+        known = {name: getattr(given, name) for name in names if hasattr(given, name)}
+        missing = [name for name in _FIELDS if name not in known]
+        if len(missing) == len(_FIELDS):
+            raise InputTypeError(
+                f"expected episode {number} as Minari's EpisodeData, or as a mapping with "
+                f"{listing(_FIELDS)}, got {type(given).__name__}"
+            )
+    if missing:
+        raise InputError(
+            f"episode {number} has no {missing[0]!r}; its keys are {listing(known)}"
+            f"{nearest(missing[0], [name for name in known if name not in _FIELDS])}"
+        )
+    said = known if metadata is None else metadata
+    episode = Episode(
+        number,
+        _arrays(known["observations"]),
+        _arrays(known["actions"]),
+        np.asarray(known["rewards"]),
+        np.asarray(known["terminations"], np.bool_),
+        np.asarray(known["truncations"], np.bool_),
+        dict(known.get("infos") or {}),
+        said.get("seed"),
+        said.get("options"),
+    )
+    _check(episode)
+    return episode
+
+
+def _check(episode: Episode) -> None:
+    number, steps = episode.number, len(episode)
+    if steps == 0:
+        raise InputError(f"episode {number} has no steps; leave it out")
+    for name in _FIELDS:
+        wanted = steps + (name == "observations")
+        for leaf in _leaves(getattr(episode, name)):
+            if len(leaf) != wanted:
+                what = ", the first that of the reset" if name == "observations" else ""
+                raise InputError(
+                    f"episode {number}: expected {wanted} {name} for {steps} rewards{what}, got "
+                    f"{len(leaf)}"
+                )
+    early = np.flatnonzero((episode.terminations | episode.truncations)[:-1])
+    if len(early):
+        raise InputError(
+            f"episode {number} ends at step {early[0]} and has {steps} steps; split it there"
+        )
+
+
+def _arrays(tree: Any) -> Any:  # noqa: ANN401 - of observations or actions
+    """The same tree with arrays as leaves."""
+    if isinstance(tree, Mapping):
+        return {key: _arrays(each) for key, each in tree.items()}
+    if isinstance(tree, tuple):
+        return tuple(_arrays(each) for each in tree)
+    return np.asarray(tree)
+
+
+def _leaves(tree: Any) -> list[NDArray[Any]]:  # noqa: ANN401 - of observations or actions
+    if isinstance(tree, Mapping):
+        return [leaf for each in tree.values() for leaf in _leaves(each)]
+    if isinstance(tree, tuple):
+        return [leaf for each in tree for leaf in _leaves(each)]
+    return [tree]
+
+
+def size_of(episode: Episode) -> int:
+    """The bytes of the observations and actions."""
+    trees = episode.observations, episode.actions
+    return sum(leaf.nbytes for tree in trees for leaf in _leaves(tree))
+
+
+def part(tree: Any, where: Any) -> Any:  # noqa: ANN401 - an index or a slice of a tree
+    """The elements of all leaves of a tree at an index, or in a slice."""
+    if isinstance(tree, Mapping):
+        return {key: part(each, where) for key, each in tree.items()}
+    if isinstance(tree, tuple):
+        return tuple(part(each, where) for each in tree)
+    return tree[where]
+
+
+def space_of(tree: Any) -> spaces.Space[Any]:  # noqa: ANN401 - of observations or actions
+    """A space that holds an element of a tree, for datasets that declare none."""
+    if isinstance(tree, Mapping):
+        return spaces.Dict([(key, space_of(each)) for key, each in tree.items()])
+    if isinstance(tree, tuple):
+        return spaces.Tuple([space_of(each) for each in tree])
+    kind = tree.dtype
+    if kind.kind in "iu":
+        limits: Any = np.iinfo(kind)
+        return spaces.Box(limits.min, limits.max, tree.shape[1:], kind)
+    if kind.kind == "b":
+        return spaces.Box(0, 1, tree.shape[1:], np.int8)
+    return spaces.Box(-np.inf, np.inf, tree.shape[1:], kind)

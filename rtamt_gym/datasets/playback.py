@@ -1,0 +1,182 @@
+"""Recorded episodes played side by side: a vector environment for monitors and rewards.
+
+What robustness, verdicts, costs and shaped rewards are is said by the wrappers of vector
+environments alone. So the signals of recorded episodes are the observations of a vector
+environment, whose lanes take one episode after the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from numpy.typing import NDArray
+
+from rtamt_gym.datasets.episodes import Episode
+from rtamt_gym.signals.columns import Batch, Floats, Lanes
+
+__all__ = ["Judged", "Playback", "Tape", "play"]
+
+
+class Tape:
+    """Episodes one behind the other: a row for every sample, and one for lanes that have none.
+
+    Args:
+        episodes: The episodes.
+        tables: The signals of each.
+        rewards: The rewards of each that its environment gave.
+
+    Attributes:
+        starts: The rows in which episodes start; the last one is that of lanes without.
+        signals: The signals of every row.
+        rewards: The rewards of every row.
+        terminated: Whether the row is the last of a terminated episode.
+        truncated: Whether it is the last one of any other episode: its record ends there.
+    """
+
+    def __init__(
+        self, episodes: Sequence[Episode], tables: Sequence[Floats], rewards: Sequence[Floats]
+    ) -> None:
+        self.starts = np.cumsum([0, *(len(table) for table in tables)])
+        self.signals = np.concatenate([*tables, tables[-1][:1]])  # which is never nan
+        rows = len(self.signals)
+        self.rewards = np.zeros(rows)
+        self.terminated, self.truncated = np.zeros(rows, np.bool_), np.zeros(rows, np.bool_)
+        for episode, begin, paid in zip(episodes, self.starts[:-1], rewards, strict=True):
+            end = begin + len(paid)
+            self.rewards[begin + 1 : end + 1] = paid
+            self.terminated[end] = episode.terminations[-1]
+            self.truncated[end] = episode.truncations[-1] or not episode.terminations[-1]
+
+
+class Playback(VectorEnv[Any, Any, Any]):
+    """A vector environment that plays a tape; actions do nothing.
+
+    Attributes:
+        tape: The tape; to be set before a reset.
+        rows: The row that each lane shows.
+
+    Args:
+        num: The number of lanes.
+        columns: The number of signals.
+    """
+
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as Gymnasium's
+
+    tape: Tape
+
+    def __init__(self, num: int, columns: int) -> None:
+        self.num_envs = num
+        self.single_observation_space = spaces.Box(-np.inf, np.inf, (columns,), np.float64)
+        self.single_action_space = spaces.Discrete(1)
+        self.rows: NDArray[np.intp] = np.zeros(num, np.intp)
+        self._next = 0
+        self._ended: Lanes = np.zeros(num, np.bool_)
+
+    def reset(self, **_: Any) -> tuple[Floats, dict[str, Any]]:  # noqa: ANN401
+        """Begins the tape."""
+        self._next = 0
+        self._ended = np.ones(self.num_envs, np.bool_)
+        self._advance()
+        self._ended = np.zeros(self.num_envs, np.bool_)
+        return self.tape.signals[self.rows], {}
+
+    def step(
+        self,
+        actions: Any,  # noqa: ANN401, ARG002 - they were taken long ago
+    ) -> tuple[Floats, Floats, Lanes, Lanes, dict[str, Any]]:
+        """Shows the next sample of every episode, or the first of the next one."""
+        self._advance()
+        tape, rows = self.tape, self.rows
+        terminated, truncated = tape.terminated[rows], tape.truncated[rows]
+        self._ended = terminated | truncated
+        return tape.signals[rows], tape.rewards[rows], terminated, truncated, {}
+
+    @property
+    def playing(self) -> bool:
+        """Whether a lane has an episode that goes on, or one is left."""
+        idle = self.tape.starts[-1]
+        left = self._next < len(self.tape.starts) - 1
+        return left or bool(np.any((self.rows != idle) & ~self._ended))
+
+    def _advance(self) -> None:
+        idle = self.tape.starts[-1]
+        self.rows = np.where(self.rows == idle, idle, self.rows + 1)
+        for lane in np.flatnonzero(self._ended):
+            self.rows[lane] = self.tape.starts[self._next]
+            self._next = min(self._next + 1, len(self.tape.starts) - 1)
+
+
+class Judged:
+    """What the wrappers say of the samples and the ends of a tape's episodes.
+
+    Attributes:
+        columns: By key of the infos, a value for every row, 0 where there is none; a dictionary
+            where the infos have one.
+        rewards: The shaped rewards of every row.
+        outcomes: By the row in which an episode ends, its outcomes.
+        violations: By that row the specification that was violated first, and the sample.
+    """
+
+    def __init__(self, rows: int) -> None:
+        self.columns: dict[str, Any] = {}
+        self.rewards = np.zeros(rows)
+        self.outcomes: dict[int, dict[str, dict[str, Any]]] = {}
+        self.violations: dict[int, tuple[str, int]] = {}
+
+    def keep(self, rows: NDArray[np.intp], rewards: Floats, infos: dict[str, Any]) -> None:
+        """Keeps what a step says of the rows that it shows."""
+        self.rewards[rows] = rewards
+        _keep(self.columns, infos, rows, len(self.rewards))
+
+    def conclude(self, rows: NDArray[np.intp], ended: Lanes, infos: dict[str, Any]) -> None:
+        """Keeps the outcomes of the episodes that a step ends."""
+        for lane in np.flatnonzero(ended):
+            row = int(rows[lane])
+            self.outcomes[row] = {
+                name: {
+                    key: value[lane : lane + 1].tolist()[0]
+                    for key, value in outcome.items()
+                    if not key.startswith("_") and outcome[f"_{key}"][lane]
+                }
+                for name, outcome in infos["stl_episode"].items()
+                if not name.startswith("_") or f"_{name}" in infos["stl_episode"]
+            }
+            if "stl_violated_by" in infos and infos["_stl_violated_by"][lane]:
+                found = infos["stl_violated_by"][lane], int(infos["stl_violated_at"][lane])
+                self.violations[row] = found
+
+
+_OF_THE_EPISODE = frozenset({"stl_episode", "stl_violated_by", "stl_violated_at", "final_info"})
+
+
+def _keep(
+    columns: dict[str, Any], infos: dict[str, Any], rows: NDArray[np.intp], size: int
+) -> None:
+    for key, value in infos.items():
+        if key in _OF_THE_EPISODE or (key.startswith("_") and key[1:] in infos):
+            continue
+        if isinstance(value, dict):
+            _keep(columns.setdefault(key, {}), value, rows, size)
+        elif value.dtype != object:
+            if key not in columns:
+                columns[key] = np.zeros(size, value.dtype)
+            columns[key][rows] = value
+
+
+def play(envs: Batch, playback: Playback) -> Judged:
+    """Plays the tape of a playback through the wrappers around it."""
+    judged = Judged(len(playback.tape.rewards))
+    actions = np.zeros(playback.num_envs, np.int64)
+    _, infos = envs.reset()
+    judged.keep(playback.rows, np.zeros(playback.num_envs), infos)
+    while playback.playing:
+        _, rewards, terminated, truncated, infos = envs.step(actions)
+        judged.keep(playback.rows, rewards, infos)
+        ended = terminated | truncated
+        if ended.any():
+            judged.conclude(playback.rows, ended, infos)
+    return judged

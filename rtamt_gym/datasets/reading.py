@@ -1,0 +1,130 @@
+"""The signals of recorded episodes: a table with a row for every sample.
+
+The steps of an episode are read at once, as those of many environments are: a selector is bound by
+`rtamt_gym.signals.columns`, to the spaces of the dataset. A callable gets a `Step` for each sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from rtamt import InputError, RtamtError
+from rtamt_gym.datasets.episodes import Episode, part
+from rtamt_gym.judges.specs import Nan
+from rtamt_gym.signals.columns import Floats, SignalColumns
+from rtamt_gym.signals.signals import Reading, Step
+
+__all__ = ["SignalReader"]
+
+
+class SignalReader:
+    """Reads the signals of episodes.
+
+    Args:
+        signals: What to read, in the order of the columns.
+        observations: The space of an observation.
+        actions: The space of an action.
+        nan: Whether a signal that is nan is refused, or keeps its last value.
+
+    Raises:
+        InputError: If a selector does not fit the spaces.
+    """
+
+    def __init__(
+        self,
+        signals: Sequence[Reading],
+        observations: spaces.Space[Any],
+        actions: spaces.Space[Any],
+        nan: Nan,
+    ) -> None:
+        self._signals = signals
+        self._selected = [at for at, each in enumerate(signals) if each.source is not None]
+        self._called = [at for at, each in enumerate(signals) if each.source is None]
+        self._spaces = {"single_observation_space": observations, "single_action_space": actions}
+        self._nan = nan
+        self._columns(1)  # so that a selector that does not fit is refused now
+
+    def table(self, episode: Episode, rewards: Floats) -> Floats:
+        """Reads an episode: a row for the reset, and one for every step.
+
+        Args:
+            episode: The episode.
+            rewards: The rewards of the environment itself.
+
+        Raises:
+            InputError: If a signal cannot be read or is nan; a note names the episode.
+        """
+        try:
+            table = self._read(episode, rewards)
+            self._check(table)
+        except RtamtError as error:
+            error.add_note(f"in episode {episode.number}")
+            raise
+        return table
+
+    def _columns(self, num: int) -> SignalColumns:
+        """Reads so many steps at once."""
+        signals = [self._signals[at] for at in self._selected]
+        lanes: Any = SimpleNamespace(num_envs=num, **self._spaces)
+        return SignalColumns(signals, lanes, same_step=False)
+
+    def _read(self, episode: Episode, rewards: Floats) -> Floats:
+        table = np.empty((len(episode) + 1, len(self._signals)))
+        first, later = _split(episode.infos, len(episode))
+        obs, actions = episode.observations, episode.actions
+        if self._selected:
+            reset = self._columns(1).reset(part(obs, slice(0, 1)), first, np.ones(1, np.bool_))
+            table[0, self._selected] = reset[0]
+            steps = self._columns(len(episode))
+            table[1:, self._selected] = steps.step(
+                part(obs, slice(1, None)), actions, rewards, later
+            )
+        for at, signal in enumerate(self._signals):
+            # An info that has no value at reset is padded with nan in a dataset.
+            if signal.default is not None and np.isnan(table[0, at]):
+                table[0, at] = signal.default
+        for at in self._called:
+            signal = self._signals[at]
+            for k in range(len(table)):
+                if k == 0 and signal.default is not None:
+                    table[k, at] = signal.default
+                    continue
+                step = Step(part(obs, 0), None, None, part(first, 0), None)
+                if k:
+                    said = part(later, k - 1)
+                    step = Step(part(obs, k), part(actions, k - 1), rewards[k - 1], said, None)
+                table[k, at] = signal.number(signal.call(step))
+        return table
+
+    def _check(self, table: Floats) -> None:
+        found = np.argwhere(np.isnan(table))
+        if len(found) == 0 or (self._nan == "hold" and found[0, 0] > 0):
+            return
+        sample, column = found[0]
+        way_out = "; nan='hold' keeps the last value"
+        if sample == 0:
+            way_out += ", and the first sample has none"
+        raise InputError(
+            f"signal {self._signals[column].name!r} is nan at sample {sample}{way_out}"
+        )
+
+
+def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The infos of the reset, and those of the steps; n elements are none of a reset."""
+    first: dict[str, Any] = {}
+    later: dict[str, Any] = {}
+    for key, value in infos.items():
+        if isinstance(value, Mapping):
+            first[key], later[key] = _split(value, steps)
+            continue
+        entries = np.asarray(value)
+        if entries.ndim and len(entries) == steps + 1:
+            first[key], later[key] = entries[:1], entries[1:]
+        elif entries.ndim and len(entries) == steps:
+            later[key] = entries
+    return first, later

@@ -1,0 +1,337 @@
+"""`relabel`: robustness, costs, success and shaped rewards for recorded episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal, TypedDict, Unpack, overload
+
+import gymnasium as gym
+import numpy as np
+
+from rtamt import InputError, InputTypeError, Specification
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.datasets.episodes import Episode, RelabelledEpisode, part, size_of
+from rtamt_gym.datasets.playback import Judged, Playback, Tape, play
+from rtamt_gym.datasets.reading import SignalReader
+from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
+from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judges.ends import AtTermination, AtTruncation
+from rtamt_gym.judges.interface import Names, Semantics
+from rtamt_gym.judges.specs import (
+    Align,
+    Nan,
+    SpecsLike,
+    View,
+    check_period,
+    load_specs,
+    read_period,
+    why_no_period,
+)
+from rtamt_gym.shaping import Mode, Priority
+from rtamt_gym.signals.columns import Batch, Floats
+from rtamt_gym.signals.signals import SignalLike, parse_signals
+from rtamt_gym.signals.sources import STEP
+from rtamt_gym.wrappers.rewarding import ShapingOptions
+from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
+from rtamt_gym.wrappers.vector_reward import VectorStlReward
+
+__all__ = ["Keep", "RelabelOptions", "relabel"]
+
+Keep = Literal["all", "satisfied"] | Callable[[RelabelledEpisode], bool]
+"""Which episodes are kept."""
+
+LANES = 256
+"""How many episodes are played side by side at most."""
+
+SAMPLES, BYTES = 1 << 18, 1 << 28
+"""So many samples, or bytes of observations and actions, are held at once."""
+
+
+class RelabelOptions(TypedDict, total=False):
+    """The options of `StlMonitor` and `StlReward` that are about recorded episodes too."""
+
+    period: float | str | None
+    at_termination: AtTermination | None
+    at_truncation: AtTruncation
+    view: View
+    nan: Nan
+    align: Align | None
+    semantics: Semantics
+    inputs: Names | None
+    outputs: Names | None
+    details: bool
+    cost: Cost | None
+    weight: float
+    clip: float
+    gamma: float
+    temperature: float | None
+    weights: Mapping[str, float] | None
+    priorities: Mapping[str, Priority] | None
+
+
+@overload
+def relabel(
+    dataset: Any,  # noqa: ANN401 - Minari is not typed
+    specs: SpecsLike,
+    signals: Mapping[str, SignalLike],
+    *,
+    dataset_id: None = None,
+    keep: Keep = "all",
+    mode: Mode | None = None,
+    **options: Unpack[RelabelOptions],
+) -> list[RelabelledEpisode]: ...
+@overload
+def relabel(
+    dataset: Any,  # noqa: ANN401
+    specs: SpecsLike,
+    signals: Mapping[str, SignalLike],
+    *,
+    dataset_id: str,
+    keep: Keep = "all",
+    mode: Mode | None = None,
+    **options: Unpack[RelabelOptions],
+) -> Any: ...  # noqa: ANN401
+def relabel(
+    dataset: Any,
+    specs: SpecsLike,
+    signals: Mapping[str, SignalLike],
+    *,
+    dataset_id: str | None = None,
+    keep: Keep = "all",
+    mode: Mode | None = None,
+    **options: Unpack[RelabelOptions],
+) -> Any:
+    """Adds to recorded episodes what a monitored environment would have said of them.
+
+    Every episode is judged as `StlMonitor` with ``on_violation="report"`` judges it while it runs,
+    to the last bit; with a ``mode`` its rewards become those of `StlReward`. Into the infos come
+    arrays with an element for every sample, the first that of the reset:
+
+    * ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``; with ``details=True`` also
+      ``stl``, ``{spec: {"robustness", "lower", "upper"}}``
+    * ``cost`` with ``cost=``, and ``cost_NAME`` of each of several specifications; 0 at the reset
+    * ``stl_success``, ``stl_undecided``, ``is_success``: true at the last sample alone, if at all;
+      an ``is_success`` that is there stays
+    * ``reward`` with ``mode=``: the environment's own reward; 0 at the reset
+
+    Entries of these names are replaced; the rewards of a dataset that was relabelled before are
+    taken from its ``reward``. An episode whose last step neither terminates nor truncates is read
+    as truncated. All else stays as it is.
+
+    A dataset is read and written in parts of at most 2^18 samples or 256 MB of observations and
+    actions, or one episode if that is longer. So a new dataset may be larger than memory; without a
+    ``dataset_id`` the result is in memory.
+
+    Args:
+        dataset: A dataset of Minari, or any iterable of episodes: Minari's ``EpisodeData`` or
+            ``EpisodeBuffer``, or mappings with ``observations`` (one more than steps), ``actions``,
+            ``rewards``, ``terminations``, ``truncations`` and, if there are any, ``infos``,
+            ``seed`` and ``options``.
+        specs: As for `StlMonitor`.
+        signals: As for `StlMonitor`, but for the selectors that read a simulation. An ``info``
+            needs an entry for every step, or also for the reset; its default stands for a nan
+            there too. A callable gets a `Step` for every sample, whose ``env`` is None.
+        dataset_id: The name of a new dataset of Minari for the result, such as
+            ``"cart/satisfied-v0"``; None: the result is a list.
+        keep: ``"satisfied"`` keeps the episodes that satisfy all specifications; a function keeps
+            those for which it is true.
+        mode: How robustness becomes reward, as for `StlReward`; None: the rewards stay.
+        **options: ``period``, ``at_termination``, ``at_truncation``, ``view``, ``nan``, ``align``,
+            ``semantics``, ``inputs``, ``outputs``, ``details`` and ``cost`` of `StlMonitor`, and
+            with a mode ``weight``, ``clip``, ``gamma``, ``temperature``, ``weights`` and
+            ``priorities`` of `StlReward`. Without a period, and with a bound in a specification,
+            the environment that the dataset names is made once, to read its period.
+
+    Returns:
+        The episodes kept, in their order: a list of `RelabelledEpisode`, or a dataset of Minari,
+        with the metadata of the old one and an entry ``rtamt`` that says how it was made.
+
+    Raises:
+        SpecificationError: As `StlMonitor` does.
+        InputError: As `StlMonitor` and `StlReward` do; if an episode is not whole or has not what a
+            signal reads, which a note names; if the name of the new dataset is taken or no name; if
+            no episode is left for it. Nothing is written then.
+        ModuleNotFoundError: If ``dataset_id`` is given and Minari is not installed.
+
+    Example:
+        >>> from rtamt_gym import relabel
+        >>> episodes = [
+        ...     {
+        ...         "observations": [[0.5], [0.2], [last]],
+        ...         "actions": [[0.0], [0.0]],
+        ...         "rewards": [1.0, 1.0],
+        ...         "terminations": [False, False],
+        ...         "truncations": [False, True],
+        ...     }
+        ...     for last in (0.9, -0.1)
+        ... ]
+        >>> found = relabel(episodes, "always(x > 0)", {"x": "obs[0]"}, mode="add", weight=10)
+        >>> for episode in found:
+        ...     print(episode.satisfied, episode.rewards, episode.infos["robustness"])
+        True [3. 3.] [0.5 0.2 0.2]
+        False [3. 0.] [ 0.5  0.2 -0.1]
+        >>> len(relabel(episodes, "always(x > 0)", {"x": "obs[0]"}, keep="satisfied"))
+        1
+    """
+    check_options(mode, keep, options)
+    loaded = load_specs(specs)
+    variables = [name for spec in loaded.values() for name in spec.variables]
+    readings = parse_signals(signals, variables, STEP)
+    options = {**options, "period": _period(dataset, loaded, options.get("period"))}
+    names = [reading.name for reading in readings]
+    store = None
+    if dataset_id is not None:
+        said = described(loaded, readings, mode, options)
+        store = Store(dataset_id, dataset if is_dataset(dataset) else None, said)
+    kept: list[RelabelledEpisode] = []
+    reader: SignalReader | None = None
+    judges: tuple[Playback, Batch] | None = None
+    try:
+        for episodes in _parts(episodes_of(dataset)):
+            if reader is None or judges is None:
+                spaces = spaces_of(dataset, episodes[0])
+                reader = SignalReader(readings, *spaces, options.get("nan", "raise"))
+                playback = Playback(min(LANES, len(episodes)), len(names))
+                judges = playback, _judge(playback, loaded, names, mode, options)
+            found = _judged(episodes, reader, *judges, shaped=mode is not None)
+            chosen = [each for each in found if _keeps(keep, each)]
+            if store is None:
+                kept += chosen
+            else:
+                store.add(chosen)
+        return kept if store is None else store.finish()
+    except BaseException:
+        if store is not None:
+            store.discard()
+        raise
+
+
+def check_options(mode: Mode | None, keep: object, options: Mapping[str, object]) -> None:
+    """Refuses what cannot be asked of recorded episodes."""
+    known = RelabelOptions.__annotations__
+    for name in options:
+        if name not in known:
+            raise InputTypeError(
+                f"relabel() has no option {name!r}; the options are {listing(known)}"
+                f"{nearest(name, known)}"
+            )
+        if mode is None and name in ShapingOptions.__annotations__:
+            raise InputError(
+                f"{name}= is about shaped rewards, which mode= asks for; give one, such as "
+                'mode="add"'
+            )
+    if keep not in {"all", "satisfied"} and not callable(keep):
+        raise InputError(
+            f'expected keep="all", "satisfied" or a function of an episode, got {keep!r}'
+        )
+
+
+def _keeps(keep: Keep, episode: RelabelledEpisode) -> bool:
+    if callable(keep):
+        return keep(episode)
+    return keep == "all" or episode.satisfied
+
+
+def _period(
+    dataset: Any,  # noqa: ANN401 - Minari is not typed
+    specs: Mapping[str, Specification],
+    period: float | str | None,
+) -> float | str | None:
+    """The period that is given, or that of the environment that the dataset names, if need be."""
+    if period is not None or not any(spec.timed for spec in specs.values()):
+        return period
+    why = "it names no environment"
+    if is_dataset(dataset) and dataset.env_spec is not None:
+        try:
+            env = gym.make(dataset.env_spec)
+        except Exception as error:
+            error.add_note("when the environment of the dataset was made, to read its period;")
+            error.add_note("give period=, which needs none")
+            raise
+        period, why = read_period(env), f"of its environment: {why_no_period(env)}"
+        env.close()
+    check_period(specs, period, "the dataset", why)
+    return period
+
+
+def _judge(
+    playback: Playback,
+    specs: Mapping[str, Specification],
+    names: Sequence[str],
+    mode: Mode | None,
+    options: Mapping[str, Any],
+) -> Batch:
+    """The wrapper that judges a playback."""
+    signals = {name: f"obs[{column}]" for column, name in enumerate(names)}
+    asked: dict[str, Any] = {**options, "on_violation": "report", "buffer_length": 0}
+    if mode is None:
+        return VectorStlMonitor(playback, dict(specs), signals, **asked)
+    return VectorStlReward(playback, dict(specs), signals, mode=mode, **asked)
+
+
+def _parts(episodes: Iterable[Episode]) -> Iterator[list[Episode]]:
+    """The episodes in lists that fit into memory."""
+    held: list[Episode] = []
+    samples = size = 0
+    for episode in episodes:
+        held.append(episode)
+        samples, size = samples + len(episode) + 1, size + size_of(episode)
+        if samples >= SAMPLES or size >= BYTES:
+            yield held
+            held, samples, size = [], 0, 0
+    if held:
+        yield held
+
+
+def _judged(
+    episodes: Sequence[Episode],
+    reader: SignalReader,
+    playback: Playback,
+    judge: Batch,
+    *,
+    shaped: bool,
+) -> Iterator[RelabelledEpisode]:
+    """Judges episodes, in their order."""
+    own = [_own_rewards(episode) for episode in episodes]
+    tables = [
+        reader.table(episode, rewards) for episode, rewards in zip(episodes, own, strict=True)
+    ]
+    playback.tape = tape = Tape(episodes, tables, own)
+    judged = play(judge, playback)
+    for episode, begin, end in zip(episodes, tape.starts, tape.starts[1:] - 1, strict=False):
+        rows = slice(begin, end + 1)
+        by, at = judged.violations.get(end, (None, None))
+        yield RelabelledEpisode(
+            episode.number,
+            episode.observations,
+            episode.actions,
+            judged.rewards[rows][1:].copy() if shaped else episode.rewards,
+            episode.terminations,
+            episode.truncations,
+            _infos(episode, judged, rows),
+            episode.seed,
+            episode.options,
+            judged.outcomes[end],
+            by,
+            at,
+        )
+
+
+def _own_rewards(episode: Episode) -> Floats:
+    """The rewards of the environment itself, also if they were shaped before."""
+    infos = episode.infos
+    if "stl_lower" in infos and len(infos.get("reward", ())) == len(episode) + 1:
+        return np.asarray(infos["reward"], np.float64)[1:]
+    return np.asarray(episode.rewards, np.float64)
+
+
+def _infos(episode: Episode, judged: Judged, rows: slice) -> dict[str, Any]:
+    """The infos of an episode with those of the monitors."""
+    added = part(judged.columns, rows)
+    if "is_success" in episode.infos:
+        del added["is_success"]
+    return {**episode.infos, **_copied(added)}
+
+
+def _copied(tree: Any) -> Any:  # noqa: ANN401 - of arrays
+    return {k: _copied(v) for k, v in tree.items()} if isinstance(tree, dict) else tree.copy()
