@@ -67,6 +67,8 @@ class RelabelOptions(TypedDict, total=False):
     temperature: float | None
     weights: Mapping[str, float] | None
     priorities: Mapping[str, Priority] | None
+    bonus: float
+    penalty: float
 
 
 @overload
@@ -138,9 +140,10 @@ def relabel(
         mode: How robustness becomes reward, as for `StlReward`; None: the rewards stay.
         **options: ``period``, ``at_termination``, ``at_truncation``, ``view``, ``nan``, ``align``,
             ``semantics``, ``inputs``, ``outputs``, ``details`` and ``cost`` of `StlMonitor`, and
-            with a mode ``weight``, ``clip``, ``gamma``, ``temperature``, ``weights`` and
-            ``priorities`` of `StlReward`. Without a period, and with a bound in a specification,
-            the environment that the dataset names is made once, to read its period.
+            with a mode ``weight``, ``clip``, ``gamma``, ``temperature``, ``weights``,
+            ``priorities``, ``bonus`` and ``penalty`` of `StlReward`. Without a
+            period, and with a bound in a specification, the environment that the dataset names is
+            made once, to read its period.
 
     Returns:
         The episodes kept, in their order: a list of `RelabelledEpisode`, or a dataset of Minari,

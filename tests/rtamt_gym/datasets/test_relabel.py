@@ -41,6 +41,8 @@ MODES = st.one_of(st.none(), st.sampled_from(get_args(Mode)))
     view=st.sampled_from(["episode", "step"]),
     at_termination=st.sampled_from(get_args(AtTermination)),
     at_truncation=st.sampled_from(get_args(AtTruncation)),
+    bonus=st.sampled_from([0.0, 0.5]),
+    penalty=st.sampled_from([0.0, 2.0]),
     lanes=st.integers(1, 4),
     samples=st.integers(1, 30),
 )
@@ -52,6 +54,8 @@ def test_every_option_gives_what_the_wrappers_give_online(
     view: Any,  # noqa: ANN401
     at_termination: AtTermination,
     at_truncation: AtTruncation,
+    bonus: float,
+    penalty: float,
     lanes: int,
     samples: int,
 ) -> None:
@@ -64,6 +68,7 @@ def test_every_option_gives_what_the_wrappers_give_online(
     }
     if mode is not None:
         options |= {**shaping_options(mode, *SPECS), "weights": {"calm": 0.25}, "clip": 2.0}
+        options |= {"bonus": bonus, "penalty": penalty}
     rng = np.random.default_rng(len(values))
     # What has no end in the record is read as cut by a time limit.
     shown = "truncated" if end == "cut" else end

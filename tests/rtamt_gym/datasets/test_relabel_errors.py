@@ -129,7 +129,8 @@ def test_options_that_are_not_about_records_are_refused() -> None:
         assert str(error.value) == (
             f"relabel() has no option {name!r}; the options are 'period', 'at_termination', "
             "'at_truncation', 'view', 'nan', 'align', 'semantics', 'inputs', 'outputs', 'details', "
-            f"'cost', 'weight', 'clip', 'gamma', 'temperature', 'weights', 'priorities'{nearest}"
+            "'cost', 'weight', 'clip', 'gamma', 'temperature', 'weights', 'priorities', 'bonus', "
+            f"'penalty'{nearest}"
         )
     assert message([episode()], weight=2.0) == (
         'weight= is about shaped rewards, which mode= asks for; give one, such as mode="add"'
