@@ -1,79 +1,171 @@
-"""`Episodes`: runs episodes of a policy in an environment, one by one or side by side."""
+"""`Episodes`: plays episodes of a policy in an environment, one by one or side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from fractions import Fraction
-from typing import Any, Self
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import gymnasium as gym
 
-import rtamt
-from rtamt import InputTypeError
-from rtamt_gym.evaluation.policies import Evaluated, evaluated
-from rtamt_gym.judges.specs import read_period
+from rtamt import InputError
+from rtamt_gym.checks.arguments import check_count
+from rtamt_gym.evaluation.lanes import Lane, Task, side_by_side
+from rtamt_gym.evaluation.policies import evaluated
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.judges.ends import OpenEndWarning
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Runner
-from rtamt_gym.simulation.environments import make
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import CaseLike, Runner
+from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.simulation.models import Model
+from rtamt_gym.simulation.simulate import simulate
+from rtamt_gym.simulation.simulation import Simulation
+from rtamt_gym.simulation.systems import Policy
 
 __all__ = ["Episodes"]
 
+_WAVES = 8
+"""How many episodes each lane plays of those that a worker gets at once."""
+
 
 class Episodes(Runner):
-    """Runs episodes of a policy in an environment.
+    """Plays episodes of a policy in an environment.
+
+    A model that gives the action that it holds for best acts in ``n_envs`` episodes at once, each
+    in an environment of its own. All else acts in one after the other.
 
     Attributes:
         evaluated: The policy.
+        unasked: Whether nobody has said what the environment's own end means.
 
     Args:
-        env: The environment.
+        env: The environment, or a function that makes one.
         requirements: The requirements.
-        evaluated: The policy.
+        policy: The policy, as `evaluate_policy` takes it, or an `Evaluated`.
+        deterministic: Whether a model gives the action that it holds for best.
+        n_envs: How many episodes run side by side.
         **options: As for `Runner`.
+
+    Raises:
+        InputError: If there are to be several environments, and they cannot be made.
     """
 
     def __init__(
         self,
-        env: gym.Env[Any, Any],
+        env: gym.Env[Any, Any] | Callable[[], gym.Env[Any, Any]],
         requirements: Requirements | None = None,
         *,
-        evaluated: Evaluated,
+        policy: Any,  # noqa: ANN401
+        deterministic: bool = True,
+        n_envs: int = 1,
         **options: Any,  # noqa: ANN401 - those of `Runner`
     ) -> None:
-        self.evaluated = evaluated
-        options["policies"] = evaluated.make
-        super().__init__(env, requirements, **options)
-
-    @classmethod
-    def of(
-        cls,
-        policy: Any,  # noqa: ANN401
-        env: Any,  # noqa: ANN401
-        requirements: Requirements | None,
-        *,
-        deterministic: bool,
-        n_envs: int,
-        **options: Any,  # noqa: ANN401
-    ) -> Self:
-        """Makes the environment, if it is an id or a function, and finds the policy for it."""
-        if isinstance(env, str):
-            env = make(env)
-        elif callable(env) and not isinstance(env, gym.Env):
-            env = env()
-        if not isinstance(env, gym.Env):
-            raise InputTypeError(f"expected an environment, got {env!r}")
-        chosen = evaluated(policy, env, deterministic=deterministic)
-        return cls(env, requirements, evaluated=chosen, batch=n_envs, **options)
+        self._n_envs = check_count("n_envs=", n_envs)
+        self._given = env
+        self._envs: list[gym.Env[Any, Any]] = []
+        made = env if isinstance(env, gym.Env) else env()
+        self.evaluated = evaluated(policy, made, deterministic=deterministic)
+        options = {"batch": n_envs, **options}
+        super().__init__(made, requirements, policies=self.evaluated.make, **options)
+        self.unasked = self._simulated.get("at_termination") is None
+        if self.unasked:  # else every episode would warn
+            self._simulated["at_termination"] = "complete"
+        if self._model is not None and n_envs > 1:
+            self._envs = [made, self._another()]
 
     @property
     def arguments(self) -> Mapping[str, Any]:
         """As `Runner.arguments`."""
-        own = {name: value for name, value in super().arguments.items() if name != "policies"}
-        return {**own, "evaluated": self.evaluated}
+        own = {
+            name: value
+            for name, value in super().arguments.items()
+            if name not in {"policy", "policies"}
+        }
+        return {**own, "policy": self.evaluated, "n_envs": self._n_envs}
 
     @property
-    def period(self) -> Fraction | None:
-        """Seconds between samples."""
-        period = self.options["period"]
-        given = read_period(self.system) if period is None else period
-        return rtamt.Monitor("true", period=given).period
+    def origin(self) -> Any:  # noqa: ANN401
+        """As `Runner.origin`: the function that makes the environment, if there is one."""
+        return self._given
+
+    @property
+    def batch(self) -> int:
+        """How many episodes a worker gets at once at least."""
+        return self._n_envs * _WAVES if self._envs else super().batch
+
+    def close(self) -> None:
+        """Closes the environments that were made, but for the first."""
+        for env in self._envs[1:]:
+            env.close()
+        super().close()
+
+    def run(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None = None,
+        *,
+        keep: Callable[[int, Trace], object] | None = None,
+        above: Mapping[str, float] | None = None,
+    ) -> Iterator[tuple[int, Row]]:
+        """Plays episodes, as `Runner.run` does."""
+        model = self._model
+        if not self._envs or model is None or keep is not None:
+            yield from super().run(cases, seeds, keep=keep, above=above)
+            return
+        listed = [Case(case) for case in cases]
+        given: Sequence[int | None] = seeds or [None] * len(listed)
+        left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
+
+        def begin(env: Any, task: Task, policy: Policy) -> Simulation:  # noqa: ANN401
+            options = self._of_run(task.case, task.seed, above) | {"policy": policy}
+            return Simulation(env, self.requirements, **options)
+
+        while len(self._envs) < min(self._n_envs, len(listed)):
+            self._envs.append(self._another())
+        lanes = [Lane(env, begin) for env in self._envs[: min(self._n_envs, len(listed))]]
+        space = self.system.observation_space
+        try:
+            for index, row in side_by_side(lanes, model, space, list(left.values())):
+                del left[index]
+                yield index, row
+        except Exception:  # noqa: BLE001 - it stands in the row of the episode that has it
+            for index, task in left.items():
+                own = None if task.seed is None else [task.seed]
+                for _, row in super().run([task.case], own, above=above):
+                    yield index, row
+
+    def settled(self, seed: int | None) -> str | None:
+        """The requirement that the environment's own end has satisfied in an episode, if any."""
+        options = self._of_run({}, seed, None) | {"stop": "end", "at_termination": None}
+        if self.evaluated.make is not None:
+            options["policy"] = self.evaluated.make(seed or 0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", OpenEndWarning)
+            try:
+                simulate(self.system, self.requirements, **options)
+            except OpenEndWarning as warned:
+                return warned.name
+        return None
+
+    @property
+    def _model(self) -> Model | None:
+        """The model that can act in many episodes at once, if it is one."""
+        make = self.evaluated.make
+        return make if isinstance(make, Model) and make.deterministic else None
+
+    def _another(self) -> gym.Env[Any, Any]:
+        """One more environment like the first."""
+        if not isinstance(self._given, gym.Env):
+            return self._given()
+        spec = self._given.spec
+        missing = (
+            [each.name for each in spec.additional_wrappers if each.kwargs is None] if spec else []
+        )
+        if spec is None or missing:
+            what = f"the wrapper {missing[0]} of {self.name}" if missing else self.name
+            raise InputError(
+                f"n_envs={self._n_envs} needs as many environments, and {what} does not say how it "
+                "is made; give a function that makes the environment"
+            )
+        return gym.make(spec)

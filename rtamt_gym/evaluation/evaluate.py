@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Unpack
 
+import gymnasium as gym
 import numpy as np
 
-from rtamt import InputError
+import rtamt
+from rtamt import InputError, InputTypeError, Verdict
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation, played
+from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
+from rtamt_gym.judges.ends import warn_of_open_end
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.options import Options
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.requirements import Requirements
+from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.sweeps.sweep import tell_failures
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 
@@ -25,6 +32,13 @@ if TYPE_CHECKING:  # joblib is optional
     from rtamt_gym.search.campaigns.workers import Backend
 
 __all__ = ["evaluate_policy"]
+
+
+class Reading(Options, total=False):
+    """How episodes are read and judged: options of `simulate`, which describes them."""
+
+    period: float | str | None
+    duration: float | None
 
 
 def evaluate_policy(
@@ -42,32 +56,112 @@ def evaluate_policy(
     folder: str | os.PathLike[str] | None = None,
     stop: Stop = "end",
     deterministic: bool = True,
+    until_width: float | None = None,
+    target: float | None = None,
+    alpha: float = 0.05,
+    margin: float = MARGIN,
     keep: int = 1,
     progress: bool = False,
-    **reading: Unpack[Options],
+    **reading: Unpack[Reading],
 ) -> Evaluation:
-    """Plays episodes of a policy and counts how many satisfy each requirement.
+    r"""Plays episodes of a policy and counts how many satisfy each requirement.
+
+    Episode i has the seed ``seed + i``: that of its reset, and of whatever is random in the policy.
+    The result depends on nothing else: not on how many episodes run side by side, in which process,
+    or which is over first.
+
+    | policy | who acts |
+    |---|---|
+    | a model of Stable-Baselines3 | its ``predict``; the memory of a recurrent one starts anew |
+    | a function | the action for an observation; it is taken to have no memory |
+    | ``"random"``, ``"zero"`` | actions drawn from their space; the action nearest to zero |
+    | ``"baseline"`` | the environment's own policy, as scenarios have one |
+    | ``"sb3:FILE.zip"`` | a model that Stable-Baselines3 has saved, which is trusted code |
+    | ``"module:function"`` | a function of a module |
+
+    A model is anything with ``predict(observation, state, episode_start, deterministic=...)`` for
+    one observation or a batch. It sees observations normalised where it was trained under a
+    ``VecNormalize``.
+
+    An environment may have an `StlMonitor` or `StlReward`, with wrappers around it. Then the policy
+    sees what they append, specifications, signals, period and readings are the monitor's unless
+    specifications are given, and returns are sums of the rewards that the monitor reads. It ends no
+    episode here.
+
+    With ``until_width`` or ``target`` no more episodes are played than the answer needs, and
+    ``episodes`` is the most: the episodes are looked at in their order until every requirement has
+    its answer, and those beyond are left out. `Evaluation.decision` says the answers.
+
+    ``stop="violation"`` saves the rest of every episode that violates a requirement. The rate at
+    which all requirements are satisfied at once, that of a single one, is as without it. The other
+    requirements may be undecided at the stop, so that their rates are too low. Robustness is that
+    of the samples until then, and returns and lengths end there. ``"decided"`` stops once all
+    verdicts are certain and leaves all rates as they are, ``"known"`` once all robustness is known
+    too; returns and lengths end at the stop with both.
 
     Args:
-        policy: Who acts.
-        env: The environment.
-        specs: What is required.
-        signals: As for `simulate`.
+        policy: Who acts, see above.
+        env: The id of an environment, a function that makes one, or an environment.
+        specs: The specifications, as for `simulate`, or names of requirements that the environment
+            has. None: those of its monitor, or all that it has of its own.
+        signals: What their variables read, as for `simulate`.
         episodes: How many episodes are played.
         seed: The seed of the first episode; each further one has one more.
-        n_envs: How many episodes run side by side in a process.
-        n_jobs: How many processes play episodes.
-        backend: Where the processes run.
-        timeout: Seconds that an episode may take.
-        folder: A folder for finished episodes.
-        stop: When to stop an episode, as for `simulate`.
+        n_envs: How many episodes run side by side in a process: a model that gives the action that
+            it holds for best acts in all of them at once. A network may give other last bits for a
+            batch than for one observation.
+        n_jobs: How many processes play episodes; -1: as many as there are cores. None: this one.
+        backend: Where the processes run: None: on this machine; ``"dask"``, ``"ray"``.
+        timeout: Seconds that an episode may take, in a process of its own; one that takes longer is
+            ended and counts as failed.
+        folder: A folder for finished episodes: the same call goes on there after an interruption. A
+            policy that is a function is known by its name alone.
+        stop: When to stop an episode, see above and `simulate`.
         deterministic: Whether a model gives the action that it holds for best, or draws one.
-        keep: How many of the worst episodes of each requirement are kept in full.
-        progress: Whether to show a bar.
-        **reading: How episodes are judged.
+        until_width: Stops once the interval of every rate is at most so wide.
+        target: Stops once it is clear of every rate whether it meets this target.
+        alpha: The greatest chance that the answer to ``target`` is wrong.
+        margin: How far below the target a rate is to be told from it.
+        keep: How many of the worst episodes of each requirement are played again in full at the
+            end, for `Evaluation.worst_runs`.
+        progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
+        **reading: ``period``, ``duration``, and how episodes are judged: ``view``, ``nan``,
+            ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
+            ``at_truncation`` as for `simulate`.
 
     Returns:
-        What the episodes have become.
+        Rates with intervals, robustness, returns and more of every requirement. An episode that an
+        error ended counts as not satisfied, and has the error in its row.
+
+    Raises:
+        SpecificationError: If a specification is wrong.
+        InputError: If an argument is wrong, the policy does not fit the environment, ``folder``
+            holds another campaign, or all episodes failed.
+        InputTypeError: If the policy is none, or cannot be sent to another process.
+
+    Warns:
+        OpenEndWarning: Once, if the environment has ended an episode while a requirement was open
+            that counts as satisfied then, and ``at_termination`` does not say so.
+        FailedSimulationWarning: If some episodes failed.
+
+    Example:
+        >>> from rtamt_gym import evaluate_policy
+        >>> result = evaluate_policy(
+        ...     lambda obs: int(obs[2] + obs[3] > 0),
+        ...     "CartPole-v1",
+        ...     {"upright": "always(abs(angle) < 0.05)", "near": "always(abs(x) < 0.2)"},
+        ...     {"angle": "obs[2]", "x": "obs[0]"},
+        ...     episodes=50,
+        ...     at_termination="failure",
+        ... )
+        >>> result.requirements["near"]
+        <near: 13 of 50 episodes satisfy it, 37 violated>
+        >>> rate, (low, high) = result.success.rate, result.success.interval
+        >>> print(f"{rate:.2f}, from {low:.2f} to {high:.2f}")
+        0.26, from 0.16 to 0.40
+        >>> seed, robustness = result.requirements["near"].worst[0]
+        >>> result.replay(seed)
+        <Run of CartPole-v1: terminated at 6.68 s, 335 samples>
     """
     check_count("episodes=", episodes)
     check_count("n_envs=", n_envs)
@@ -75,16 +169,24 @@ def evaluate_policy(
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
             raise InputError(f"expected {name}= as a whole number, 0 or more, got {value!r}")
-    runner = Episodes.of(
-        policy,
-        env,
+    if not isinstance(env, str | gym.Env) and not callable(env):
+        raise InputTypeError(
+            "expected the id of an environment, a function that makes one, or an environment, got "
+            f"{env!r}"
+        )
+    runner = Episodes(
+        make(env) if isinstance(env, str) else env,
         specs,
+        policy=policy,
         signals=signals,
         deterministic=deterministic,
         n_envs=n_envs,
         stop=stop,
         **reading,
     )
+    stopping = stopping_of(runner.requirements, until_width, target, alpha, margin)
+    rules = {"until_width": until_width, "target": target}
+    rules |= {"alpha": alpha, "margin": margin} if target is not None else {}
     record = run_campaign(
         runner,
         [({}, each) for each in range(seed, seed + episodes)],
@@ -92,22 +194,53 @@ def evaluate_policy(
         backend=backend,
         timeout=timeout,
         folder=folder,
-        about={"policy": runner.evaluated.identity},
+        about={"policy": runner.evaluated.identity, "rules": rules},
         what=f"evaluation of {runner.evaluated.name}",
         progress=progress,
+        enough=None if stopping is None else partial(_add, stopping),
     )
     tell_failures(record)
+    _tell_open_end(runner, record)
     return Evaluation(
         record,
         runner.name,
         runner.evaluated.name,
-        runner.period,
+        rtamt.Monitor("true", period=runner.period).period,
         runner.duration,
         int(seed),
-        None,
+        None if stopping is None else dict(stopping.decisions),
         _worst_runs(runner, record, keep),
         runner,
     )
+
+
+def _tell_open_end(runner: Episodes, record: Record) -> None:
+    """Warns once if an end that nobody has said the meaning of has satisfied what was open."""
+    for name in record.requirements if runner.unasked else ():
+        for row in record:
+            outcome = row.outcomes.get(name)
+            if outcome is None or row.ended != "terminated":
+                continue
+            # What the last sample has decided, or the end: one episode shows it.
+            last = outcome.decided_at == row.simulated
+            if outcome.verdict is Verdict.SATISFIED and last:
+                settled = runner.settled(row.seed)
+                if settled is not None:
+                    warn_of_open_end(settled)
+                    return
+                break
+
+
+def _add(stopping: Stopping, row: Row) -> bool:
+    """Adds an episode to those that are counted; whether they are enough."""
+    satisfied = {
+        name: not row.error
+        and name in row.outcomes
+        and row.outcomes[name].verdict is Verdict.SATISFIED
+        for name in stopping.decisions
+    }
+    stopping.add(satisfied)
+    return stopping.done
 
 
 def _worst_runs(runner: Episodes, record: Record, keep: int) -> dict[str, tuple[Run, ...]]:

@@ -42,6 +42,8 @@ def evaluated(policy: Any, env: gym.Env[Any, Any], *, deterministic: bool) -> Ev
         InputError: If a text names no policy, or the policy does not fit the environment.
         InputTypeError: If it is no policy.
     """
+    if isinstance(policy, Evaluated):
+        return policy
     if isinstance(policy, str):
         make: SeededPolicy | None = policy_of(policy, env, what="the policy")
         if isinstance(make, Model):

@@ -15,7 +15,7 @@ from rtamt import InputError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.evaluation.intervals import check_confidence, wilson
 
-__all__ = ["RatioTest", "Rule", "Stopping", "Width", "stopping_of"]
+__all__ = ["MARGIN", "RatioTest", "Rule", "Stopping", "Width", "stopping_of"]
 
 MARGIN: Final = 0.05
 """How far below the target a rate shall be refused, where nothing else is said."""

@@ -17,16 +17,22 @@ AtTruncation = Literal["cut", "complete", "open"]
 
 
 class OpenEndWarning(UserWarning):
-    """An environment ended an episode, and so settled what was open."""
+    """An environment ended an episode, and so settled what was open.
+
+    Attributes:
+        name: The specification that counts as satisfied.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        super().__init__(
+            f"the environment ended an episode while specification {name!r} was open, and counts "
+            "it as satisfied: a terminated episode is taken for all there is. Say what its end "
+            'means: at_termination="complete" for this, "failure" where an environment ends what '
+            'has failed, such as a fall, or "cut" where an episode could have gone on'
+        )
 
 
 def warn_of_open_end(name: str) -> None:
     """Warns that this specification counts as satisfied because the environment ended it."""
-    warnings.warn(
-        f"the environment ended an episode while specification {name!r} was open, and counts "
-        "it as satisfied: a terminated episode is taken for all there is. Say what its end "
-        'means: at_termination="complete" for this, "failure" where an environment ends what '
-        'has failed, such as a fall, or "cut" where an episode could have gone on',
-        OpenEndWarning,
-        stacklevel=caller_level(),
-    )
+    warnings.warn(OpenEndWarning(name), stacklevel=caller_level())

@@ -10,6 +10,7 @@ from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.interface import Names, Semantics
 from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulation import Simulation
@@ -67,6 +68,11 @@ def simulate(
     ``"linear"`` and ``"pchip"``; a function gets the waveform itself, which is a function of time.
     Attributes, model and data are as before afterwards. docs/simulations.md lists the names.
 
+    An environment may have an `StlMonitor` or `StlReward`, with wrappers around it. Without
+    ``specs`` all that it says is taken: specifications, signals, period and readings. The policy
+    sees what the wrappers show; samples and rewards are those that the monitor reads, substeps
+    included. It ends no episode meanwhile: ``stop`` says when the run ends.
+
     Sample 0 is the state before the first step: an environment's observation at reset, the present
     state of a MuJoCo model's data, an FMU's outputs after its initialization.
 
@@ -91,7 +97,8 @@ def simulate(
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
             or several with their names; of a text, every formula that no other formula uses is
             one by itself. The name of a requirement that an environment has of its own
-            (``"AT1"``) is that requirement, and None all of them. None for a `StepMonitor`.
+            (``"AT1"``) is that requirement, and None all of them, or those of its monitor. None for
+            a `StepMonitor`.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
         case: Numbers and waveforms by name, such as a `Case`, for this run.
@@ -161,26 +168,33 @@ def simulate(
         >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
         ('VIOLATED', 'UNDECIDED')
     """
+    specs, reading = with_own_monitor(
+        monitor_of(system),
+        specs,
+        {
+            "signals": signals,
+            "period": period,
+            "view": view,
+            "nan": nan,
+            "align": align,
+            "semantics": semantics,
+            "inputs": inputs,
+            "outputs": outputs,
+            "at_termination": at_termination,
+            "at_truncation": at_truncation,
+        },
+    )
     return Simulation(
         system,
         specs,
-        signals,
         case=case,
         start=start,
         policy=policy,
         seed=seed,
-        period=period,
         duration=duration,
         stop=stop,
         above=above,
-        view=view,
-        nan=nan,
-        align=align,
-        semantics=semantics,
-        inputs=inputs,
-        outputs=outputs,
         label=label,
         substeps=substeps,
-        at_termination=at_termination,
-        at_truncation=at_truncation,
+        **reading,
     ).go()

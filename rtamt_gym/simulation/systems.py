@@ -23,6 +23,7 @@ from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.entries import refuse_unknown
 from rtamt_gym.simulation.environment_case import EnvironmentCase, baseline_of
+from rtamt_gym.simulation.monitors import Tap, monitor_of
 from rtamt_gym.wrappers.substeps import Inside, read_substep_period
 
 __all__ = [
@@ -104,6 +105,9 @@ class Drivable(Protocol):
 class Environment(System):
     """A Gymnasium environment and the policy that acts in it.
 
+    In an environment that has a monitor the policy sees what the wrappers show, and the samples and
+    the rewards are those that the monitor reads; it ends no episode meanwhile.
+
     Attributes:
         observation: What it has shown last, on which the policy acts next.
         reward: The sum of its rewards since the start; None if they are no numbers.
@@ -127,6 +131,8 @@ class Environment(System):
                 f"expected a policy, a function from observation to action, got {policy!r}; "
                 f"write policy={way_out or f'lambda obs: {policy!r}'}"
             )
+        self._monitor = monitor_of(env)
+        substeps = substeps or (self._monitor is not None and self._monitor.substeps)
         self.name = env.spec.id if env.spec else type(env.unwrapped).__name__
         self.period = read_substep_period(env) if substeps else read_period(env)
         self.limit = env.spec.max_episode_steps if env.spec else None
@@ -155,13 +161,17 @@ class Environment(System):
         if self._substeps:
             self._step_period = exact(read_period(self._env) or 1)
         self._find_policy()
-        own = own_signals(self._env)
+        own = {**own_signals(self._env)}
+        shown: Any = self._env
+        if self._monitor is not None:
+            own |= self._monitor.judging["signals"] or {}
+            shown = self._monitor.env
         parsed = parse_signals(signals or {}, variables, SOURCES, extra=True, own=own)
-        self._reads_at_reset = [signal.bind_reset(self._env) for signal in parsed]
+        self._reads_at_reset = [signal.bind_reset(shown) for signal in parsed]
         if self._substeps:
             self._inside = Inside(self._env, parsed)
         else:
-            self._reads = [signal.bind(self._env) for signal in parsed]
+            self._reads = [signal.bind(shown) for signal in parsed]
 
     def start(self) -> list[float]:
         self.ended = ""
@@ -169,13 +179,19 @@ class Environment(System):
         self._rest.clear()
         self._end: SystemEnd = ""
         self._act = self._find_policy()
+        if self._monitor is not None:
+            self._tap = Tap(self._monitor.env)
+            self._ends.enter_context(self._monitor.tapped(self._tap))
         if self._case is None:
             self.observation, info = self._env.reset(seed=self._seed)
         else:
             self._ends.enter_context(self._case.attributes())
             self.observation, info = self._env.reset(seed=self._seed, options=self._case.options)
             self._case.check()
-        return [read(self.observation, None, None, info) for read in self._reads_at_reset]
+        seen = self.observation, None, None, info
+        if self._monitor is not None:
+            seen = self._tap.seen
+        return [read(*seen) for read in self._reads_at_reset]
 
     def advance(self) -> list[float]:
         if not self._rest:
@@ -192,12 +208,13 @@ class Environment(System):
             result = self._inside.step(action, self._keep, self._rest.__len__)
         else:
             result = self._env.step(action)
-        self.observation, reward, terminated, truncated, info = result
-        self._earn(reward)
+        obs, reward, terminated, truncated, info = result
+        self.observation = obs
+        if self._monitor is not None:
+            obs, action, reward, info = self._tap.seen
         if not self._substeps:
-            self._rest.append(
-                [read(self.observation, action, reward, info) for read in self._reads]
-            )
+            self._rest.append([read(obs, action, reward, info) for read in self._reads])
+        self._earn(reward)
         if terminated or truncated:
             self._end = "terminated" if terminated else "truncated"
 

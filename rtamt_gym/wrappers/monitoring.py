@@ -97,6 +97,13 @@ class MonitorOptions(TypedDict, total=False):
     buffer_length: int
 
 
+_JUDGING = (
+    *("signals", "view", "nan", "align", "semantics", "inputs", "outputs"),
+    *("at_termination", "at_truncation"),
+)
+"""The arguments of a monitor that say how it reads and judges samples."""
+
+
 class Monitoring(Observing):
     """The base of the wrappers."""
 
@@ -105,6 +112,7 @@ class Monitoring(Observing):
 
     env: Any
     _panel: Panel | VectorPanel
+    _saved_kwargs: dict[str, Any]
 
     def _set_up(
         self,
@@ -132,7 +140,7 @@ class Monitoring(Observing):
         self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
-        loaded = load_specs(specs, own_requirements(env))
+        loaded = self._specs = load_specs(specs, own_requirements(env))
         variables = [name for spec in loaded.values() for name in spec.variables]
         given = {} if signals is None else signals
         self._signals = parse_signals(
@@ -174,6 +182,16 @@ class Monitoring(Observing):
                 'info["stl_success"] says whether the specifications are satisfied',
                 stacklevel=caller_level(),
             )
+
+    @property
+    def judging(self) -> dict[str, Any]:
+        """What it monitors and how, as arguments of `rtamt_gym.simulate`."""
+        given = self._saved_kwargs
+        return {
+            "specs": self._specs,
+            "period": self._period,
+            **{name: given.get(name) for name in _JUDGING},
+        }
 
     def values(self) -> MonitorValues[Any]:
         """Reads robustness and bounds of each specification now: of many environments, arrays."""

@@ -27,6 +27,7 @@ class Inside:
 
     Attributes:
         reads: What reads each signal there; observation, reward and info are not known yet.
+        env: The environment that is stepped.
 
     Raises:
         InputError: If the simulation of the environment cannot be followed, or if a signal needs
@@ -34,7 +35,7 @@ class Inside:
     """
 
     def __init__(self, env: Env, signals: Sequence[Reading]) -> None:
-        self._env = env
+        self.env = env
         self._follow = _follower(env.unwrapped)
         self.reads = [self._bind(signal) for signal in signals]
 
@@ -57,12 +58,12 @@ class Inside:
         before = fed()
         undo = self._follow(partial(feed, None, action, None, {}))
         try:
-            result = self._env.step(action)
+            result = self.env.step(action)
         finally:
             undo()
         if fed() == before:
             raise StateError(
-                f"expected a step of {self._env.unwrapped} to step its simulation, got none: it "
+                f"expected a step of {self.env.unwrapped} to step its simulation, got none: it "
                 "steps it in a way of its own; leave out substeps=True"
             )
         return result
@@ -74,7 +75,7 @@ class Inside:
                 "substeps=True takes samples there; read the simulation instead, such as qpos[0], "
                 "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read"
             )
-        return signal.bind(self._env)
+        return signal.bind(self.env)
 
 
 class SubSteps:
@@ -86,9 +87,9 @@ class SubSteps:
 
     def __init__(self, env: Env, signals: Sequence[Reading], panel: Panel) -> None:
         self._panel = panel
-        self._inside = Inside(env, signals)
+        self.inside = Inside(env, signals)
         names = [signal.name for signal in signals]
-        self._feed = panel.feeder(names, self._inside.reads)
+        self._feed = panel.feeder(names, self.inside.reads)
         self._feed_first = panel.feeder(names, [signal.bind_reset(env) for signal in signals])
 
     def reset(self, *_: object) -> Assessment:
@@ -102,7 +103,7 @@ class SubSteps:
             StateError: If the simulation was not stepped.
             InputError: If a signal is nan or cannot be read.
         """
-        return self._inside.step(action, self._feed, self._fed)
+        return self.inside.step(action, self._feed, self._fed)
 
     def read(self, *_: object) -> Assessment:
         """The assessment of the samples that the last step has fed."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,9 @@ if TYPE_CHECKING:  # joblib is optional
 
 __all__ = ["run_campaign"]
 
+Enough = Callable[[Row], bool]
+"""Takes a row; says whether no more are needed."""
+
 
 def run_campaign(
     runner: Runner,
@@ -37,6 +40,7 @@ def run_campaign(
     about: Mapping[str, Any] | None = None,
     what: str = "campaign",
     progress: bool = False,
+    enough: Enough | None = None,
 ) -> Record:
     """Runs a case with its seed for each task; keeps a row of each.
 
@@ -61,9 +65,11 @@ def run_campaign(
             others.
         what: Names the campaign on the bar of progress.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
+        enough: Is given each row in the order of the tasks, as soon as all before it are there, and
+            says whether they are enough: then no more runs are made. None: all are made.
 
     Returns:
-        A row for each task, in their order.
+        A row for each task, in their order, up to the one that was enough.
 
     Raises:
         InputError: If an argument is wrong, the folder holds another campaign, or another process
@@ -89,7 +95,10 @@ def run_campaign(
                 Folder(folder, identity, about or {}, requirements, runner.name)
             )
             rows = kept.rows()
-        chunks = Chunks([task for task in listed if task[0] not in rows], runner)
+        order = _Order(rows, len(listed), enough)
+        left = [] if order.over() else [task for task in listed if task[0] not in rows]
+        chunks = Chunks(left, runner)
+        elsewhere = None
         if n_jobs is None and backend is None and timeout is None:
             over: Iterator[Rows] = (_run_here(runner, chunk) for chunk in chunks)
         else:
@@ -102,14 +111,41 @@ def run_campaign(
         for finished in over:
             if kept is not None:
                 kept.add(finished)
-            rows |= finished
+            rows.update(finished)
             chunks.learn(finished)
             note.take(row for _, row in finished)
             advance(len(finished), str(note))
-        record = Record((rows[i] for i in range(len(listed))), requirements, runner.name)
+            if order.over():
+                if elsewhere is not None:  # else its workers would be waited for
+                    elsewhere.close()
+                break
+        record = Record((rows[i] for i in range(order.count)), requirements, runner.name)
         if kept is not None:
             kept.finish(record)
         return record
+
+
+class _Order:
+    """Shows rows in the order of their tasks, and counts those that are needed.
+
+    Attributes:
+        count: How many were shown.
+    """
+
+    def __init__(self, rows: Mapping[int, Row], tasks: int, enough: Enough | None) -> None:
+        self._rows = rows
+        self._enough = enough
+        self._found = False
+        self.count = tasks if enough is None else 0
+
+    def over(self) -> bool:
+        """Shows the rows that have come; whether they are enough."""
+        if self._enough is None:
+            return False
+        while not self._found and self.count in self._rows:
+            self._found = self._enough(self._rows[self.count])
+            self.count += 1
+        return self._found
 
 
 class _Note:

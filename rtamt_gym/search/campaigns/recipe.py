@@ -15,6 +15,10 @@ from rtamt_gym.search.runs.whole import Whole
 __all__ = ["Recipe"]
 
 
+_SIDE_BY_SIDE = ("batch", "n_envs")
+"""What says how many runs there are at once, and changes no row."""
+
+
 class Recipe:
     """What a runner is made of.
 
@@ -27,11 +31,11 @@ class Recipe:
 
     def __init__(self, runner: Runner, *, whole: bool = False) -> None:
         self._whole = whole
-        self._system = runner.system
+        self._system = runner.origin
         self._requirements = runner.requirements
         self._kind = type(runner)
         self._options = runner.arguments
-        spec = runner.system.spec if isinstance(runner.system, gym.Env) else None
+        spec = self._system.spec if isinstance(self._system, gym.Env) else None
         if spec is not None and all(each.kwargs is not None for each in spec.additional_wrappers):
             self._system = spec
 
@@ -70,7 +74,11 @@ class Recipe:
             "arguments of the system": _written(system.kwargs)
             if isinstance(system, EnvSpec)
             else {},
-            **{name: _written(value) for name, value in self._options.items() if name != "batch"},
+            **{
+                name: _written(value)
+                for name, value in self._options.items()
+                if name not in _SIDE_BY_SIDE
+            },
         }
 
 

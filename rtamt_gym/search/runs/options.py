@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, TypedDict, get_args
 
-import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 import rtamt
@@ -15,7 +14,8 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.judges.ends import AtTermination, AtTruncation
 from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.specs import Align, Nan, View, read_period
+from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.simulation.systems import Environment, System
 
 __all__ = ["Options", "check_options", "check_system", "duration_of"]
 
@@ -71,16 +71,11 @@ def check_system(system: object) -> None:
         )
 
 
-def duration_of(
-    system: Any,  # noqa: ANN401
-    duration: float | None,
-    period: float | str | None,
-) -> float | None:
+def duration_of(ran: System, duration: float | None, period: float | str | None) -> float | None:
     """The longest duration of a run: that which is given, or the time limit of an environment."""
     if duration is not None:
         return None if duration == math.inf else duration
-    if not isinstance(system, gym.Env) or system.spec is None:
+    if not isinstance(ran, Environment) or ran.limit is None:
         return None
-    given = read_period(system) if period is None else period
-    step, limit = rtamt.Monitor("true", period=given).period, system.spec.max_episode_steps
-    return None if step is None or limit is None else float(step * limit)
+    step = rtamt.Monitor("true", period=ran.period if period is None else period).period
+    return None if step is None else float(step * ran.limit)

@@ -86,6 +86,15 @@ class Row:
         return cls(case, run.seed, outcomes, run.ended, run.duration, wall, error, reward)
 
     @classmethod
+    def failed(cls, error: Exception, case: Case, seed: int | None, wall: float) -> Row:
+        """The row of a simulation that an error has ended, with the samples that it carries."""
+        text = f"{type(error).__name__}: {error}"
+        run = getattr(error, "run", None)
+        if isinstance(run, Run):
+            return cls.of(run, case, text)
+        return cls(case, seed, {}, "error", 0.0, wall, text)
+
+    @classmethod
     def read(cls, cells: Mapping[str, Any], case: Case, requirements: Iterable[str]) -> Row:
         """The row whose columns, but for those of the case, are these cells."""
         outcomes = {}
@@ -94,7 +103,7 @@ class Row:
             if measured["verdict"] is not None:
                 outcomes[name] = Outcome(**measured | {"verdict": Verdict[measured["verdict"]]})
         # Files of before have no returns.
-        own = {_FIELDS.get(key, key): cells.get(key) for key in OF_ROW}
+        own: dict[str, Any] = {_FIELDS.get(key, key): cells.get(key) for key in OF_ROW}
         return cls(case=case, outcomes=outcomes, **own)
 
     def columns(self) -> dict[str, float | str | None]:

@@ -36,6 +36,7 @@ from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.kinds import as_system
+from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.policies import SeededPolicy
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
@@ -63,6 +64,7 @@ class Runner:
         requirements: The requirements by name.
         inputs: What the system itself says is to be varied; empty where it says nothing.
         duration: The longest duration of a run in seconds, as far as it is known.
+        period: Seconds between samples, or as text with a unit; None where they are not known.
 
     Args:
         system: The id of an environment, or what `rtamt_gym.simulate` takes; several times one
@@ -121,31 +123,38 @@ class Runner:
         self._system = self._made if self._made is not None else system
         self._policies = policies
         try:
+            requirements, reading = with_own_monitor(
+                monitor_of(self._system),
+                requirements,
+                {"signals": signals, "period": period, **options},
+            )
+            signals, period = reading["signals"], reading["period"]
             simulation = getattr(self._system, "unwrapped", None)
-            self.name = as_system(self._system, policy, None, None, None, substeps=False).name
+            ran = as_system(self._system, policy, None, None, None, substeps=False)
+            self.name = ran.name
             own = getattr(simulation, "requirements", {})
             self.requirements = load_requirements(requirements, own, self.name)
-            self._simulated = {
-                "signals": signals,
+            self._simulated: dict[str, Any] = {
+                **reading,
                 "policy": policy,
                 "duration": duration,
-                "period": period,
                 "stop": stop,
-            } | options
+            }
             scenario = getattr(simulation, "scenario", None)
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
-            self.duration = duration_of(self._system, duration, period)
+            self.duration = duration_of(ran, duration, period)
+            self.period = period if period is not None else ran.period
             judging = Judging(
                 stop,
-                options.get("view", "episode"),
-                options.get("nan", "raise"),
-                options.get("align"),
+                reading.get("view", "episode"),
+                reading.get("nan", "raise"),
+                reading.get("align"),
                 Interface(
-                    options.get("semantics", "standard"),
-                    options.get("inputs"),
-                    options.get("outputs"),
+                    reading.get("semantics", "standard"),
+                    reading.get("inputs"),
+                    reading.get("outputs"),
                 ),
-                options.get("at_truncation", "cut"),
+                reading.get("at_truncation", "cut"),
             )
             self._lanes = None
             if policy is None and policies is None and batch > 1:
@@ -172,6 +181,11 @@ class Runner:
     @property
     def system(self) -> Any:  # noqa: ANN401 - MuJoCo is not typed
         """What it runs; of an id, the environment that it has made."""
+        return self._system
+
+    @property
+    def origin(self) -> Any:  # noqa: ANN401
+        """What another process makes the system of."""
         return self._system
 
     @property
@@ -268,16 +282,23 @@ class Runner:
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
         """
-        options: Any = self._simulated
-        if self.takes_seeds:
-            options = options | {"seed": seed}
+        options = self._of_run(case, seed, above)
         if self._policies is not None:
-            options = options | {"policy": self._policies(seed or 0)}
-        if above is not None:
-            options = options | {"above": above}
+            options["policy"] = self._policies(seed or 0)
         if stop is not None:
-            options = options | {"stop": stop}
-        return simulate(self._system, self.requirements, case=Case(case), **options)
+            options["stop"] = stop
+        return simulate(self._system, self.requirements, **options)
+
+    def _of_run(
+        self, case: CaseLike, seed: int | None, above: Mapping[str, float] | None
+    ) -> dict[str, Any]:
+        """What `rtamt_gym.simulate` is given for a case, but for the policy of a seed."""
+        options = self._simulated | {"case": Case(case)}
+        if self.takes_seeds:
+            options["seed"] = seed
+        if above is not None:
+            options["above"] = above
+        return options
 
     def judge(self, name: str, trace: Trace) -> float:
         """The robustness of a requirement on samples that were kept."""
@@ -353,11 +374,7 @@ class Runner:
                 task.keep(index, Trace(run.signals, run.period))
             return Row.of(run, case)
         except Exception as error:  # noqa: BLE001 - the row has it
-            text = f"{type(error).__name__}: {error}"
-            crashed = getattr(error, "run", None)
-            if isinstance(crashed, Run):
-                return Row.of(crashed, case, text)
-            return Row(case, seed, {}, "error", 0.0, time.perf_counter() - begin, text)
+            return Row.failed(error, case, seed, time.perf_counter() - begin)
 
 
 class _Task(NamedTuple):

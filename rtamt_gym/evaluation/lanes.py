@@ -1,0 +1,128 @@
+"""Episodes that run side by side: a model acts in all of them at once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+from gymnasium import spaces
+
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.simulation.models import Model
+from rtamt_gym.simulation.simulation import Simulation
+from rtamt_gym.simulation.systems import Policy
+
+__all__ = ["Lane", "Task", "side_by_side"]
+
+
+class Task(NamedTuple):
+    """An episode that is to be played: its number in the order of all, what it is given."""
+
+    number: int
+    case: Case
+    seed: int | None
+
+
+Begin = Callable[[Any, Task, Policy], Simulation]
+"""Begins an episode in an environment, with a policy."""
+
+
+class Lane:
+    """One place of those side by side: an environment, and the episode that runs in it.
+
+    Attributes:
+        task: The episode; None if there is none.
+        action: What the next step does.
+        shown: What the environment has shown last; None if it has shown nothing.
+
+    Args:
+        env: The environment.
+        begin: Begins an episode in it.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], begin: Begin) -> None:
+        self._env = env
+        self._begin = begin
+        self._wall = 0.0
+        self.task: Task | None = None
+        self.action: Any = None
+        self.shown: Any = None
+
+    def begin(self, task: Task) -> Row | None:
+        """Begins an episode and takes sample 0; gives its row if it is over then."""
+        self.task, self._wall = task, 0.0
+        try:
+            self._simulation = self._begin(self._env, task, lambda _obs: self.action)
+        except Exception as error:  # noqa: BLE001 - the row has it
+            self.task = None
+            return Row.failed(error, task.case, task.seed, 0.0)
+        return self.step()
+
+    def step(self) -> Row | None:
+        """Makes a step of the episode; gives its row if it is over then."""
+        task, simulation = self.task, self._simulation
+        if task is None:
+            return None
+        begin = time.perf_counter()
+        row: Row | None = None
+        try:
+            simulation.step()
+            self.shown = simulation.observation
+            if simulation.run is not None:
+                row = Row.of(simulation.run, task.case)
+        except Exception as error:  # noqa: BLE001 - the row has it
+            row = Row.failed(error, task.case, task.seed, 0.0)
+        self._wall += time.perf_counter() - begin
+        if row is None:
+            return None
+        self.task = None
+        return replace(row, wall=self._wall)
+
+    def share(self, wall: float) -> None:
+        """Adds seconds to those of the episode, its share of what is done for all at once."""
+        self._wall += wall
+
+
+def side_by_side(
+    lanes: Sequence[Lane], model: Model, space: spaces.Space[Any], tasks: Iterable[Task]
+) -> Iterator[tuple[int, Row]]:
+    """Plays episodes, each lane one after the other; gives the row of each when it is over.
+
+    The model acts on all lanes in every step, also on those that have no more episodes, so that
+    batches are of one size.
+
+    Raises:
+        Exception: What the model raises. The episodes that run then are lost.
+    """
+    todo = iter(tasks)
+    batch = model.batch(space, len(lanes))
+    free = list(enumerate(lanes))
+    while True:
+        for place, lane in free:
+            for task in todo:
+                row = lane.begin(task)
+                if row is None:
+                    batch.begin(place)
+                    break
+                yield task.number, row
+        running = [lane for lane in lanes if lane.task is not None]
+        if not running:
+            return
+        begin = time.perf_counter()
+        some = running[0].shown
+        actions = batch.act([some if lane.shown is None else lane.shown for lane in lanes])
+        share = (time.perf_counter() - begin) / len(running)
+        free = []
+        for place, (lane, action) in enumerate(zip(lanes, actions, strict=True)):
+            if lane.task is None:
+                continue
+            lane.share(share)
+            lane.action, number = action, lane.task.number
+            row = lane.step()
+            if row is not None:
+                yield number, row
+                free.append((place, lane))
