@@ -106,6 +106,7 @@ def _of_evaluation(evaluation: Any) -> Parts:  # noqa: ANN401
         [name for name, _, _ in shown],
         [(each.name, [_cell(cell(each), style) for _, cell, style in shown]) for each in results],
     )
+    yield _line("least, median: of the robustness")
     yield ""
     for each in evaluation.requirements.values():
         yield _line(f"{each.name}: {each.formula}")
@@ -131,8 +132,13 @@ def _worst(result: Any, unit: str) -> Parts:  # noqa: ANN401 - a `RequirementRes
     times = result.first_violations[~np.isnan(result.first_violations)]
     if times.size:
         least, most = short(float(times.min())), short(float(times.max()))
-        span = f"from {least} {unit} to {most} {unit}" if least != most else f"at {least} {unit}"
-        yield _line(f"  violated {span}, half of them by {short(float(np.median(times)))} {unit}")
+        if least == most:
+            yield _line(f"  violated at {least} {unit}")
+            return
+        half = short(float(np.median(times)))
+        yield _line(
+            f"  violated from {least} {unit} to {most} {unit}, half of them by {half} {unit}"
+        )
 
 
 def _around(evaluation: Any) -> Parts:  # noqa: ANN401
@@ -167,7 +173,8 @@ def _of_comparison(
     for each in results:
         yield ""
         yield _text(each.sentence)
-    yield ""
+    if returns is not None or len(results) > 1 or notes:
+        yield ""
     if returns is not None:
         yield _text(effect_sentence(returns, "the return"))
     if len(results) > 1:

@@ -1,0 +1,73 @@
+"""Evaluations made from outcomes, for tests of what is computed from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+
+from rtamt import Verdict
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.rows import Outcome, Row
+
+FAILED = math.nan
+"""The robustness of an episode that an error has ended."""
+
+
+def evaluation_of(
+    heights: Mapping[str, Sequence[float]],
+    *,
+    seeds: Sequence[int] | None = None,
+    policy: str = "policy",
+    system: str = "Task-v0",
+    formulas: Mapping[str, str] | None = None,
+    rewards: Sequence[float] | None = None,
+    undecided: Sequence[int] = (),
+    decision: Mapping[str, str] | None = None,
+    period: Fraction | None = Fraction(1, 10),
+) -> Evaluation:
+    """The evaluation whose episodes have these robustness values, by requirement.
+
+    Args:
+        heights: The values; nan is an error, above 0 is satisfied, all else is violated.
+        seeds: The seeds of the episodes; None counts from 0.
+        policy: The name of the policy.
+        system: The name of the environment.
+        formulas: The texts of the requirements; None: that they are.
+        rewards: The returns; None: none.
+        undecided: The places of episodes that leave everything open.
+        decision: What sequential stopping has decided.
+        period: Seconds between samples.
+    """
+    count = len(next(iter(heights.values())))
+    rows = []
+    for place in range(count):
+        failed = any(math.isnan(values[place]) for values in heights.values())
+        outcomes = {
+            name: _outcome(values[place], place in undecided) for name, values in heights.items()
+        }
+        rows.append(
+            Row(
+                Case({}),
+                place if seeds is None else seeds[place],
+                {} if failed else outcomes,
+                "error" if failed else "truncated",
+                5.0,
+                0.0,
+                "ValueError: no" if failed else "",
+                None if rewards is None else rewards[place],
+            )
+        )
+    texts = formulas or {name: f"always({name} > 0)" for name in heights}
+    record = Record(rows, texts, system)
+    return Evaluation(record, system, policy, period, 5.0, 0, decision)
+
+
+def _outcome(height: float, undecided: bool) -> Outcome:  # noqa: FBT001 - a flag of the episode
+    if undecided:
+        return Outcome(height, -math.inf, math.inf, Verdict.UNDECIDED, None)
+    if height > 0:
+        return Outcome(height, height, height, Verdict.SATISFIED, 5.0)
+    return Outcome(height, height, height, Verdict.VIOLATED, 2.5)
