@@ -74,6 +74,7 @@ class Obligations:
 
     Attributes:
         found: The operators of each specification.
+        samples: Samples fed since the reset, of every environment.
 
     Args:
         judged: The specification of each judge, by name.
@@ -119,12 +120,12 @@ class Obligations:
             for place, found in enumerate(self.found)
         ]
         self._columns = columns
-        self._samples = np.zeros(num, np.int64)
+        self.samples = np.zeros(num, np.int64)
 
     def reset(self, lanes: Lanes | None = None) -> None:
         """Forgets the episodes of the environments of the mask; None: of all."""
         which = slice(None) if lanes is None else lanes
-        self._samples[which] = 0
+        self.samples[which] = 0
         for course in self._courses.values():
             course.reset(lanes)
         for clock in chain(*self._clocks):
@@ -136,8 +137,8 @@ class Obligations:
         for course in self._courses.values():
             course.feed(table, lanes)
         for clock in chain(*self._clocks):
-            clock.feed(which, self._samples[which])
-        self._samples[which] += 1
+            clock.feed(which, self.samples[which])
+        self.samples[which] += 1
 
     def feeder(self, names: Sequence[str]) -> Callable[[Sequence[float]], None]:
         """Makes the function that feeds a sample of the one environment that there is.

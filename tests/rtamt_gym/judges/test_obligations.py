@@ -1,0 +1,248 @@
+"""Clocks and margins of temporal operators: equal to their definition, and enough to judge by."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from obligations_oracle import Expected, clock, margin
+
+import rtamt
+from rtamt_gym.judges.clocks import Obligations
+from rtamt_gym.judges.interface import STANDARD
+from rtamt_gym.judges.obligations import obligations_of
+
+P, Q, R = "p > 0", "q > 0", "r > 0"
+COLUMNS = ["p", "q", "r"]
+Pattern = tuple[str, list[Expected]]
+
+
+def window(draw: Any, least: int = 0) -> tuple[int, int | None, str]:  # noqa: ANN401
+    """The begin and the end of a window, and its text."""
+    begin = draw(st.integers(least, 3))
+    end = draw(st.none() | st.integers(begin, begin + 4))
+    if end is None:
+        return begin, None, "" if begin == 0 else f"[{begin}:inf]"
+    return begin, end, f"[{begin}:{end}]"
+
+
+@st.composite
+def single(draw: Any) -> Pattern:  # noqa: ANN401
+    """One operator below the top, asked everywhere, where r holds, or at the first sample."""
+    name = draw(st.sampled_from(["eventually", "always", "until", "unless"]))
+    begin, end, text = window(draw)
+    two = name in {"until", "unless"}
+    formula = f"{P} {name}{text} {Q}" if two else f"{name}{text}({Q})"
+    operands = (P, Q) if two else (Q,)
+    whole, kinds, asked = draw(
+        st.sampled_from(
+            [
+                ("always({})", ("oldest", "newest"), None),
+                (f"always({R} implies ({{}}))", ("oldest", "newest"), R),
+                (f"always(({{}}) or not ({R}) or p > 2)", ("oldest", "newest"), f"{R} and p <= 2"),
+                ("eventually({})", ("newest", "oldest"), None),
+                (f"eventually({R} and ({{}}))", ("newest", "oldest"), R),
+                ("not eventually({})", ("newest", "oldest"), None),
+                (f"always({R} implies not ({{}}))", ("newest", "oldest"), R),
+                (f"({{}}) or eventually[0:9]({R})", ("oldest", "oldest"), "first"),
+                (f"always({R} implies next({{}}))", ("oldest", "newest"), f"s_prev({R})"),
+            ]
+        )
+    )
+    kind = kinds[name in {"always", "unless"}]
+    found = [Expected(formula, name, kind, begin, end, operands, asked)]
+    if asked == "first":
+        found.append(Expected(f"eventually[0:9]({R})", "eventually", "oldest", 0, 9, (R,), asked))
+    if "next" in whole:
+        if end is None:  # the operand of next is never known
+            return whole.format(formula), found
+        found.insert(0, Expected(f"next({formula})", "always", "newest", 1, 1, (formula,), R))
+    return whole.format(formula), found
+
+
+@st.composite
+def nested(draw: Any) -> Pattern:  # noqa: ANN401
+    """An operator in the window of another: what is read of it comes late."""
+    outer, inner = draw(st.tuples(*[st.sampled_from(["eventually", "always"])] * 2))
+    begin, end, text = window(draw)
+    first, last = draw(st.sampled_from([(0, 0), (0, 2), (1, 3)]))
+    below = f"{inner}[{first}:{last}]({Q})"
+    formula = f"{outer}{text}({below})"
+    whole, asked = draw(
+        st.sampled_from([("always({})", None), (f"always({R} implies {{}})", R)]),
+    )
+    kind = "newest" if outer == "always" else "oldest"
+    # Below always every instant of the inner counts, below eventually one is enough.
+    kind_below = "newest" if inner == outer else "oldest"
+    return whole.format(formula), [
+        Expected(formula, outer, kind, begin, end, (below,), asked),
+        Expected(below, inner, kind_below, first, last, (Q,)),
+    ]
+
+
+@st.composite
+def past(draw: Any) -> Pattern:  # noqa: ANN401
+    """An operator of the past."""
+    name = draw(st.sampled_from(["once", "historically", "since", "prev", "rise", "fall"]))
+    if name in {"prev", "rise", "fall"}:
+        formula = f"{name}({Q})"
+        return f"always({R} implies {formula})", [Expected(formula, name, "last", 1, 1, (Q,))]
+    begin, end, text = window(draw)
+    operands = (P, Q) if name == "since" else (Q,)
+    formula = f"{P} since{text} {Q}" if name == "since" else f"{name}{text}({Q})"
+    found = [Expected(formula, name, "last", begin, end, operands)]
+    return f"always({R} implies ({formula}))", found
+
+
+values = st.sampled_from([-2.0, -1.0, -0.0, 0.0, 1.0, 3.0])
+traces = st.lists(st.tuples(values, values, values), min_size=1, max_size=10)
+
+
+def made(text: str, num: int) -> Obligations:
+    return Obligations({"spec": rtamt.parse(text)}, num, 1, "raise", STANDARD, None, COLUMNS)
+
+
+@settings(max_examples=150)
+@given(pattern=single() | nested() | past(), rows=traces)
+def test_clocks_and_margins_are_those_of_the_definition(
+    pattern: Pattern, rows: list[tuple[float, ...]]
+) -> None:
+    text, expected = pattern
+    obligations = made(text, 1)
+    formulas = [rtamt.parse(each.formula).formula for each in expected]
+    assert [each.formula for each in obligations.found[0]] == formulas
+    trace = {name: [row[i] for row in rows] for i, name in enumerate(COLUMNS)}
+    for t, row in enumerate(rows):
+        obligations.feed(np.array([row]))
+        for each, owed in zip(expected, obligations.owed_by_one()[0], strict=True):
+            assert owed.clock == pytest.approx(clock(each, trace, t)), (each, t)
+            assert list(owed.margins) == [margin(p, trace, t) for p in each.operands]
+
+
+@settings(max_examples=50)
+@given(pattern=single() | nested() | past(), rows=traces, seed=st.integers(0, 99))
+def test_environments_have_clocks_of_their_own(
+    pattern: Pattern, rows: list[tuple[float, ...]], seed: int
+) -> None:
+    """Masks and resets of some environments leave the others as they are."""
+    text, _ = pattern
+    rng = np.random.default_rng(seed)
+    num = 3
+    together, alone = made(text, num), [made(text, 1) for _ in range(num)]
+    for row in rows:
+        table = np.array([row, row[::-1], row[1:] + row[:1]])
+        resets, fed = rng.random(num) < 0.15, rng.random(num) < 0.8
+        if resets.any():
+            together.reset(resets)
+        together.feed(table, None if fed.all() else fed)
+        for lane, each in enumerate(alone):
+            if resets[lane]:
+                each.reset()
+            if fed[lane]:
+                each.feed(table[lane : lane + 1])
+        for lane, each in enumerate(alone):
+            if each.samples:
+                assert [
+                    (owed.clock[lane], [m[lane] for m in owed.margins])
+                    for owed in together.owed()[0]
+                ] == [(owed.clock, list(owed.margins)) for owed in each.owed_by_one()[0]]
+
+
+# ---- what is enough ----
+
+ENOUGH = [
+    f"always(eventually[0:3]({Q}))",
+    f"always(eventually[1:3]({Q}))",
+    f"always({R} implies eventually[0:4]({Q}))",
+    f"always({R} implies eventually[1:4]({Q}))",
+    f"always({R} implies always[0:3]({Q}))",
+    f"always({R} implies always[1:3]({Q}))",
+    f"eventually(always[0:3]({Q}))",
+    f"eventually({R} and always[0:3]({Q}))",
+    f"always({P} until[0:3] {Q})",
+    f"always({R} implies ({P} until[0:3] {Q}))",
+    f"always({R} implies ({P} until {Q}))",
+    f"always({R} implies ({P} unless {Q}))",
+    f"always({R} implies next({Q}))",
+    f"always(eventually[0:4](always[0:2]({Q})))",
+    f"always({R} implies once[0:3]({Q}))",
+    f"always({R} implies historically[0:3]({Q}))",
+    f"always({R} implies ({P} since[0:3] {Q}))",
+    f"always({R} implies rise({Q}))",
+    f"always({R} implies eventually[0:3]({Q})) and always({P} or next({P}))",
+]
+
+NOT_ENOUGH = [
+    f"always({R} implies eventually[3:5]({Q}))",
+    f"always({R} implies always[3:5]({Q}))",
+    f"always(eventually[0:3]({Q}) or eventually[0:5]({P}))",
+    f"always({R} implies once[2:4]({Q}))",
+]
+
+
+def told_apart(text: str) -> bool:
+    """Whether two histories that look the same have futures that are not.
+
+    Random histories of different lengths go on in the same ways; those whose verdict and clocks
+    are the same, and whose last margins have the same signs, must get the same verdicts.
+    """
+    lanes, longest, ahead, ways = 1000, 9, 7, 25
+    rng = np.random.default_rng(5)
+    often = np.array([[0.6, 0.5, 0.3], [0.2, 0.4, 0.3]])[rng.integers(0, 2, lanes)]
+    judge = rtamt.VectorEpisodeMonitor(text, lanes, 1)
+    obligations = made(text, lanes)
+    starts = rng.integers(0, longest, lanes)
+    pick = [COLUMNS.index(name) for name in judge.variables]
+    for step in range(longest):
+        table = np.where(rng.random((lanes, 3)) < often, 1.0, -1.0)
+        fed = starts <= step
+        judge.update(table[:, pick], fed)
+        obligations.feed(table, fed)
+    owed = obligations.owed()[0]
+    seen = [judge.verdict, *(np.round(1e6 * each.clock) for each in owed)]
+    seen += [np.sign(m) for each in owed for m in each.margins]
+    _, group = np.unique(np.array(seen), axis=1, return_inverse=True)
+    first = np.unique(group, return_index=True)[1]  # a history of each group
+    for way in range(ways):
+        then = deepcopy(judge)
+        for _ in range(ahead):
+            row = np.where(rng.random(3) < often[way], 1.0, -1.0)
+            then.update(np.tile(row, (lanes, 1))[:, pick])
+            verdict = then.verdict
+            if (verdict != verdict[first][group]).any():
+                return True
+    return False
+
+
+@pytest.mark.parametrize("text", ENOUGH)
+def test_verdicts_to_come_depend_on_what_is_shown(text: str) -> None:
+    assert not told_apart(text)
+
+
+@pytest.mark.parametrize("text", NOT_ENOUGH)
+def test_where_it_is_not_enough_is_known(text: str) -> None:
+    assert told_apart(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["always(p > 0)", "eventually[0:5](p > 0)", f"{P} until {Q}", f"not eventually({P})"]
+)
+def test_an_operator_at_the_top_has_no_clock(text: str) -> None:
+    assert obligations_of(rtamt.parse(text), 1, None) == []
+
+
+def test_an_operand_that_is_never_known_leaves_out_its_operator() -> None:
+    (found,) = obligations_of(rtamt.parse(f"always(eventually(always({Q})))"), 1, None)
+    assert (str(found.formula), found.kind) == (f"always({Q})", "oldest")
+
+
+def test_windows_are_in_samples_and_rounded_as_asked() -> None:
+    spec = rtamt.parse("always(eventually[0.1:0.25](q > 0))")
+    for period, align, expected in ((Fraction(1, 20), None, (2, 5)), (0.1, "outward", (1, 3))):
+        (found,) = obligations_of(spec, period, align)
+        assert (found.begin, found.end) == expected
