@@ -141,7 +141,7 @@ class Panel:
             y += self._row if at % self._columns == 0 else 0
             begin = left + cell * (at % self._columns)
             self._text(draw, begin, y, self._fitted(name, names), _GREY)
-            values = [each.values[at] for each in sights]
+            values = [each.values[at] for each in sights[-int(cell) :]]
             self._curve(draw, begin + names, y, cell - names - 2 * gap, values)
 
     def _bar(
