@@ -140,7 +140,7 @@ class Monitoring(Observing):
         self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
-        loaded = self._specs = load_specs(specs, own_requirements(env))
+        loaded = self._loaded = load_specs(specs, own_requirements(env))
         variables = [name for spec in loaded.values() for name in spec.variables]
         given = {} if signals is None else signals
         self._signals = parse_signals(
@@ -188,7 +188,7 @@ class Monitoring(Observing):
         """What it monitors and how, as arguments of `rtamt_gym.simulate`."""
         given = self._saved_kwargs
         return {
-            "specs": self._specs,
+            "specs": self._loaded,
             "period": self._period,
             **{name: given.get(name) for name in _JUDGING},
         }
