@@ -33,7 +33,7 @@ class ClipWatch:
         self._all = np.ones(num, np.bool_)
         self._running = np.zeros(num, np.bool_)
         self._episodes = 0
-        self._seen = self._clipped = 0
+        self._seen = self._clipped = self._below = 0
         self._low, self._high = math.inf, -math.inf
 
     @property
@@ -44,7 +44,8 @@ class ClipWatch:
     @property
     def report(self) -> str | None:
         """What is to be said of the samples seen; None if the clip does not flatten."""
-        return flattening(self._seen, self._clipped, self._low, self._high, self._shaping.clip)
+        counts = self._seen, self._clipped, self._below
+        return flattening(*counts, self._low, self._high, self._shaping.clip)
 
     def reset(self, values: Sequence[Floats], lanes: Lanes | None = None) -> None:
         """Sees the first samples of the environments of the mask; None: of all.
@@ -72,35 +73,48 @@ class ClipWatch:
         if len(deciding):
             self._seen += len(deciding)
             self._clipped += int(np.count_nonzero(np.abs(deciding) > self._shaping.clip))
+            self._below += int(np.count_nonzero(deciding < -self._shaping.clip))
             self._low = min(self._low, deciding.min())
             self._high = max(self._high, deciding.max())
 
 
-def flattening(seen: int, clipped: int, low: float, high: float, bound: float) -> str | None:
+def flattening(
+    seen: int, clipped: int, below: int, low: float, high: float, bound: float
+) -> str | None:
     """What to say to a user whose clip hides what robustness could tell a learner.
 
     Args:
         seen: How many values of `Shaping.deciding` were seen, infinite ones not counted.
         clipped: How many of them the clip changes: ``abs(value) > bound``.
+        below: How many of these are negative: a step towards satisfaction changes no reward there.
         low: The least of them.
         high: The greatest of them.
         bound: The bound to which the robustness is clipped.
 
     Returns:
-        The warning; None if the clip changes at most 9 of 10 values.
+        The warning; None if the clip changes at most 9 of 10 values, and raises at most half.
 
     Example:
-        >>> print(flattening(seen=200, clipped=190, low=0.5, high=48.0, bound=1.0))
+        >>> print(flattening(seen=200, clipped=190, below=0, low=0.5, high=48.0, bound=1.0))
         clip=1 flattens the reward: at 190 of 200 samples of the first episodes the robustness
         that decides it was outside of [-1, 1]; it ranged from 0.5 to 48; take a clip= about that
         range, such as clip=48, or weights= that bring the robustness inside
-        >>> flattening(seen=200, clipped=180, low=0.5, high=48.0, bound=1.0)
+        >>> flattening(seen=200, clipped=180, below=100, low=-1.5, high=48.0, bound=1.0)
+        >>> print(flattening(seen=200, clipped=101, below=101, low=-1.8, high=0.5, bound=1.0))
+        clip=1 flattens the reward: at 101 of 200 samples of the first episodes the robustness
+        that decides it was below -1, where no step towards satisfaction shows; it ranged from
+        -1.8 to 0.5; take a clip= about that range, such as clip=1.8, or weights= that bring the
+        robustness inside
     """
-    if 10 * clipped <= 9 * seen:
+    if 10 * clipped > 9 * seen:
+        count, where = clipped, f"outside of [-{bound:g}, {bound:g}]"
+    elif 2 * below > seen:
+        count, where = below, f"below -{bound:g}, where no step towards satisfaction shows"
+    else:
         return None
     return (
-        f"clip={bound:g} flattens the reward: at {clipped} of {seen} samples of the first episodes "
-        f"the robustness that decides it was outside of [-{bound:g}, {bound:g}]; it ranged from "
+        f"clip={bound:g} flattens the reward: at {count} of {seen} samples of the first episodes "
+        f"the robustness that decides it was {where}; it ranged from "
         f"{low:.3g} to {high:.3g}; take a clip= about that range, such as "
         f"clip={max(-low, high):.3g}, or weights= that bring the robustness inside"
     )

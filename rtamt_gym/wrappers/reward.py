@@ -150,9 +150,11 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
                 ``"replace"`` and ``"hierarchical"``
             clip: Bound of the robustness; the interesting margins of every specification should
                 lie inside (``weights`` help). If the robustness that decides the reward is outside
-                at more than 9 of 10 samples of the first 10 episodes, a ``UserWarning`` at the end
-                of the tenth says so, with its range. An infinite robustness does not count; of
-                ``"terminal"``, which pays no other, the last samples count alone
+                at more than 9 of 10 samples of the first 10 episodes, or below -clip at more than
+                half, a ``UserWarning`` at the end of the tenth says so, with its range. An infinite
+                robustness does not count; of ``"terminal"``, which pays no other, the last samples
+                count alone. It is not taken from the first episodes: the spaces of observations
+                need it before, and every copy of an environment must pay the same
             gamma: The discount of the learner, for ``"potential"``
             temperature: Makes the minimum over the specifications a smooth one; ``None`` takes the
                 exact one

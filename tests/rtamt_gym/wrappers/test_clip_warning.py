@@ -73,6 +73,12 @@ def text(clip: float, clipped: int, seen: int, low: float, high: float) -> str:
     )
 
 
+def raised(clip: float, below: int, seen: int, low: float, high: float) -> str:
+    said = text(clip, below, seen, low, high)
+    outside = f"outside of [-{clip:g}, {clip:g}]"
+    return said.replace(outside, f"below -{clip:g}, where no step towards satisfaction shows")
+
+
 def shaped(env: gym.Env[Any, Any], specs: Any = "always(x > 0)", **options: Any) -> Any:  # noqa: ANN401
     return StlReward(env, specs, X, **{**OPTIONS, **options})
 
@@ -95,6 +101,12 @@ def test_a_clip_that_flattens_is_warned_of_at_the_end_of_the_tenth_episode() -> 
 @pytest.mark.parametrize(("length", "flat"), [(10, []), (11, [text(1, 100, 110, 0.5, 2)])])
 def test_nine_of_ten_samples_are_not_yet_too_many(length: int, flat: list[str]) -> None:
     env = shaped(Replay([2.0] * (length - 1) + [0.5]))
+    assert warned(functools.partial(play, env, 10)) == flat
+
+
+@pytest.mark.parametrize(("last", "flat"), [(-0.5, []), (-2.0, [raised(1, 30, 40, -2, -1.0)])])
+def test_half_of_the_samples_below_are_not_yet_too_many(last: float, flat: list[str]) -> None:
+    env = shaped(Replay([-2.0, -2.0, last, -1.0]), "x > 0", view="step")
     assert warned(functools.partial(play, env, 10)) == flat
 
 
@@ -121,8 +133,10 @@ def decided(states: dict[str, Any], mode: str) -> float:
 def expected(numbers: list[float], clip: float) -> list[str]:
     numbers = [number for number in numbers if math.isfinite(number)]
     clipped = sum(not -clip <= number <= clip for number in numbers)
+    below = sum(number < -clip for number in numbers)
     if clipped * 10 <= len(numbers) * 9:
-        return []
+        figures = clip, below, len(numbers), min(numbers), max(numbers)
+        return [raised(*figures)] if below * 2 > len(numbers) else []
     return [text(clip, clipped, len(numbers), min(numbers), max(numbers))]
 
 
