@@ -29,7 +29,7 @@ class Observing:
     _state: StateFeatures | None
     """What is appended to the observation; None if nothing is."""
     _observe: Observe | None
-    _specs: tuple[str, ...]
+    _shown_of: tuple[str, ...]
 
     def _set_up_observations(
         self,
@@ -59,7 +59,7 @@ class Observing:
         """
         check_choice("observe", observe, (None, *get_args(Observe)))
         bound = check_number("clip", clip)
-        self._state, self._observe, self._specs = None, observe, tuple(monitors)
+        self._state, self._observe, self._shown_of = None, observe, tuple(monitors)
         if observe is None:
             return
         _refuse_twice(env, type(self).__name__, observe)
@@ -99,7 +99,7 @@ class Observing:
             spec: clock of eventually[0:1](x > 0)
             spec: margin of x > 0
         """
-        return [] if self._state is None else self._state.names(self._specs)
+        return [] if self._state is None else self._state.names(self._shown_of)
 
     def _observed(self, obs: Any, values: MonitorValues[Any]) -> Any:  # noqa: ANN401
         """The observation, or the batch of them, with what is to be appended."""
