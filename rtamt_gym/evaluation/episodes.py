@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -13,13 +12,11 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.lanes import Lane, Task, side_by_side
 from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judges.ends import OpenEndWarning
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.simulation.models import Model
-from rtamt_gym.simulation.simulate import simulate
 from rtamt_gym.simulation.simulation import Simulation
 from rtamt_gym.simulation.systems import Policy
 
@@ -45,6 +42,7 @@ class Episodes(Runner):
         policy: The policy, as `evaluate_policy` takes it, or an `Evaluated`.
         deterministic: Whether a model gives the action that it holds for best.
         n_envs: How many episodes run side by side.
+        made: What the function has made, if it was called already.
         **options: As for `Runner`.
 
     Raises:
@@ -59,12 +57,13 @@ class Episodes(Runner):
         policy: Any,  # noqa: ANN401
         deterministic: bool = True,
         n_envs: int = 1,
+        made: gym.Env[Any, Any] | None = None,
         **options: Any,  # noqa: ANN401 - those of `Runner`
     ) -> None:
         self._n_envs = check_count("n_envs=", n_envs)
         self._given = env
         self._envs: list[gym.Env[Any, Any]] = []
-        made = env if isinstance(env, gym.Env) else env()
+        made = made or (env if isinstance(env, gym.Env) else env())
         self.evaluated = evaluated(policy, made, deterministic=deterministic)
         options = {"batch": n_envs, **options}
         super().__init__(made, requirements, policies=self.evaluated.make, **options)
@@ -134,19 +133,6 @@ class Episodes(Runner):
                 own = None if task.seed is None else [task.seed]
                 for _, row in super().run([task.case], own, above=above):
                     yield index, row
-
-    def settled(self, seed: int | None) -> str | None:
-        """The requirement that the environment's own end has satisfied in an episode, if any."""
-        options = self._of_run({}, seed, None) | {"stop": "end", "at_termination": None}
-        if self.evaluated.make is not None:
-            options["policy"] = self.evaluated.make(seed or 0)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", OpenEndWarning)
-            try:
-                simulate(self.system, self.requirements, **options)
-            except OpenEndWarning as warned:
-                return warned.name
-        return None
 
     @property
     def _model(self) -> Model | None:

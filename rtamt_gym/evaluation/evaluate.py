@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.vector import VectorEnv
 
 import rtamt
 from rtamt import InputError, InputTypeError, Verdict
@@ -16,12 +17,14 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation, played
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
+from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judges.ends import warn_of_open_end
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.options import Options
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import tell_failures
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.environments import make
@@ -169,18 +172,15 @@ def evaluate_policy(
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
             raise InputError(f"expected {name}= as a whole number, 0 or more, got {value!r}")
-    if not isinstance(env, str | gym.Env) and not callable(env):
-        raise InputTypeError(
-            "expected the id of an environment, a function that makes one, or an environment, got "
-            f"{env!r}"
-        )
-    runner = Episodes(
-        make(env) if isinstance(env, str) else env,
+    env, made = _made(env, n_envs)
+    kind = VectorEpisodes if isinstance(made, VectorEnv) else partial(Episodes, n_envs=n_envs)
+    runner: Episodes | VectorEpisodes = kind(
+        env,
         specs,
+        made=made,
         policy=policy,
         signals=signals,
         deterministic=deterministic,
-        n_envs=n_envs,
         stop=stop,
         **reading,
     )
@@ -200,7 +200,8 @@ def evaluate_policy(
         enough=None if stopping is None else partial(_add, stopping),
     )
     tell_failures(record)
-    _tell_open_end(runner, record)
+    if runner.unasked:
+        _tell_open_end(runner, record)
     return Evaluation(
         record,
         runner.name,
@@ -214,9 +215,26 @@ def evaluate_policy(
     )
 
 
-def _tell_open_end(runner: Episodes, record: Record) -> None:
+def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
+    """The environment, or the function that makes it, and what it has made."""
+    if isinstance(env, str):
+        env = make(env)
+    made = env if isinstance(env, gym.Env | VectorEnv) or not callable(env) else env()
+    if isinstance(made, VectorEnv) and n_envs not in (1, made.num_envs):
+        raise InputError(
+            f"n_envs= comes from the vector environment, which has {made.num_envs}, got {n_envs}"
+        )
+    if not isinstance(made, gym.Env | VectorEnv):
+        raise InputTypeError(
+            "expected the id of an environment, a function that makes one, an environment or a "
+            f"vector environment, got {made!r}"
+        )
+    return env, made
+
+
+def _tell_open_end(runner: Runner, record: Record) -> None:
     """Warns once if an end that nobody has said the meaning of has satisfied what was open."""
-    for name in record.requirements if runner.unasked else ():
+    for name in record.requirements:
         for row in record:
             outcome = row.outcomes.get(name)
             if outcome is None or row.ended != "terminated":
@@ -224,9 +242,9 @@ def _tell_open_end(runner: Episodes, record: Record) -> None:
             # What the last sample has decided, or the end: one episode shows it.
             last = outcome.decided_at == row.simulated
             if outcome.verdict is Verdict.SATISFIED and last:
-                settled = runner.settled(row.seed)
-                if settled is not None:
-                    warn_of_open_end(settled)
+                failing = runner.simulate({}, row.seed, stop="end", at_termination="failure")
+                if failing.courses[name].verdict is Verdict.VIOLATED:
+                    warn_of_open_end(name)
                     return
                 break
 
@@ -243,7 +261,7 @@ def _add(stopping: Stopping, row: Row) -> bool:
     return stopping.done
 
 
-def _worst_runs(runner: Episodes, record: Record, keep: int) -> dict[str, tuple[Run, ...]]:
+def _worst_runs(runner: Runner, record: Record, keep: int) -> dict[str, tuple[Run, ...]]:
     """The worst episodes of each requirement, played again in full."""
     runs: dict[int, Run] = {}
     found = {}

@@ -13,8 +13,9 @@ from gymnasium import spaces
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.simulation.models import Model
+from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulation import Simulation
-from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.simulation.systems import Policy, System
 
 __all__ = ["Lane", "Task", "side_by_side"]
 
@@ -38,23 +39,25 @@ class Lane:
         task: The episode; None if there is none.
         action: What the next step does.
         shown: What the environment has shown last; None if it has shown nothing.
+        run: The last episode that was over without an error, if it was the last.
 
     Args:
-        env: The environment.
+        env: The environment, or what stands for it.
         begin: Begins an episode in it.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], begin: Begin) -> None:
+    def __init__(self, env: gym.Env[Any, Any] | System, begin: Begin) -> None:
         self._env = env
         self._begin = begin
         self._wall = 0.0
         self.task: Task | None = None
         self.action: Any = None
         self.shown: Any = None
+        self.run: Run | None = None
 
     def begin(self, task: Task) -> Row | None:
         """Begins an episode and takes sample 0; gives its row if it is over then."""
-        self.task, self._wall = task, 0.0
+        self.task, self._wall, self.run = task, 0.0, None
         try:
             self._simulation = self._begin(self._env, task, lambda _obs: self.action)
         except Exception as error:  # noqa: BLE001 - the row has it
@@ -72,10 +75,11 @@ class Lane:
         try:
             simulation.step()
             self.shown = simulation.observation
-            if simulation.run is not None:
-                row = Row.of(simulation.run, task.case)
+            self.run = simulation.run
+            if self.run is not None:
+                row = replace(Row.of(self.run, task.case), seed=task.seed)
         except Exception as error:  # noqa: BLE001 - the row has it
-            row = Row.failed(error, task.case, task.seed, 0.0)
+            row = replace(Row.failed(error, task.case, task.seed, 0.0), seed=task.seed)
         self._wall += time.perf_counter() - begin
         if row is None:
             return None

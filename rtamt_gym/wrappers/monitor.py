@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any, SupportsFloat
 
 import gymnasium as gym
@@ -342,22 +341,10 @@ class StlMonitor(
         """Whether it takes samples inside of the environment's steps."""
         return self._substeps
 
-    @contextmanager
-    def tapped(self, tap: gym.Env[Any, Any]) -> Iterator[None]:
-        """A context in which it steps ``tap``, which steps its environment, and ends no episode.
-
-        Nor does it tell there what an open end was taken for.
-        """
-        env, before = self.env, (self._on_violation, self._unasked)
-        self.env, self._on_violation, self._unasked = tap, "report", False
+    def _tap(self, env: Any) -> None:  # noqa: ANN401
+        super()._tap(env)
         if self._substeps:
-            self._inside.inside.env = tap
-        try:
-            yield
-        finally:
-            self.env, (self._on_violation, self._unasked) = env, before
-            if self._substeps:
-                self._inside.inside.env = env
+            self._inside.inside.env = env
 
     def _bind_signals(self) -> None:
         if not self._substeps:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
 
@@ -192,6 +193,24 @@ class Monitoring(Observing):
             "period": self._period,
             **{name: given.get(name) for name in _JUDGING},
         }
+
+    @contextmanager
+    def tapped(self, tap: Any) -> Iterator[None]:  # noqa: ANN401 - an environment, or many
+        """A context in which it steps ``tap``, which steps its environment, and ends no episode.
+
+        Nor does it tell there what an open end was taken for.
+        """
+        env, before = self.env, (self._on_violation, self._on_satisfaction, self._unasked)
+        self._tap(tap)
+        self._on_violation, self._on_satisfaction, self._unasked = "report", "report", False
+        try:
+            yield
+        finally:
+            self._tap(env)
+            self._on_violation, self._on_satisfaction, self._unasked = before
+
+    def _tap(self, env: Any) -> None:  # noqa: ANN401 - an environment, or many
+        self.env = env
 
     def values(self) -> MonitorValues[Any]:
         """Reads robustness and bounds of each specification now: of many environments, arrays."""

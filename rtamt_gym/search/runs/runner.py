@@ -276,8 +276,9 @@ class Runner:
         seed: int | None = None,
         above: Mapping[str, float] | None = None,
         stop: Stop | None = None,
+        **others: Any,  # noqa: ANN401 - options of `simulate`
     ) -> Run:
-        """Runs one case and keeps every sample; `stop` in place of the runner's own if given.
+        """Runs one case and keeps every sample; what is given stands in place of its own options.
 
         Raises:
             RtamtError: As `rtamt_gym.simulate` does.
@@ -287,7 +288,7 @@ class Runner:
             options["policy"] = self._policies(seed or 0)
         if stop is not None:
             options["stop"] = stop
-        return simulate(self._system, self.requirements, **options)
+        return simulate(self._system, self.requirements, **options | others)
 
     def _of_run(
         self, case: CaseLike, seed: int | None, above: Mapping[str, float] | None

@@ -1,0 +1,232 @@
+"""`VectorEpisodes`: plays episodes of a policy in a vector environment that somebody has made."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium as gym
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+
+import rtamt
+from rtamt import InputError, StateError
+from rtamt_gym.evaluation.lanes import Lane, Task
+from rtamt_gym.evaluation.places import Place, VectorTap
+from rtamt_gym.evaluation.policies import evaluated
+from rtamt_gym.evaluation.waves import Waves
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.judges.specs import ask_another, autoreset_mode, own_requirements, read_period
+from rtamt_gym.search.runs.options import check_options
+from rtamt_gym.search.runs.requirements import Requirements, load_requirements
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.runner import CaseLike, Runner
+from rtamt_gym.search.runs.trace import Trace
+from rtamt_gym.signals.columns import SignalColumns
+from rtamt_gym.signals.signals import own_signals, parse_signals
+from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.simulation.monitors import with_own_monitor
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.simulation import Simulation
+from rtamt_gym.simulation.systems import Policy
+from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
+
+__all__ = ["VectorEpisodes"]
+
+Vector = VectorEnv[Any, Any, Any]
+
+
+class VectorEpisodes(Runner):
+    """Plays episodes in the environments of a vector environment, each with a seed of its own.
+
+    A vector environment that resets by itself plays waves: one reset with seeds, and steps until
+    all episodes that it began are over, so that short ones do not come more often. One that resets
+    single environments when it is told begins the next episode as soon as one is over.
+
+    Attributes:
+        evaluated: The policy.
+        unasked: Whether nobody has said what the environment's own end means.
+
+    Args:
+        env: The vector environment, or a function that makes one.
+        requirements: The requirements.
+        policy: The policy, as for `Episodes`.
+        deterministic: As for `Episodes`.
+        made: What the function has made, if it was called already.
+        **options: As for `Runner`.
+
+    Raises:
+        InputError: If the environment does not take a seed for each episode, or as `Runner` does.
+    """
+
+    def __init__(
+        self,
+        env: Vector | Callable[[], Vector],
+        requirements: Requirements | None = None,
+        *,
+        policy: Any,  # noqa: ANN401
+        deterministic: bool = True,
+        made: Vector | None = None,
+        **options: Any,  # noqa: ANN401 - those of `Runner`
+    ) -> None:
+        self._given = env
+        self._env: Vector = made or (env if isinstance(env, VectorEnv) else env())
+        self._monitor = _monitor_of(self._env)
+        self._inside: Vector = self._env if self._monitor is None else self._monitor.env
+        stop, duration = options.pop("stop", "end"), options.pop("duration", None)
+        check_options(
+            {name: options[name] for name in options if name not in {"signals", "period"}}
+        )
+        requirements, reading = with_own_monitor(self._monitor, requirements, options)
+        spec = self._env.spec
+        self.name = spec.id if spec else type(self._env.unwrapped).__name__
+        own = own_requirements(self._env)
+        self.requirements = load_requirements(requirements, own, self.name)
+        self.period = reading.get("period") or read_period(self._env) or ask_another(self._env)
+        self.inputs = ()
+        limit = spec.max_episode_steps if spec else None
+        step = rtamt.Monitor("true", period=self.period).period
+        self.duration = duration or (None if limit is None or step is None else float(step * limit))
+        self.unasked = reading.get("at_termination") is None
+        reading["at_termination"] = reading.get("at_termination") or "complete"
+        self._signals = reading.pop("signals", None)
+        self._simulated: dict[str, Any] = {
+            **reading,
+            "period": self.period,
+            "duration": duration,
+            "stop": stop,
+        }
+        alone: Any = SimpleNamespace(
+            observation_space=self._env.single_observation_space,
+            action_space=self._env.single_action_space,
+            unwrapped=None,
+            spec=spec,
+        )
+        self.evaluated = evaluated(policy, alone, deterministic=deterministic)
+        make = self.evaluated.make
+        if make is None:
+            raise InputError(
+                "the policy baseline is for one environment; give the id of the environment with "
+                f"n_envs={self._env.num_envs}"
+            )
+        self._make = make
+        specs = self.requirements.values()
+        variables = list(dict.fromkeys(name for spec in specs for name in spec.variables))
+        known = {**own_signals(self._inside)}
+        if self._monitor is not None:
+            known |= self._monitor.judging["signals"] or {}
+        parsed = parse_signals(self._signals or {}, variables, SOURCES, extra=True, own=known)
+        same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
+        self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
+        self._check_seeds()
+        self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
+
+    def close(self) -> None:
+        """Leaves the environment open: somebody else has made it."""
+
+    @property
+    def system(self) -> Any:  # noqa: ANN401
+        """The vector environment."""
+        return self._env
+
+    @property
+    def origin(self) -> Any:  # noqa: ANN401
+        """As `Runner.origin`: the function that makes the environment, if there is one."""
+        return self._given
+
+    @property
+    def arguments(self) -> Mapping[str, Any]:
+        """As `Runner.arguments`."""
+        return {**self._simulated, "signals": self._signals, "policy": self.evaluated}
+
+    @property
+    def takes_seeds(self) -> bool:
+        """As `Runner.takes_seeds`."""
+        return True
+
+    @property
+    def batch(self) -> int:
+        """How many episodes a worker gets at once."""
+        return self._env.num_envs
+
+    def run(
+        self,
+        cases: Iterable[CaseLike],
+        seeds: Sequence[int] | None = None,
+        *,
+        keep: Callable[[int, Trace], object] | None = None,  # noqa: ARG002 - for searches alone
+        above: Mapping[str, float] | None = None,
+    ) -> Iterator[tuple[int, Row]]:
+        """Plays episodes, as `Runner.run` does."""
+        listed = [Case(case) for case in cases]
+        given: Sequence[int | None] = seeds or [None] * len(listed)
+        left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
+        options = {} if above is None else {"above": above}
+        try:
+            for number, row, _ in self._play(list(left.values()), options):
+                del left[number]
+                yield number, row
+        except Exception:  # noqa: BLE001 - it stands in the row of the episode that has it
+            for task in left.values():
+                try:
+                    yield from ((number, row) for number, row, _ in self._play([task], options))
+                except Exception as error:  # noqa: BLE001
+                    yield task.number, Row.failed(error, task.case, task.seed, 0.0)
+
+    def simulate(
+        self,
+        case: CaseLike,
+        seed: int | None = None,
+        above: Mapping[str, float] | None = None,
+        stop: Any = None,  # noqa: ANN401
+        **options: Any,  # noqa: ANN401
+    ) -> Run:
+        """Plays one episode and keeps every sample, as `Runner.simulate` does."""
+        options |= {} if stop is None else {"stop": stop}
+        options |= {} if above is None else {"above": above}
+        ((_, row, run),) = self._play([Task(0, Case(case), seed)], options)
+        if run is None:
+            raise StateError(f"expected an episode as it was before, got {row.error}")
+        return replace(run, seed=seed)
+
+    def _play(
+        self, tasks: Sequence[Task], options: Mapping[str, Any]
+    ) -> Iterator[tuple[int, Row, Run | None]]:
+        """Plays episodes; gives each with its number and its run when it is over."""
+
+        def begin(place: Any, _task: Task, _policy: Policy) -> Simulation:  # noqa: ANN401
+            return Simulation(place, self.requirements, **{**self._simulated, **options})
+
+        lanes = [Lane(place, begin) for place in self._places]
+        todo = deque(tasks)
+        with ExitStack() as stack:
+            tap = None
+            if self._monitor is not None:
+                tap = VectorTap(self._inside)
+                stack.enter_context(self._monitor.tapped(tap))
+            waves = Waves(self._env, self._make, self._columns, self._places, lanes, tap)
+            while todo:
+                yield from waves.play(todo)
+
+    def _check_seeds(self) -> None:
+        """Refuses an environment that does not take a seed for each of its environments."""
+        try:
+            self._inside.reset(seed=[0] * self._env.num_envs)  # type: ignore[arg-type]  # what is asked
+        except (gym.error.Error, TypeError) as error:
+            raise InputError(
+                "expected a vector environment that takes a seed for each of its environments, so "
+                f"that every episode can be played again, got {self._env.unwrapped}, which takes "
+                f"one for all; give {self.name!r} with n_envs={self._env.num_envs}, or "
+                "gym.make_vec(..., vectorization_mode='sync')"
+            ) from error
+
+
+def _monitor_of(env: Any) -> VectorStlMonitor | None:  # noqa: ANN401
+    while isinstance(env, VectorWrapper):
+        if isinstance(env, VectorStlMonitor):
+            return env
+        env = env.env
+    return None
