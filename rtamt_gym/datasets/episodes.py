@@ -111,6 +111,11 @@ def read_episode(given: Any, number: int, metadata: Mapping[str, Any] | None = N
             f"episode {number} has no {missing[0]!r}; its keys are {listing(known)}"
             f"{nearest(missing[0], [name for name in known if name not in _FIELDS])}"
         )
+    if not isinstance(known.get("infos") or {}, Mapping):
+        raise InputTypeError(
+            f"episode {number}: expected infos as a mapping from keys to arrays, got "
+            f"{type(known['infos']).__name__}"
+        )
     said = known if metadata is None else metadata
     episode = Episode(
         number,

@@ -59,12 +59,20 @@ class SignalReader:
         Raises:
             InputError: If a signal cannot be read or is nan; a note names the episode.
         """
+        where = f"in episode {episode.number}"
         try:
             table = self._read(episode, rewards)
             self._check(table)
         except RtamtError as error:
-            error.add_note(f"in episode {episode.number}")
+            error.add_note(where)
             raise
+        except (IndexError, KeyError, TypeError) as error:
+            other = InputError(
+                "expected observations and actions of one form in all episodes, got others than "
+                f"in the first: {type(error).__name__}: {error}"
+            )
+            other.add_note(where)
+            raise other from error
         return table
 
     def _columns(self, num: int) -> SignalColumns:
@@ -125,6 +133,6 @@ def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[s
         entries = np.asarray(value)
         if entries.ndim and len(entries) == steps + 1:
             first[key], later[key] = entries[:1], entries[1:]
-        elif entries.ndim and len(entries) == steps:
+        else:  # where it is neither, who reads it is told so
             later[key] = entries
     return first, later

@@ -10,9 +10,10 @@ from typing import Any, SupportsFloat, get_args
 import gymnasium as gym
 from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
+from gymnasium.vector import VectorEnv
 from gymnasium.wrappers import RenderCollection
 
-from rtamt import InputError
+from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.wrappers.monitor import StlMonitor
@@ -77,11 +78,15 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
                 a name is not that of a signal
         """
         RecordConstructorArgs.__init__(self, place=place, signals=signals)
-        gym.Wrapper.__init__(self, single_env(env))
-        check_choice("place", place, get_args(Place))
         self._monitor = monitor_inside(env, type(self).__name__)
+        gym.Wrapper.__init__(self, env)
+        check_choice("place", place, get_args(Place))
         check_pictures(env, type(self).__name__)
         known = self._monitor.signal_names
+        if isinstance(signals, str):
+            raise InputTypeError(
+                f'expected signals= as a sequence of names, got {signals!r}; such as ["{signals}"]'
+            )
         for name in () if signals is None else signals:
             if name not in known:
                 raise InputError(
@@ -163,9 +168,15 @@ def monitor_inside(env: gym.Env[Any, Any], name: str) -> StlMonitor[Any, Any]:
         name: The wrapper that needs it, for the message.
 
     Raises:
+        InputTypeError: If it is no environment of Gymnasium, or many.
         InputError: If there is none.
     """
-    within = env
+    if isinstance(env, VectorEnv):
+        raise InputTypeError(
+            f"expected one environment for {name}, got {env}; wrap each one: "
+            "gym.make_vec(..., vectorization_mode='sync', wrappers=[...])"
+        )
+    within = single_env(env)
     while isinstance(within, gym.Wrapper):
         if isinstance(within, StlMonitor):
             return within

@@ -203,12 +203,12 @@ class Panel:
         draw.text((x, y + self._row / 2), text, fill=colour, font=self._font, anchor=f"{side}m")
 
     def _fitted(self, text: str, width: float) -> str:
-        """The text, cut to a width."""
-        if self._font.getlength(text) <= width + 1.0:
-            return text
-        while text and self._font.getlength(text + "..") > width:
-            text = text[:-1]
-        return text + ".."
+        """The text, with its middle cut out if it is wider."""
+        cut, kept = text, len(text)
+        while kept > 2 and self._font.getlength(cut) > width + 1.0:
+            kept -= 1
+            cut = f"{text[: kept - kept // 2]}..{text[-(kept // 2) :]}"
+        return cut
 
 
 def _summary(gauges: Sequence[Gauge]) -> str:

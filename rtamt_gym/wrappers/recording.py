@@ -20,7 +20,6 @@ from rtamt import InputError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.judges.specs import read_period
-from rtamt_gym.wrappers.monitoring import single_env
 from rtamt_gym.wrappers.overlay import check_pictures, monitor_inside
 
 __all__ = ["Keep", "RecordViolations"]
@@ -83,15 +82,15 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             keep: ``"violation"`` keeps the episodes whose last info has a true ``stl_violated``; a
                 function of the last info keeps those for which it is true, such as
                 ``lambda info: info["robustness"] < 0.1``
-            before: Seconds shown before the violation
-            after: Seconds shown after it, as far as the episode goes on
+            before: Seconds shown before the violation, 0 or more
+            after: Seconds shown after it, 0 or more, as far as the episode goes on
             name_prefix: The beginning of the names
             fps: Frames that a video shows in a second; ``None``: as many as the environment makes
                 steps in a second of its own time, or its ``render_fps`` if it does not say
 
         Raises:
             InputError: If there is no monitor inside, if the environment renders no single
-                pictures, if ``keep`` is neither, or if a number is not above 0
+                pictures, if ``keep`` is neither, or if a number is out of its range
             ModuleNotFoundError: If moviepy is not installed; names the extra
         """
         RecordConstructorArgs.__init__(
@@ -103,17 +102,17 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             name_prefix=name_prefix,
             fps=fps,
         )
-        gym.Wrapper.__init__(self, single_env(env))
         name = type(self).__name__
         self._monitor = monitor_inside(env, name)
+        gym.Wrapper.__init__(self, env)
         check_pictures(env, name, lists=False)
         if keep != "violation" and not callable(keep):
             raise InputError(
                 f'expected keep="violation" or a function of the last info, got {keep!r}'
             )
         rate = 1.0 / (self._period() or 1.0 / env.metadata.get("render_fps", 30))
-        self._before = round(check_number("before", before) * rate)
-        self._after = round(check_number("after", after) * rate)
+        self._before = _frames("before", before, rate)
+        self._after = _frames("after", after, rate)
         self._fps = rate if fps is None else check_number("fps", fps)
         try:
             import moviepy  # noqa: F401 - Gymnasium writes with it
@@ -231,6 +230,11 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             "robustness": {each: _strict(state["robustness"]) for each, state in states.items()},
             "verdict": {each: state["verdict"] for each, state in states.items()},
         }
+
+
+def _frames(name: str, time: float, rate: float) -> int:
+    """How many frames a time takes."""
+    return 0 if time == 0 else round(check_number(name, time) * rate)
 
 
 def _strict(value: float) -> float | str:

@@ -80,6 +80,11 @@ def test_what_is_no_episode_is_refused() -> None:
     with pytest.raises(InputTypeError) as one:
         relabel(episode(), "always(x > 0)", X)
     assert str(one.value) == ("expected a dataset of Minari or an iterable of episodes, got dict")
+    with pytest.raises(InputTypeError) as infos:
+        relabel([episode(infos=[{"speed": 1.0}] * 3)], "always(x > 0)", X)
+    assert str(infos.value) == (
+        "episode 0: expected infos as a mapping from keys to arrays, got list"
+    )
     assert relabel([SimpleNamespace(**episode())], "always(x > 0)", X)[0].satisfied
 
 
@@ -90,6 +95,19 @@ def test_a_signal_that_the_dataset_lacks_is_named_with_what_there_is() -> None:
     )
     assert message([episode(infos=None)], signals=speed) == (
         "signal 'x': the infos have no info['sped']; their keys are none\nin episode 0"
+    )
+    other = episode(infos={"speed": np.ones(9)})
+    with pytest.raises(InputTypeError) as length:
+        relabel([episode(), other], "always(x > 0)", {"x": ("info['speed']", 0.0)})
+    assert str(length.value) == (
+        "signal 'x': expected 2 numbers from info['speed'], one for every environment, got shape "
+        "(9,) and dtype float64"
+    )
+    flat = episode(observations=np.ones(3))
+    assert message([episode(), flat]) == (
+        "expected observations and actions of one form in all episodes, got others than in the "
+        "first: IndexError: too many indices for array: array is 1-dimensional, but 2 were indexed"
+        "\nin episode 1"
     )
     assert message([episode()], signals={"x": "obs[4]"}) == (
         "signal 'x': obs[4] does not fit: the observation space of one environment has 2 elements "

@@ -16,7 +16,7 @@ from gymnasium.wrappers import RenderCollection
 from painted import Painted, Picture, numbers
 from replay import X
 
-from rtamt.errors import InputError
+from rtamt.errors import InputError, InputTypeError
 from rtamt_gym import RobustnessOverlay, StlMonitor, StlReward
 from rtamt_gym.wrappers.overlay_panel import Gauge, Panel, Place, Sight
 
@@ -221,6 +221,15 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         made(Painted(VALUES), signals=["y"])
     assert str(unknown.value) == (
         "signals= names 'y', which is no signal of the monitor; they are 'x'"
+    )
+    with pytest.raises(InputTypeError) as text:
+        made(Painted(VALUES), signals="x")
+    assert str(text.value) == "expected signals= as a sequence of names, got 'x'; such as [\"x\"]"
+    with pytest.raises(InputTypeError) as many:
+        RobustnessOverlay(gym.make_vec("CartPole-v1", 2))  # type: ignore[arg-type]
+    assert str(many.value) == (
+        "expected one environment for RobustnessOverlay, got CartPoleVectorEnv(CartPole-v1, "
+        "num_envs=2); wrap each one: gym.make_vec(..., vectorization_mode='sync', wrappers=[...])"
     )
     with pytest.raises(InputError) as place:
         made(Painted(VALUES), place="above")

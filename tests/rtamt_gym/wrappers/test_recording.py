@@ -72,8 +72,8 @@ def test_only_violated_episodes_are_kept(tmp_path: Path, written: dict[str, list
 
 @given(
     values=st.lists(st.sampled_from([0.5, 3.0]), min_size=2, max_size=20),
-    before=st.integers(1, 6),
-    after=st.integers(1, 6),
+    before=st.integers(0, 6),
+    after=st.integers(0, 6),
     everything=st.booleans(),
     steps=st.integers(0, 19),
 )
