@@ -1,0 +1,129 @@
+"""The filter of a report's page, and the address that keeps it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from chromium import launched, opened, written
+from playwright.sync_api import Browser, Page
+from report_example import EXAMPLE
+
+UPRIGHT = "evaluation-upright"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with launched() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(EXAMPLE, tmp_path_factory.mktemp("report") / "report.html")
+
+
+@pytest.fixture(scope="module")
+def loaded(browser: Browser, example: Path) -> Iterator[Page]:
+    with opened(browser, example) as page:
+        yield page
+
+
+@pytest.fixture
+def page(loaded: Page) -> Page:
+    """The page with a filter that lets everything through."""
+    loaded.get_by_role("button", name="Clear").click()
+    loaded.locator("#count", has_text="6 requirements, 30 runs").wait_for()
+    return loaded
+
+
+def articles(page: Page) -> list[str]:
+    return page.locator("article.requirement:visible").evaluate_all("all => all.map(e => e.id)")
+
+
+def runs(page: Page, article: str) -> list[str]:
+    return page.locator(f"#{article} table.sortable tbody tr:visible th").all_inner_texts()
+
+
+def test_a_requirement_is_chosen(page: Page) -> None:
+    page.get_by_label("Requirement").select_option("upright")
+    assert articles(page) == [UPRIGHT, "comparison-upright"]
+    assert page.locator("li[data-glance]:visible").count() == 2
+    assert page.locator("section.result:visible h2").count() == 2
+    assert page.locator("#count").inner_text() == "2 of 6 requirements, 20 of 30 runs"
+    page.get_by_label("Requirement").select_option("dry")
+    assert articles(page) == ["sweep-dry", "search-dry", "matrix-dry"]
+    assert page.locator("table.matrix tbody tr:visible").count() == 3
+
+
+@pytest.mark.parametrize("verdict", ["satisfied", "violated", "undecided", "failed"])
+def test_a_verdict_is_chosen(page: Page, verdict: str) -> None:
+    page.get_by_label("Verdict").select_option(verdict)
+    requirements = {
+        f"{section.kind}-{r.name}": [t.label for t in r.trials if t.verdict == verdict]
+        for section in EXAMPLE.sections
+        for r in section.requirements
+    }
+    wanted = {name: labels for name, labels in requirements.items() if labels}
+    assert articles(page) == list(wanted)
+    assert {name: runs(page, name) for name in wanted} == {
+        name: labels[:10] for name, labels in wanted.items()
+    }
+    traces = page.locator("table.matrix tbody tr:visible")
+    assert traces.count() == (0 if verdict == "undecided" else 1)
+    count = sum(len(labels) for labels in wanted.values())
+    assert page.locator("#count").inner_text() == (
+        f"{len(wanted)} of 6 requirements, {count} of 30 runs"
+    )
+
+
+def test_text_is_found_in_names_words_formulas_and_runs(page: Page) -> None:
+    text = page.get_by_label("Text")
+    text.fill("ABS(angle)")
+    assert articles(page) == [UPRIGHT, "comparison-upright"]
+    assert len(runs(page, UPRIGHT)) == 10
+    text.fill("simulator stopped")
+    assert articles(page) == [UPRIGHT, "evaluation-centred"]
+    assert runs(page, UPRIGHT) == ["seed 4"]
+    text.fill("-0.2012")
+    assert runs(page, UPRIGHT) == ["seed 17"]
+    text.fill("runs/b.csv")
+    assert articles(page) == ["matrix-dry"]
+    assert page.locator("table.matrix tbody tr:visible").count() == 1
+    text.fill("no such thing")
+    assert articles(page) == []
+    assert page.locator("#nothing").is_visible()
+    assert page.locator("#count").inner_text() == "0 of 6 requirements, 0 of 30 runs"
+
+
+def test_the_address_restores_filter_and_position(
+    page: Page, browser: Browser, example: Path
+) -> None:
+    page.get_by_label("Requirement").select_option("upright")
+    page.get_by_label("Verdict").select_option("violated")
+    page.get_by_label("Text").fill("seed & 50%")
+    page.get_by_label("Text").fill("seed")
+    page.locator(f"#{UPRIGHT}").get_by_role("link", name="seed 9").click()
+    fragment = page.evaluate("location.hash")
+    assert fragment == (
+        "#text=seed&requirement=upright&verdict=violated&at=evaluation-upright-seed-9"
+    )
+    with opened(browser, example, fragment) as again:
+        assert again.get_by_label("Text").input_value() == "seed"
+        assert again.get_by_label("Requirement").input_value() == "upright"
+        assert again.get_by_label("Verdict").input_value() == "violated"
+        assert runs(again, UPRIGHT) == ["seed 17", "seed 9"]
+        row = again.locator("#evaluation-upright-seed-9")
+        box = row.bounding_box()
+        assert box
+        assert 0 < box["y"] < 900
+        assert "at" in (row.get_attribute("class") or "").split()
+
+
+def test_a_link_to_a_run_beyond_the_first_ten_shows_it(browser: Browser, example: Path) -> None:
+    with opened(browser, example, "#evaluation-upright-seed-19") as page:
+        row = page.locator("#evaluation-upright-seed-19")
+        row.wait_for()
+        box = row.bounding_box()
+        assert box
+        assert 0 < box["y"] < 900
+        assert len(runs(page, UPRIGHT)) == 20

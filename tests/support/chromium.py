@@ -1,0 +1,89 @@
+"""Pages of reports in a headless Chromium, in which every message and every request is a failure."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+
+from rtamt_gym.reports.html import render
+from rtamt_gym.reports.model import Report
+
+ARGUMENTS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-quic",
+)
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+def executable() -> str:
+    """The browser of the machine."""
+    found = next(filter(None, map(shutil.which, NAMES)), None)
+    assert found, f"expected one of {', '.join(NAMES)}; on Debian: apt-get install chromium"
+    return found
+
+
+@contextmanager
+def launched() -> Iterator[Browser]:
+    """A browser with a fresh profile, until the end of the block."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable(), args=list(ARGUMENTS))
+        yield browser
+        browser.close()
+
+
+def written(report: Report, path: Path) -> Path:
+    """Writes the page of a report."""
+    path.write_text(render(report), encoding="utf-8")
+    return path
+
+
+@contextmanager
+def opened(
+    browser: Browser,
+    path: Path,
+    fragment: str = "",
+    width: int = 1280,
+    theme: str = "light",
+    **context: Any,  # noqa: ANN401 - options of the browser's context
+) -> Iterator[Page]:
+    """Opens a page in a profile of its own; at the end nothing may have been said or asked for."""
+    seen: list[str] = []
+
+    def message(of: ConsoleMessage) -> None:
+        seen.append(f"{of.type}: {of.text}")
+
+    def request(of: Request) -> None:
+        if of.url.partition("#")[0] != path.as_uri() and not of.url.startswith(("data:", "blob:")):
+            seen.append(f"request: {of.url}")
+
+    profile = browser.new_context(
+        viewport={"width": width, "height": 900},
+        color_scheme=theme,
+        reduced_motion="reduce",
+        **context,
+    )
+    profile.set_default_timeout(20_000)
+    page = profile.new_page()
+    page.on("console", message)
+    page.on("pageerror", lambda error: seen.append(f"error: {error}"))
+    page.on("request", request)
+    page.goto(path.as_uri() + fragment)
+    yield page
+    profile.close()
+    assert seen == []
+
+
+def draw_all(page: Page) -> None:
+    """Brings every chart into view, so that it is drawn."""
+    plots = page.locator("[data-chart]:visible")
+    for i in range(plots.count()):
+        plots.nth(i).scroll_into_view_if_needed()
+        plots.nth(i).locator(".main-svg").first.wait_for()
