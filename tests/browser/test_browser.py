@@ -187,7 +187,9 @@ def test_paper_is_light_and_hides_nothing(browser: Browser, example: Path) -> No
             ".map(each => each.outerHTML)"
         )
         assert hidden == []
-        assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+        assert (
+            page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+        )
         wide = page.locator("[data-chart]").evaluate_all(
             "all => Math.max(...all.map(each => each._fullLayout.width))"
         )

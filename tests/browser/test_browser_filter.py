@@ -45,12 +45,12 @@ def runs(page: Page, article: str) -> list[str]:
 
 
 def test_a_requirement_is_chosen(page: Page) -> None:
-    page.get_by_label("Requirement").select_option("upright")
+    page.locator("select[name=requirement]").select_option("upright")
     assert articles(page) == [UPRIGHT, "comparison-upright"]
     assert page.locator("li[data-glance]:visible").count() == 2
     assert page.locator("section.result:visible h2").count() == 2
     assert page.locator("#count").inner_text() == "2 of 6 requirements, 20 of 30 runs"
-    page.get_by_label("Requirement").select_option("dry")
+    page.locator("select[name=requirement]").select_option("dry")
     assert articles(page) == ["sweep-dry", "search-dry", "matrix-dry"]
     assert page.locator("table.matrix tbody tr:visible").count() == 3
 
@@ -98,7 +98,7 @@ def test_text_is_found_in_names_words_formulas_and_runs(page: Page) -> None:
 def test_the_address_restores_filter_and_position(
     page: Page, browser: Browser, example: Path
 ) -> None:
-    page.get_by_label("Requirement").select_option("upright")
+    page.locator("select[name=requirement]").select_option("upright")
     page.get_by_label("Verdict").select_option("violated")
     page.get_by_label("Text").fill("seed & 50%")
     page.get_by_label("Text").fill("seed")
@@ -109,7 +109,7 @@ def test_the_address_restores_filter_and_position(
     )
     with opened(browser, example, fragment) as again:
         assert again.get_by_label("Text").input_value() == "seed"
-        assert again.get_by_label("Requirement").input_value() == "upright"
+        assert again.locator("select[name=requirement]").input_value() == "upright"
         assert again.get_by_label("Verdict").input_value() == "violated"
         assert runs(again, UPRIGHT) == ["seed 17", "seed 9"]
         row = again.locator("#evaluation-upright-seed-9")

@@ -7,6 +7,7 @@ from pathlib import Path
 from paths import ROOT
 
 CLOCKS = {"time", "timeit", "datetime"}
+SUFFIXES = {".py", ".pyi", ".hpp", ".cpp", ".c", ".html", ".css", ".js"}
 
 
 def imported(path: Path) -> set[str]:
@@ -32,7 +33,7 @@ def test_no_file_written_by_hand_has_more_than_400_lines() -> None:
         path
         for folder in ("rtamt", "rtamt_gym", "envs", "examples", "tests")
         for path in (ROOT / folder).rglob("*")
-        if path.suffix in {".py", ".pyi", ".hpp", ".cpp", ".c"} and "generated" not in path.parts
+        if path.suffix in SUFFIXES and "generated" not in path.parts
     ]
     assert written
     lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in written}

@@ -1,4 +1,4 @@
-"""Pages of reports in a headless Chromium, in which every message and every request is a failure."""
+"""Pages of reports in a headless Chromium, where every message and request is a failure."""
 
 import shutil
 from collections.abc import Iterator
@@ -22,6 +22,7 @@ ARGUMENTS = (
     "--disable-quic",
 )
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
 
 def executable() -> str:
     """The browser of the machine."""

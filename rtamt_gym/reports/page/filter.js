@@ -70,8 +70,22 @@ class Filter {
     if (!target) return null;
     for (const { tables } of this.articles) for (const table of tables) if (table.body.contains(target)) table.reveal(target);
     target.classList.add("at");
-    target.scrollIntoView({ block: target.matches("tr") ? "center" : "start" });
+    this.hold(() => target.scrollIntoView({ block: target.matches("tr") ? "center" : "start", behavior: "instant" }));
     return target;
+  }
+
+  // Charts that are drawn later may move a place: it is held until the reader does something.
+  hold(place) {
+    this.held?.abort();
+    const held = new AbortController();
+    this.held = held;
+    const grown = new ResizeObserver(place);
+    grown.observe(document.getElementById("main"));
+    held.signal.addEventListener("abort", () => grown.disconnect());
+    for (const event of ["wheel", "touchstart", "pointerdown", "keydown"]) {
+      addEventListener(event, () => held.abort(), { signal: held.signal, passive: true });
+    }
+    place();
   }
 
   // The address follows the reader, unless what it names is still in view.

@@ -86,9 +86,10 @@ def test_the_data_of_every_chart_is_in_the_page(page: Elements) -> None:
     assert drawn == list(data["charts"])
     episode = data["charts"]["evaluation-upright-worst-seed-17-episode"]
     assert episode["lower"] == ["-inf"] * 101
-    assert episode["signals"] == json.loads(EXAMPLE.to_json())["sections"][0]["requirements"][0][
-        "worst"
-    ][0]["signals"]
+    assert (
+        episode["signals"]
+        == json.loads(EXAMPLE.to_json())["sections"][0]["requirements"][0]["worst"][0]["signals"]
+    )
 
 
 def test_no_name_ends_the_script_that_it_stands_in() -> None:
