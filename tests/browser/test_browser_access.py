@@ -113,7 +113,7 @@ def test_headings_are_in_order_and_landmarks_there(browser: Browser, example: Pa
         assert levels[:3] == [1, 2, 3]
         assert max(b - a for a, b in pairwise(levels)) == 1
         for role in ("banner", "search", "main", "contentinfo"):
-            assert page.get_by_role(role).count() == 1  # type: ignore[arg-type] # each is a role
+            assert page.get_by_role(role).count() == 1
         captions = page.locator("[data-chart]").evaluate_all(
             "all => all.map(e => e.getAttribute('aria-labelledby'))"
             ".map(id => document.getElementById(id).innerText)"
@@ -237,7 +237,7 @@ def test_infinite_empty_single_and_many(browser: Browser, tmp_path: Path) -> Non
                 plot.scroll_into_view_if_needed()
                 plot.locator(".main-svg").first.wait_for()
         assert page.locator("#count").inner_text() == "33 requirements, 621 runs"
-        assert page.locator("[data-chart]").count() == 3 + 3 + 2 * 30
+        assert page.locator("[data-chart]").count() == 4 + 1 + 2 * 30
         assert page.locator("#evaluation-none .rate").inner_text() == "nothing evaluated"
         assert beyond(page) <= 0
 

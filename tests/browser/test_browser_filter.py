@@ -37,11 +37,13 @@ def page(loaded: Page) -> Page:
 
 
 def articles(page: Page) -> list[str]:
-    return page.locator("article.requirement:visible").evaluate_all("all => all.map(e => e.id)")
+    shown = page.locator("article.requirement:visible")
+    return [str(each) for each in shown.evaluate_all("all => all.map(each => each.id)")]
 
 
 def runs(page: Page, article: str) -> list[str]:
-    return page.locator(f"#{article} table.sortable tbody tr:visible th").all_inner_texts()
+    rows = page.locator(f"#{article} table.sortable tbody tr:visible th")
+    return [str(each) for each in rows.all_inner_texts()]
 
 
 def test_a_requirement_is_chosen(page: Page) -> None:
