@@ -108,14 +108,19 @@ function diamonds(c, points) {
     x: points.map(([time]) => time),
     y: points.map(([, value]) => value),
     hoverinfo: "skip",
-    marker: { symbol: "diamond", size: 11, color: c.violated, line: { color: c.page, width: 1.5 } },
+    marker: {
+      symbol: "diamond",
+      size: 11,
+      color: points.map(([, , robustness]) => (isNegative(robustness) ? c.violated : c.ink)),
+      line: { color: c.page, width: 1.5 },
+    },
   };
 }
 
 function signalPanel(name, values, chart) {
   const points = chart.deciding
     .filter((each) => name in each.values)
-    .map((each) => [each.time, real(each.values[name])]);
+    .map((each) => [each.time, real(each.values[name]), real(each.robustness)]);
   return {
     title: name,
     height: signalHeight,
@@ -151,7 +156,7 @@ function predicatePanel(name, values, chart) {
   const range = span([0, ...values], 0.12);
   const points = chart.deciding
     .filter((each) => each.predicate === name)
-    .map((each) => [each.time, real(each.robustness)]);
+    .map((each) => [each.time, real(each.robustness), real(each.robustness)]);
   return {
     title: `margin of ${name}`,
     height: signalHeight,
