@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import csv
+import json
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from programs import BOUND, LIMIT, Ride, run, watched
+from programs import BOUND, LIMIT, Ride, counts_of, run, score, shares_of, watched
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv, VecNormalize
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from rtamt_gym import StlMonitor, StlReward
 from rtamt_gym.learners.sb3 import SatisfactionCallback
@@ -53,16 +55,29 @@ def robustness_reward(ride: Ride) -> float:
 def test_what_the_program_of_the_page_evaluates_is_a_hand_count(tmp_path: Path) -> None:
     program, rides = run("Stable-Baselines3", tmp_path)
     trained = rides.ended(early=True, within=program["envs"])
-    model = program["model"]
+    model, callback = program["model"], program["callback"]
     assert list(model.ep_success_buffer) == [ride.success for ride in trained][-100:]
     assert [book["l"] for book in model.ep_info_buffer] == [ride.steps for ride in trained][-100:]
-    evaluated = rides.ended(early=True, within=program["test_env"])
-    successes = np.load(tmp_path / "runs" / "evaluations.npz")["successes"]
-    assert len(successes) == 2
-    *_, last = rounds = [evaluated[at : at + 20] for at in range(0, len(evaluated), 20)]
-    assert successes.tolist() == [[ride.success for ride in found] for found in rounds[:-1]]
-    assert program["returns"] == program["lengths"] == [ride.steps for ride in last]
-    assert 0 < successes.sum() < successes.size
+    metrics = {**shares_of(trained[-100:]), **counts_of(trained)}
+    assert callback.training.metrics() == pytest.approx(metrics)
+    own = {ride.env for ride in trained}
+    # Evaluations read whole episodes: a violation does not end them.
+    others = [ride for ride in rides.ended(early=False) if ride.env not in own]
+    scores, last = [score(others[at : at + 20]) for at in (0, 20, 40, 60)], others[80:130]
+    assert len(others) == 131  # one more for the worst episode, which is played again
+    assert [steps for steps, _ in callback.evaluations] == [512, 1024, 1536, 2048]
+    assert [found.success.satisfied for _, found in callback.evaluations] == [
+        good for good, _ in scores
+    ]
+    said = json.loads((tmp_path / "runs" / "best.json").read_text(encoding="utf-8"))
+    assert said["steps"] == 512 * (1 + scores.index(max(scores)))
+    assert max(scores) > min(scores)
+    assert program["found"].success.satisfied == sum(ride.success for ride in last) > 25
+    assert program["found"].returns.tolist() == [ride.steps for ride in last]
+    (events,) = (tmp_path / "runs").glob("PPO_1/events*")
+    found = EventAccumulator(str(events)).Reload()
+    rates = [event.value for event in found.Scalars("eval_stl/rate")]
+    assert rates == pytest.approx([good / 20 for good, _ in scores])
 
 
 def test_the_success_rate_that_is_logged_is_that_of_a_hand_count(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import runpy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import wraps
@@ -11,6 +11,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import pytest
 from gymnasium.envs.classic_control import CartPoleEnv
 from pages import blocks
@@ -70,7 +71,7 @@ class Rides:
         Args:
             early: Whether the first step outside is an end.
             limit: The steps after which an episode ends.
-            within: A vector environment of Stable-Baselines3: its episodes alone.
+            within: A vector environment, of Stable-Baselines3 or of Gymnasium: its episodes alone.
         """
         envs: Any = None if within is None else within.get_attr("unwrapped")  # type: ignore[attr-defined]
         ended = [
@@ -105,6 +106,20 @@ def counts_of(rides: Sequence[Ride]) -> dict[str, float]:
 def least(values: Sequence[float], share: float) -> float:
     """The least of the values that at least this share of them does not exceed."""
     return sorted(values)[ceil(share * len(values)) - 1]
+
+
+def score(rides: Sequence[Ride]) -> tuple[int, int]:
+    """What the best model is chosen by: successes, and of equals the sum of the returns."""
+    return sum(ride.success for ride in rides), sum(ride.steps for ride in rides)
+
+
+def play(env: gym.Env[Any, Any], seed: int, act: Callable[[Any], int]) -> None:
+    """Plays an episode."""
+    obs, _ = env.reset(seed=seed)
+    ended = False
+    while not ended:
+        obs, _, terminated, truncated, _ = env.step(act(obs))
+        ended = terminated or truncated
 
 
 @contextmanager
