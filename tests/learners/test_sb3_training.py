@@ -142,7 +142,7 @@ def test_episodes_without_outcomes_are_refused_unless_others_are_evaluated(tmp_p
     def late(env: gym.Env[Any, Any]) -> gym.Env[Any, Any]:
         return gym.wrappers.TimeLimit(StlMonitor(env, **REQUIREMENT), 12)
 
-    envs = make_vec_env("CartPole-v1", 2, seed=1, wrapper_class=late)  # type: ignore[arg-type]
+    envs = make_vec_env("CartPole-v1", 2, seed=1, wrapper_class=late)
     model = learner("PPO", envs, tmp_path)
     with pytest.raises(InputError, match=r"^expected 'stl_episode' in the last info"):
         model.learn(64, callback=SatisfactionCallback())

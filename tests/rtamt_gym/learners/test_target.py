@@ -21,7 +21,9 @@ def share_that_stops(rate: float, alpha: float) -> float:
     stopped = 0
     for _ in range(TRAININGS):
         target = Target(0.8, alpha, 0.1, seed=0)
-        stopped += any(target.met_by(lambda _: rng.random(20) < rate) for _ in range(TESTS))
+        stopped += any(
+            target.met_by(lambda _: (rng.random(20) < rate).tolist()) for _ in range(TESTS)
+        )
     return stopped / TRAININGS
 
 
