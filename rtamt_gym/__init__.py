@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
+    from rtamt_gym.reports.write import write_report
     from rtamt_gym.search.falsification.falsification import Falsification
     from rtamt_gym.search.falsification.falsify import falsify
     from rtamt_gym.search.mining.mining import Mined, mine
@@ -78,6 +79,7 @@ if TYPE_CHECKING:
         "relabel",
         "simulate",
         "sweep",
+        "write_report",
     ]
 
 _MODULES = {
@@ -116,6 +118,7 @@ _MODULES = {
     "relabel": "rtamt_gym.datasets.relabel",
     "simulate": "rtamt_gym.simulation.simulate",
     "sweep": "rtamt_gym.search.sweeps.sweep",
+    "write_report": "rtamt_gym.reports.write",
 }
 
 

@@ -9,6 +9,7 @@ COMMANDS = {
     "sweep": "run a scenario on many points of a space",
     "falsify": "search for an input that violates a requirement",
     "replay": "run again what was found",
+    "report": "show results as a page",
     "monitor": "judge recorded traces",
     "mine": "find the tightest constant for which recorded traces satisfy a requirement",
     "explain": "say which samples of recorded traces decided",

@@ -33,6 +33,7 @@ from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
     from rtamt_gym.search.falsification.falsification import Falsification
+    from rtamt_gym.search.runs.rows import Row
 
 __all__ = ["add_arguments", "run"]
 
@@ -227,15 +228,15 @@ def _to_json(found: Falsification) -> str:
     """The outcome as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
     from rtamt_gym.search.runs.report import strict_json
 
-    height = found.robustness
     return strict_json(
         {
+            "format": "rtamt search 1",
             "rtamt": rtamt.__version__,
             "system": found.record.system,
             "requirement": found.requirement,
             "formula": found.record.requirements[found.requirement],
             "falsified": found.falsified,
-            "robustness": height if math.isfinite(height) else str(height),
+            "robustness": _finite(found.robustness),
             "input": json.loads(found.input.to_json()),
             "found": json.loads(found.found.to_json()),
             "simulation_seed": found.row.seed,
@@ -249,5 +250,20 @@ def _to_json(found: Falsification) -> str:
             "scales": dict(found.scales),
             "gap": found.coverage.gap,
             "distance": found.coverage.distance,
+            "requirements": dict(found.record.requirements),
+            "robustness_of_simulations": {
+                name: [_height(row, name) for row in found.record]
+                for name in found.record.requirements
+            },
         }
     )
+
+
+def _height(row: Row, name: str) -> float | str | None:
+    """The robustness of a requirement in a simulation; None if it failed."""
+    known = not row.error and name in row.outcomes
+    return _finite(row.outcomes[name].robustness) if known else None
+
+
+def _finite(height: float) -> float | str:
+    return height if math.isfinite(height) else str(height)

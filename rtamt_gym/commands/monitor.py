@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        print(to_json(matrix, _rules(asked)))
+        print(to_json(matrix, _rules(asked), asked.columns))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)

@@ -20,7 +20,7 @@ from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import read_requirements, variables_of
 from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
-from rtamt_gym.recorded.readers import extensions, open_recording
+from rtamt_gym.recorded.readers import extensions
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -210,24 +210,9 @@ def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction
         InputError: If the trace cannot be read, or is too short to have a period.
         OSError: If there is no such file.
     """
-    from rtamt_gym.recorded.trace import read_events, read_trace
+    from rtamt_gym.recorded.ruled import read_ruled
 
-    variables = variables_of(asked.specs)
-    with open_recording(path, asked.columns) as recording:
-        if asked.rules.dense:
-            return read_events(recording, variables, asked.columns), None
-        if_events = "give --dense to take rows as events at any time"
-        trace = read_trace(recording, variables, asked.columns, if_events=if_events)
-    if asked.rules.period is not None:
-        return trace, asked.rules.period
-    period = trace.period()
-    timed = any(spec.timed for spec in asked.specs.values())
-    if period is None and trace.times is not None and timed:
-        raise InputError(
-            f"{trace.source}: expected at least two samples to read the period from, got one; "
-            "give --period in seconds"
-        )
-    return trace, period
+    return read_ruled(path, asked.specs, asked.rules, asked.columns)
 
 
 _SURE = tuple(extension for extension in extensions() if extension != ".txt")

@@ -5,25 +5,39 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import fields
+from typing import Any, Final
 
 import rtamt
+from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.outcome import ERROR, Failure, Matrix, Outcome
 
-__all__ = ["to_json"]
+__all__ = ["FORMAT", "to_json"]
+
+FORMAT: Final = "rtamt outcomes 1"
+"""What the files say that they are, for `rtamt report`."""
 
 
-def to_json(matrix: Matrix, rules: Mapping[str, str]) -> str:
+def to_json(matrix: Matrix, rules: Mapping[str, str], columns: Columns) -> str:
     """The outcomes of every trace and requirement.
 
     Args:
         matrix: The outcomes.
         rules: How the traces were judged, by name.
+        columns: How their columns were read; what is not the default is said.
     """
     requirement, trace = matrix.worst_requirement(), matrix.worst_trace()
+    default = Columns()
+    said = {each.name: getattr(columns, each.name) for each in fields(columns)}
     outcomes = {
+        "format": FORMAT,
         "rtamt": rtamt.__version__,
         **rules,
+        "columns": {
+            name: dict(value) if name == "signals" else value
+            for name, value in said.items()
+            if value != getattr(default, name)
+        },
         "verdict": matrix.word,
         "exit_code": matrix.exit_code,
         "counts": {word.lower(): count for word, count in matrix.counts().items()},

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from textwrap import wrap
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,7 +19,11 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
-__all__ = ["case_lines", "failures", "strict_json", "summary", "to_json"]
+__all__ = ["FORMAT", "case_lines", "failures", "strict_json", "summary", "to_json"]
+
+
+FORMAT: Final = "rtamt record 1"
+"""What the JSON of a record says that it is, for `rtamt report`."""
 
 
 def summary(record: Record) -> list[str]:
@@ -68,6 +72,7 @@ def to_json(record: Record, options: Mapping[str, Any]) -> str:
     rows = zip(*columns.values(), strict=True)
     return json.dumps(
         {
+            "format": FORMAT,
             "rtamt": rtamt.__version__,
             "system": record.system,
             **options,

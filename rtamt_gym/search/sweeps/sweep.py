@@ -66,6 +66,11 @@ class Sweep:
         """The text of each requirement, by name."""
         return self.record.requirements
 
+    @property
+    def playable(self) -> bool:
+        """Whether the system is at hand, so that `replay` can run it."""
+        return self._runner is not None
+
     def worst(self, requirement: str | None = None) -> Row:
         """The simulation with the least robustness; ``sweep.replay`` runs it again.
 

@@ -209,11 +209,13 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     out, err = capsys.readouterr()
     assert err == f"outcomes: out.xml\nrtamt: error: {BAD}\n"
     assert strict(out) == {
+        "format": "rtamt outcomes 1",
         "rtamt": rtamt.__version__,
         "end": "cut",
         "view": "episode",
         "semantics": "standard",
         "time": "sampled",
+        "columns": {},
         "verdict": "ERROR",
         "exit_code": 2,
         "counts": {"error": 2, "violated": 1, "undecided": 0, "satisfied": 1},

@@ -1,0 +1,45 @@
+"""`rtamt report`: shows results as a page of HTML."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rtamt_gym.commands.arguments import check_outputs
+from rtamt_gym.commands.ends import noted_ends
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Writes one page of HTML that needs no network: each requirement in words, how often it is "
+        "satisfied, the worst episode as a plot. Results are files: evaluations and comparisons, "
+        "the Parquet files and folders of sweeps and campaigns, saved cases, and what rtamt sweep, "
+        "falsify and monitor write with --json."
+    )
+    parser.epilog = "example: rtamt report old.json new.json outcomes.json -o report.html"
+    parser.add_argument(
+        "results", nargs="+", metavar="RESULT", help="the path of a file, or of a folder"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="PAGE",
+        help="the name of the page, which ends in .html",
+    )
+    parser.add_argument("--title", metavar="TEXT", help="the title of the page")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Writes the page; returns 0."""
+    from rtamt_gym.reports.write import check_page, write_report
+
+    check_page(options.output)
+    check_outputs(options.output, picture=None, inputs=options.results)
+    with noted_ends():
+        write_report(options.output, *options.results, title=options.title)
+    print(f"report: {options.output}")
+    return 0

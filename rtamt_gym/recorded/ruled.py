@@ -1,0 +1,42 @@
+"""A recorded trace with the period under which requirements are judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import Rules
+from rtamt_gym.recorded.readers import open_recording
+from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
+
+__all__ = ["read_ruled"]
+
+
+def read_ruled(
+    path: str, specs: Mapping[str, rtamt.Specification], rules: Rules, columns: Columns
+) -> tuple[Trace | EventTrace, Fraction | None]:
+    """Reads a trace, and its period: that of the rules, else that of its samples, or None.
+
+    Raises:
+        InputError: If the trace cannot be read, or is too short to have a period.
+        OSError: If there is no such file.
+    """
+    variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
+    with open_recording(path, columns) as recording:
+        if rules.dense:
+            return read_events(recording, variables, columns), None
+        if_events = "give --dense to take rows as events at any time"
+        trace = read_trace(recording, variables, columns, if_events=if_events)
+    if rules.period is not None:
+        return trace, rules.period
+    period = trace.period()
+    timed = any(spec.timed for spec in specs.values())
+    if period is None and trace.times is not None and timed:
+        raise InputError(
+            f"{trace.source}: expected at least two samples to read the period from, got one; "
+            "give --period in seconds"
+        )
+    return trace, period

@@ -1,0 +1,169 @@
+"""Episodes in full: signals, robustness with bounds, predicates, and the samples that decided."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt import Explanation, RtamtError, Specification, Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.judges.interface import InterfaceOptions
+from rtamt_gym.reports.model import Decision, Episode
+from rtamt_gym.reports.series import points_of, rounded, shown, six
+from rtamt_gym.reports.views import Word
+from rtamt_gym.search.runs.report import case_lines
+from rtamt_gym.simulation.run import Run
+
+__all__ = ["WORDS", "Played", "case_texts", "episode_of_run", "in_words_of"]
+
+Floats = NDArray[np.float64]
+
+WORDS: Final[Mapping[Verdict, Word]] = {
+    Verdict.SATISFIED: "satisfied",
+    Verdict.VIOLATED: "violated",
+    Verdict.UNDECIDED: "undecided",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """The samples of an episode and what a requirement became in it.
+
+    Attributes:
+        label: What tells the episode from others.
+        spec: The requirement, as it has to hold at the first sample.
+        interface: The semantics, as arguments of `rtamt.evaluate`.
+        signals: The values of each variable and of each further signal.
+        times: The time of each sample.
+        period: Seconds between samples, or None.
+        align: How bounds were rounded.
+        verdict: What the requirement became.
+        final: Its robustness at the end.
+        curves: Its robustness, lower and upper bound at every sample; empty if not known.
+        violated_at: The place of the sample that made a violation certain, or None.
+        whole: Whether the first sample is that of the episode.
+    """
+
+    label: str
+    spec: Specification
+    interface: InterfaceOptions
+    signals: Mapping[str, Floats]
+    times: Floats
+    period: Fraction | None
+    align: Any
+    verdict: Verdict
+    final: float
+    curves: Mapping[str, Floats]
+    violated_at: int | None
+    whole: bool = True
+
+    def episode(self, room: int, episodes: int, **also: Any) -> Episode:  # noqa: ANN401 - fields of an episode
+        """The episode for a page that shows so many, in a room for numbers.
+
+        What a signal of a name that no formula reads has for values is shown as it is. A predicate
+        whose term has no value somewhere is left out.
+        """
+        predicates = self._predicates()
+        every = {**self.signals, **self.curves, **{f"({p})": v for p, v in predicates.items()}}
+        explanation = self._explanation() if self.whole else None
+        decided = () if explanation is None else self._decisions(explanation)
+        keep = [] if explanation is None else [step.sample for step in explanation.steps]
+        keep += [] if self.violated_at is None else [self.violated_at]
+        most = points_of(room, episodes, len(every) + 1)
+        at = shown(every.values(), len(self.times), keep, most)
+        curves = {name: rounded(values[at]) for name, values in self.curves.items()}
+        return Episode(
+            label=self.label,
+            verdict=WORDS[self.verdict],
+            final=six(self.final),
+            samples=len(self.times),
+            times=rounded(self.times[at]),
+            signals={name: rounded(values[at]) for name, values in self.signals.items()},
+            robustness=curves.get("robustness", ()),
+            lower=curves.get("lower", ()),
+            upper=curves.get("upper", ()),
+            predicates={text: rounded(values[at]) for text, values in predicates.items()},
+            deciding=decided,
+            violated_at=None if self.violated_at is None else six(self.times[self.violated_at]),
+            explanation="" if explanation is None else str(explanation),
+            **also,
+        )
+
+    def _predicates(self) -> dict[str, Floats]:
+        found = {}
+        for predicate in rtamt.predicates(self.spec.formula):
+            # A term that the verdict does not need may have no value.
+            with suppress(RtamtError):
+                found[str(predicate)] = rtamt.evaluate(
+                    predicate, self.signals, self.period, n=len(self.times), **self.interface
+                )
+        return found
+
+    def _explanation(self) -> Explanation | None:
+        try:
+            return rtamt.explain(
+                self.spec,
+                self.signals,
+                self.period,
+                start=float(self.times[0]),
+                n=len(self.times),
+                align=self.align,
+                **self.interface,
+            )
+        except RtamtError:  # it could be judged, but the samples at hand do not tell why
+            return None
+
+    def _decisions(self, explanation: Explanation) -> tuple[Decision, ...]:
+        """The predicate and the sample that decided; none if a window outside of the trace did."""
+        last = explanation.steps[-1]
+        if not explanation.causes:
+            return ()
+        values = {cause.variable: six(cause.value) for cause in explanation.causes}
+        time, unit = self.times[last.sample], "s" if self.period else ""
+        when = f"{six(time):g} {unit}" if unit else f"sample {last.sample}"
+        where = " and ".join(f"{name} is {value:g}" for name, value in values.items())
+        words = f"{last.text} decided at {when}, where {where}"
+        return (Decision(str(last.formula), six(time), values, six(last.value), words),)
+
+
+def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) -> Episode:
+    """An episode in full from its run."""
+    course = run.courses[name]
+    step = run.view == "step"
+    spec = course.specification
+    violated = course.verdict is Verdict.VIOLATED and course.decided_at is not None
+    played = Played(
+        label=label,
+        spec=spec.always() if step else spec,
+        interface=course.interface,
+        signals=run.signals,
+        times=run.times,
+        period=run.period,
+        align=run.align,
+        verdict=course.verdict,
+        final=course.final,
+        curves={key: getattr(course, key) for key in ("robustness", "lower", "upper")},
+        violated_at=(course.decided_at or 0) - run.first_sample if violated else None,
+        whole=run.first_sample == 0,
+    )
+    return played.episode(room, episodes, seed=run.seed, case=case_texts(run.case or {}))
+
+
+def case_texts(case: Mapping[str, Any]) -> tuple[str, ...]:
+    """A case, a text for each entry."""
+    lines = (case_lines(Case({name: entry})) for name, entry in case.items())
+    return tuple(" ".join(" ".join(each).split()) for each in lines)
+
+
+def in_words_of(formula: str, period: object, *, unit: str = "s", step: bool = False) -> str:
+    """A requirement of a record in words; without a period bounds count steps."""
+    spec = rtamt.parse(formula, unit=unit)
+    shown = spec.formula.always() if step else spec.formula
+    return rtamt.in_words(shown, unit="steps" if period is None else unit)

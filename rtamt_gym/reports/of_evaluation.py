@@ -1,0 +1,115 @@
+"""The section of an evaluation: rates with intervals, robustness, the worst episodes in full."""
+
+from __future__ import annotations
+
+from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
+from rtamt_gym.evaluation.sentences import SUCCESS
+from rtamt_gym.reports.episodes import WORDS, episode_of_run, in_words_of
+from rtamt_gym.reports.model import Fact, Requirement, Section, Trial
+from rtamt_gym.reports.rows import labelled, requirement_of, trials_of, worst_first
+from rtamt_gym.reports.series import six
+from rtamt_gym.tables import counted, number
+
+__all__ = ["of_evaluation"]
+
+
+def of_evaluation(evaluation: Evaluation, room: int) -> Section:
+    """The section of an evaluation.
+
+    Args:
+        evaluation: The evaluation.
+        room: How many numbers all its episodes together may have.
+    """
+    unit = "s" if evaluation.period is not None else "steps"
+    names = list(evaluation.requirements)
+    episodes = sum(len(runs) for runs in evaluation.worst_runs.values())
+    requirements = [_requirement(evaluation, name, room, episodes) for name in names]
+    if len(names) > 1:
+        requirements.append(_success(evaluation))
+    last = evaluation.seed + evaluation.episodes - 1
+    simulated = float(evaluation.lengths.sum())
+    facts = [
+        Fact("episodes", str(evaluation.episodes)),
+        Fact("seeds", f"{evaluation.seed} to {last}"),
+        Fact("simulated", f"{simulated:.6g} {unit}"),
+    ]
+    if evaluation.period is not None:
+        facts.append(Fact("period", f"{number(float(evaluation.period))} s"))
+    if evaluation.limit is not None:
+        facts.append(Fact("time limit", f"{number(evaluation.limit)} {unit}"))
+    return Section(
+        kind="evaluation",
+        title=f"{evaluation.policy} on {evaluation.system}",
+        system=evaluation.system,
+        policy=evaluation.policy,
+        unit=unit,
+        facts=tuple(facts),
+        notes=tuple(
+            f"Sequential stopping after {counted(evaluation.episodes, 'episode')}: the rate of "
+            f"{name} {text if text.startswith(('meets', 'falls')) else f'is {text}'}."
+            for name, text in (evaluation.decision or {}).items()
+        ),
+        requirements=tuple(requirements),
+        returns=tuple(sorted(six(x) for x in evaluation.returns if x == x)),  # noqa: PLR0124 - nan
+        durations=tuple(sorted(map(six, evaluation.lengths))),
+    )
+
+
+def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> Requirement:
+    result = evaluation.requirements[name]
+    runs = evaluation.worst_runs.get(name, ())
+    unit = runs[0].courses[name].unit if runs else "s"
+    step = bool(runs) and runs[0].view == "step"
+    return requirement_of(
+        name,
+        in_words_of(result.formula, evaluation.period, unit=unit, step=step),
+        result.formula,
+        trials_of(evaluation.record, name),
+        [episode_of_run(run, name, f"seed {run.seed}", room, episodes) for run in runs],
+        rate=result.rate,
+        interval=result.interval,
+        note=_saved(evaluation, result),
+    )
+
+
+def _success(evaluation: Evaluation) -> Requirement:
+    """All requirements at once."""
+    result = evaluation.success
+    trials = []
+    for i, row in enumerate(evaluation.record):
+        outcomes = list(row.outcomes.values())
+        failed = bool(row.error) or len(outcomes) < len(evaluation.requirements)
+        worst = None if failed else min(each.verdict for each in outcomes)
+        times = [
+            each.decided_at
+            for each in outcomes
+            if worst is not None and WORDS[worst] == "violated" and each.verdict is worst
+        ]
+        at = min((time for time in times if time is not None), default=None)
+        trials.append(
+            Trial(
+                labelled(i, row),
+                "failed" if worst is None else WORDS[worst],
+                None if failed else six(result.robustness[i]),
+                at,
+                six(row.simulated),
+                None if row.reward is None else six(row.reward),
+                row.seed,
+                text=row.error,
+            )
+        )
+    return requirement_of(
+        SUCCESS,
+        "every requirement of this evaluation is satisfied in one and the same episode",
+        result.formula,
+        sorted(trials, key=worst_first),
+        rate=result.rate,
+        interval=result.interval,
+    )
+
+
+def _saved(evaluation: Evaluation, result: RequirementResult) -> str:
+    if not result.saved:
+        return ""
+    unit = "simulated seconds" if evaluation.period is not None else "steps"
+    return f"Episodes that were stopped once this was decided saved {number(result.saved)} {unit}."

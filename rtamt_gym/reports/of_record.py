@@ -1,0 +1,156 @@
+"""The section of a sweep or of any other record: points, maps, violations, the worst replayed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from rtamt_gym.evaluation.intervals import wilson
+from rtamt_gym.inputs.ranges import Parameter
+from rtamt_gym.inputs.space import Space
+from rtamt_gym.reports.episodes import episode_of_run, in_words_of
+from rtamt_gym.reports.model import Episode, Fact, Requirement, Section
+from rtamt_gym.reports.rows import cases_of, labelled, requirement_of, trials_of
+from rtamt_gym.reports.series import rounded, six
+from rtamt_gym.reports.views import HeatMap
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.report import failures
+from rtamt_gym.search.sweeps.heights import map_of
+from rtamt_gym.search.sweeps.sweep import Sweep
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.tables import counted
+
+__all__ = ["maps_of", "of_record", "requirements_of", "unit_of"]
+
+_COLUMNS: Final = 4
+"""Of so many columns at most every two have a map; of more the first."""
+
+_CELLS: Final = 2500
+"""The most cells of a map."""
+
+
+def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None = None) -> Section:
+    """The section of a sweep, or of the record of any simulations.
+
+    The worst simulation of each requirement is played again if the system is at hand, which it is
+    not if the result was read from a file.
+
+    Args:
+        result: The sweep or the record.
+        room: How many numbers all episodes together may have.
+        facts: What a file says beside the record.
+    """
+    sweep = result if isinstance(result, Sweep) else None
+    record = result if isinstance(result, Record) else result.record
+    worst: dict[str, list[Run]] = {}
+    notes = [" ".join(line.strip() for line in failures(record))] if record.failed() else []
+    if sweep is not None and sweep.playable:
+        for name in record.requirements:
+            if any(name in row.outcomes for row in record):
+                worst[name] = [sweep.replay(sweep.worst(name))]
+    else:
+        notes.append(
+            "The result holds no system, so that no simulation was played again for this page."
+        )
+    unit = unit_of(worst)
+    said = dict(facts or {})
+    if sweep is not None:
+        said = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | said
+    simulated = math.fsum(row.simulated for row in record)
+    every = {"simulations": str(len(record)), "simulated": f"{simulated:.6g} {unit}", **said}
+    return Section(
+        kind="sweep",
+        title=f"{counted(len(record), 'simulation')} of {record.system or 'a system'}",
+        system=record.system,
+        unit=unit,
+        facts=tuple(Fact(name, text) for name, text in every.items()),
+        notes=tuple(notes),
+        requirements=requirements_of(record, worst, room, unit=unit),
+        returns=rounded(sorted(row.reward for row in record if row.reward is not None)),
+        durations=rounded(sorted(row.simulated for row in record)),
+        maps=maps_of(record, None if sweep is None else sweep.space),
+        cases=cases_of(record),
+    )
+
+
+def unit_of(runs: Mapping[str, list[Run]]) -> str:
+    """The unit of times: that of the runs; seconds if there are none."""
+    every = [run for some in runs.values() for run in some]
+    return "steps" if every and every[0].period is None else "s"
+
+
+def requirements_of(
+    record: Record, worst: Mapping[str, list[Run]], room: int, *, unit: str
+) -> tuple[Requirement, ...]:
+    """The requirements of a record, with some runs in full.
+
+    Rates are of records in which nothing was chosen but the seed: elsewhere they say more of the
+    sampler than of the system.
+    """
+    episodes = sum(map(len, worst.values()))
+    found = []
+    for name, formula in record.requirements.items():
+        trials = trials_of(record, name)
+        runs = worst.get(name, [])
+        step = any(run.view == "step" for run in runs)
+        period = None if unit == "steps" else 1
+        rate = None
+        if not record.case_columns and trials:
+            rate = sum(each.verdict == "satisfied" for each in trials)
+        found.append(
+            requirement_of(
+                name,
+                in_words_of(formula, period, step=step),
+                formula,
+                trials,
+                [_episode(record, run, name, room, episodes) for run in runs],
+                rate=None if rate is None else rate / len(trials),
+                interval=None if rate is None else wilson(rate, len(trials)),
+            )
+        )
+    return tuple(found)
+
+
+def _episode(record: Record, run: Run, name: str, room: int, episodes: int) -> Episode:
+    """The run of a row, under the label of the row."""
+    numbers = (i for i, row in enumerate(record) if row.case == run.case and row.seed == run.seed)
+    number = next(numbers, None)
+    label = "the case found" if number is None else labelled(number, record[number])
+    return episode_of_run(run, name, label, room, episodes)
+
+
+def maps_of(record: Record, space: Space | None) -> tuple[HeatMap, ...]:
+    """The maps of each requirement over every two columns that are a grid."""
+    columns = {name: record.numbers(name) for name in record.case_columns}
+    varied = [
+        name
+        for name, cells in columns.items()
+        if np.isfinite(cells).all() and 1 < len(set(cells.tolist())) <= _CELLS**0.5
+    ]
+    if len(varied) < 2:
+        return ()
+    units = {each.name: each.unit for each in space or () if isinstance(each, Parameter)}
+    grid = Space([Parameter(name, columns[name].min(), columns[name].max()) for name in varied])
+    found = []
+    for name in record.requirements:
+        if all(name not in row.outcomes for row in record):
+            continue
+        for y, x in combinations(varied[:_COLUMNS], 2):
+            heights = map_of(record, grid, x, y, name)
+            if heights.cells is None:
+                continue
+            cells = tuple(
+                tuple(None if math.isnan(cell) else six(cell) for cell in row)
+                for row in heights.cells.tolist()
+            )
+            right, up = (f"{each} [{units[each]}]" if units.get(each) else each for each in (x, y))
+            found.append(
+                HeatMap(
+                    name, right, up, rounded(heights.xs), rounded(heights.ys), cells, heights.folded
+                )
+            )
+    return tuple(found)

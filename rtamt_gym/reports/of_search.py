@@ -1,0 +1,221 @@
+"""The section of a search for a violation: its course, the case that it found, and its replay."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from rtamt import Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.reports.episodes import WORDS, case_texts, episode_of_run, in_words_of
+from rtamt_gym.reports.model import Fact, Section, Trial
+from rtamt_gym.reports.of_record import requirements_of, unit_of
+from rtamt_gym.reports.rows import TRIALS, cases_of, requirement_of, worst_first
+from rtamt_gym.reports.series import six
+from rtamt_gym.reports.views import Convergence, Word
+from rtamt_gym.search.falsification.falsification import Falsification
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.saved_case import SavedCase
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.tables import counted, number
+
+__all__ = ["convergence_of", "of_case", "of_search", "of_search_json"]
+
+
+def of_search(found: Falsification, room: int) -> Section:
+    """The section of a search; the case that it found, or the closest, is played again.
+
+    Args:
+        found: What the search has found.
+        room: How many numbers the episode may have.
+    """
+    record, name = found.record, found.requirement
+    runs: dict[str, list[Run]] = {}
+    if name in found.row.outcomes:
+        runs[name] = [found.replay()]
+    unit = unit_of(runs)
+    facts = {
+        "simulations": f"{found.simulations} of at most {found.budget}",
+        "optimizer": found.optimizer,
+        "seed": str(found.seed),
+        "simulated": f"{found.simulated_time:.6g} {unit}",
+        "robustness": number(found.robustness),
+    }
+    notes = [
+        f"{name} is violated in simulation {found.simulations}."
+        if found.falsified
+        else f"No simulation violates a requirement; {name} came closest.",
+        f"Input: {'; '.join(case_texts(found.input))}.",
+    ]
+    if found.reductions:
+        notes.append(
+            f"The input was made simpler by {counted(found.reductions, 'more simulation')}."
+        )
+    notes.append(f"Seen, without any guarantee: {found.coverage}.")
+    return Section(
+        kind="search",
+        title=f"Search for a violation by {record.system}",
+        system=record.system,
+        unit=unit,
+        facts=tuple(Fact(key, text) for key, text in facts.items()),
+        notes=tuple(notes),
+        requirements=requirements_of(record, runs, room, unit=unit),
+        cases=cases_of(record),
+        convergence=convergence_of(record),
+    )
+
+
+def convergence_of(record: Record) -> tuple[Convergence, ...]:
+    """The robustness over the simulations of a record, and the least so far.
+
+    Of more than 2000 simulations those that are less than all before them are shown, and evenly
+    spaced others.
+    """
+    return tuple(
+        _convergence(
+            name,
+            [
+                None if row.error or name not in row.outcomes else row.outcomes[name].robustness
+                for row in record
+            ],
+        )
+        for name in record.requirements
+    )
+
+
+def _convergence(name: str, heights: Sequence[float | None]) -> Convergence:
+    least: list[float | None] = []
+    for height in heights:
+        known = [each for each in (*least[-1:], height) if each is not None]
+        least.append(min(known) if known else None)
+    steps = {i for i in range(len(least)) if i == 0 or least[i] != least[i - 1]}
+    apart = max(1, math.ceil(len(least) / (4 * TRIALS)))
+    places = sorted({*steps, *range(0, len(least), apart), len(least) - 1})
+    robustness, least_so_far = (
+        tuple(None if each[i] is None else six(each[i]) for i in places)
+        for each in (heights, least)
+    )
+    return Convergence(name, tuple(i + 1 for i in places), robustness, least_so_far)
+
+
+def of_case(saved: SavedCase, room: int) -> Section:
+    """The section of a saved case; it is played again if its system can be made here.
+
+    Args:
+        saved: The case.
+        room: How many numbers the episode may have.
+    """
+    formula = str(saved.requirement.formula)
+    run, notes = _played(saved)
+    name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
+    worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
+    step = saved.reading.get("view") == "step"
+    trial = Trial(
+        "the case found",
+        WORDS[saved.verdict],
+        six(saved.robustness),
+        worst[0].violated_at if worst else None,
+        None if run is None else six(run.duration),
+        seed=saved.seed,
+        case=case_texts(saved.case),
+    )
+    system = _system_text(saved.system)
+    requirement = requirement_of(
+        name,
+        in_words_of(
+            formula, None if unit == "steps" else 1, unit=saved.requirement.unit, step=step
+        ),
+        formula,
+        [trial],
+        worst,
+    )
+    verb = {Verdict.VIOLATED: "violates", Verdict.SATISFIED: "satisfies"}
+    title = f"A case that {verb.get(saved.verdict, 'leaves open')} {name}"
+    facts = [Fact("robustness", number(saved.robustness))]
+    facts += [Fact(package, version) for package, version in saved.versions.items()]
+    return Section(
+        kind="search",
+        title=title,
+        system=system,
+        policy=saved.policy or "",
+        unit=unit,
+        facts=tuple(facts),
+        notes=tuple(notes),
+        requirements=(requirement,),
+    )
+
+
+def _played(saved: SavedCase) -> tuple[Run | None, list[str]]:
+    """The run of a case, and what is to be said about it."""
+    try:
+        run = saved.replay()
+    except Exception as error:  # noqa: BLE001 - the rest of the file is shown all the same
+        message = str(error).partition("\n")[0]
+        return None, [f"The case was not played again: {type(error).__name__}: {message}"]
+    if saved.repeats(run):
+        return run, ["Played again for this page, the case gave the same robustness."]
+    got = number(run.courses[saved.name].final)
+    return run, [f"Played again for this page, the case gave another robustness: {got}."]
+
+
+def _system_text(system: Any) -> str:  # noqa: ANN401 - an object of JSON
+    """What names a system, for a title."""
+    if "environment" in system or "object" in system:
+        return str(system.get("environment", system.get("object")))
+    return ", ".join(system.get("fmus", {})) or json.dumps(system)
+
+
+def of_search_json(kept: Mapping[str, Any]) -> Section:
+    """The section of what ``rtamt falsify --json`` has written: the course of the search.
+
+    Args:
+        kept: It, read as JSON.
+
+    Raises:
+        KeyError: If something is not in it.
+    """
+    heights = {
+        name: [None if each is None else float(each) for each in every]
+        for name, every in kept["robustness_of_simulations"].items()
+    }
+    name, falsified = kept["requirement"], kept["falsified"]
+    case = case_texts(Case.from_json(json.dumps(kept["input"])))
+    requirements = [
+        requirement_of(
+            each,
+            in_words_of(formula, 1),
+            formula,
+            sorted(_trials(heights[each], falsified=falsified and each == name), key=worst_first),
+        )
+        for each, formula in kept["requirements"].items()
+    ]
+    facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")
+    return Section(
+        kind="search",
+        title=f"Search for a violation by {kept['system']}",
+        system=kept["system"],
+        facts=tuple(Fact(each, str(kept[each])) for each in facts),
+        notes=(
+            f"{name} is violated in simulation {kept['simulations']}."
+            if falsified
+            else f"No simulation violates a requirement; {name} came closest.",
+            f"Input: {'; '.join(case)}.",
+        ),
+        requirements=tuple(requirements),
+        convergence=tuple(_convergence(each, every) for each, every in heights.items()),
+    )
+
+
+def _trials(heights: Sequence[float | None], *, falsified: bool) -> Iterator[Trial]:
+    """A trial for each simulation of a search, which ends at the first violation."""
+    for i, height in enumerate(heights, 1):
+        label = f"simulation {i}"
+        if height is None:
+            yield Trial(label, "failed")
+        else:
+            violated = falsified and i == len(heights)
+            holds = math.copysign(1.0, height) > 0
+            word: Word = "violated" if violated else "satisfied" if holds else "undecided"
+            yield Trial(label, word, six(height))

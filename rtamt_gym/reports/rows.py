@@ -1,0 +1,152 @@
+"""What became of requirements in the rows of a record: counts, trials, robustness."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from rtamt_gym.evaluation.intervals import quantiles
+from rtamt_gym.reports.episodes import WORDS, case_texts
+from rtamt_gym.reports.model import Counts, Episode, Requirement, Trial
+from rtamt_gym.reports.series import evenly, six
+from rtamt_gym.reports.views import Cases, Word
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.rows import Row
+
+__all__ = [
+    "TRIALS",
+    "cases_of",
+    "counts_of",
+    "labelled",
+    "requirement_of",
+    "trials_of",
+    "worst_first",
+]
+
+TRIALS: Final = 500
+"""The most trials of a requirement that are shown."""
+
+_ROBUSTNESS: Final = 1000
+"""The most numbers of a distribution."""
+
+_CASES: Final = 2000
+"""The most points of a sweep."""
+
+_ORDER: Final[dict[Word, int]] = {"failed": 0, "violated": 1, "undecided": 2, "satisfied": 3}
+
+Label = Callable[[int, Row], str]
+
+
+def labelled(number: int, row: Row) -> str:
+    """What tells a simulation from others: its seed, if it has no case; else its number, from 1."""
+    return f"simulation {number + 1}" if row.case or row.seed is None else f"seed {row.seed}"
+
+
+def word_of(row: Row, name: str) -> Word:
+    """What a requirement became in a row."""
+    failed = row.error or name not in row.outcomes
+    return "failed" if failed else WORDS[row.outcomes[name].verdict]
+
+
+def counts_of(words: Sequence[Word]) -> Counts:
+    """How often each word occurs."""
+    order: tuple[Word, ...] = ("satisfied", "violated", "undecided", "failed")
+    return Counts(len(words), *(words.count(each) for each in order))
+
+
+def trials_of(record: Record, name: str) -> list[Trial]:
+    """A trial for each row, the worst first."""
+    trials = []
+    for number, row in enumerate(record):
+        word, outcome = word_of(row, name), row.outcomes.get(name)
+        at = outcome.decided_at if outcome is not None and word == "violated" else None
+        trials.append(
+            Trial(
+                label=labelled(number, row),
+                verdict=word,
+                robustness=None if outcome is None or word == "failed" else six(outcome.robustness),
+                violated_at=None if at is None else six(at),
+                duration=six(row.simulated),
+                reward=None if row.reward is None else six(row.reward),
+                seed=row.seed,
+                case=case_texts(row.case),
+                text=row.error,
+            )
+        )
+    return sorted(trials, key=worst_first)
+
+
+def worst_first(trial: Trial) -> tuple[int, float]:
+    """Orders trials: failures, violations, open ones, then the others; each by robustness."""
+    height = math.inf if trial.robustness is None else trial.robustness
+    return _ORDER[trial.verdict], height
+
+
+def shares_of(values: Sequence[float]) -> dict[str, float]:
+    """The quantiles of robustness by the text of their shares."""
+    return {f"{share:g}": six(value) for share, value in quantiles(values).items()}
+
+
+def requirement_of(
+    name: str,
+    words: str,
+    formula: str,
+    trials: Sequence[Trial],
+    worst: Sequence[Episode] = (),
+    **also: Any,  # noqa: ANN401 - fields of a requirement
+) -> Requirement:
+    """A requirement with its trials, the worst first; rate and interval are among ``also``."""
+    heights = sorted(each.robustness for each in trials if each.robustness is not None)
+    violations = sorted(each.violated_at for each in trials if each.violated_at is not None)
+    return Requirement(
+        name=name,
+        words=words,
+        formula=formula,
+        counts=counts_of([each.verdict for each in trials]),
+        rate=also.pop("rate", None),
+        interval=also.pop("interval", None),
+        robustness=evenly(heights, _ROBUSTNESS),
+        quantiles=shares_of(heights),
+        first_violations=evenly(violations, _ROBUSTNESS),
+        trials=tuple(trials[:TRIALS]),
+        left_out=max(0, len(trials) - TRIALS),
+        worst=tuple(worst),
+        **also,
+    )
+
+
+def cases_of(record: Record) -> Cases | None:
+    """The points of a record; of columns that are the same everywhere there are none.
+
+    Of more than 2000 simulations the worst 500 of all requirements are shown, and evenly spaced
+    others.
+    """
+    columns = {name: record.numbers(name) for name in record.case_columns}
+    varied = {name: cells for name, cells in columns.items() if len(set(cells.tolist())) > 1}
+    if not varied:
+        return None
+    rows, names = list(record), list(record.requirements)
+    places: Sequence[int] = range(len(rows))
+    if len(rows) > _CASES:
+        worst = sorted(places, key=lambda i: min(_height(rows[i], name) for name in names))
+        rest = worst[TRIALS:]
+        step = len(rest) / (_CASES - TRIALS)
+        others = [rest[int(i * step)] for i in range(_CASES - TRIALS)]
+        places = sorted({*worst[:TRIALS], *others})
+    return Cases(
+        labels=tuple(labelled(i, rows[i]) for i in places),
+        columns={name: tuple(six(cells[i]) for i in places) for name, cells in varied.items()},
+        robustness={name: tuple(_known(rows[i], name) for i in places) for name in names},
+        verdicts={name: tuple(word_of(rows[i], name) for i in places) for name in names},
+        left_out=len(rows) - len(places),
+    )
+
+
+def _known(row: Row, name: str) -> float | None:
+    return None if word_of(row, name) == "failed" else six(row.outcomes[name].robustness)
+
+
+def _height(row: Row, name: str) -> float:
+    known = _known(row, name)
+    return -math.inf if known is None else known

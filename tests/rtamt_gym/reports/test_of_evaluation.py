@@ -1,0 +1,101 @@
+"""The section of an evaluation says what the evaluation has, and shows its worst episodes."""
+
+import math
+
+import numpy as np
+import pytest
+from made_results import evaluation, row, wave
+
+from rtamt import evaluate
+from rtamt_gym.reports.model import Report
+from rtamt_gym.reports.of_evaluation import of_evaluation
+from rtamt_gym.reports.series import ROOM
+
+ROWS = [
+    row({"low": 1.0, "seen": -1.0}, seed=7, at=1.0, reward=5.0),
+    row({"low": -2.0, "seen": 3.0}, seed=8, at=0.4, reward=4.0),
+    row({"low": -3.0, "seen": 0.5}, seed=9, at=1.5, reward=3.0),
+    row({}, seed=10, error="ValueError: it broke"),
+    row({"low": 2.0, "seen": 1.0}, seed=11, reward=2.0),
+]
+
+
+def test_counts_rates_and_times_are_those_of_the_rows() -> None:
+    section = of_evaluation(evaluation(ROWS, {}), ROOM)
+    low, seen, every = section.requirements
+    assert (low.name, seen.name, every.name) == ("low", "seen", "all requirements")
+    assert (low.counts.satisfied, low.counts.violated, low.counts.failed) == (2, 2, 1)
+    assert (seen.counts.satisfied, seen.counts.undecided, seen.counts.episodes) == (2, 1, 5)
+    assert (every.counts.satisfied, every.counts.violated) == (1, 3)
+    assert low.rate == 0.4
+    assert low.interval == pytest.approx((0.117621, 0.769276), abs=1e-6)  # Wilson, by hand
+    assert low.robustness == (-3.0, -2.0, 1.0, 2.0)
+    assert low.quantiles["0.5"] == -2.0
+    assert low.first_violations == (0.4, 1.5)
+    assert [trial.label for trial in low.trials] == [f"seed {i}" for i in (10, 9, 8, 7, 11)]
+    assert low.trials[0].text == "ValueError: it broke"
+    assert [trial.violated_at for trial in every.trials] == [None, 1.5, 0.4, 1.0, None]
+    assert section.returns == (2.0, 3.0, 4.0, 5.0)
+    assert low.words == "x0 stays below 5 at all times"
+    assert seen.words == "x1 gets above 0.5 within the first 1 s"
+    facts = {fact.name: fact.text for fact in section.facts}
+    assert facts["seeds"] == "7 to 11"
+    assert facts["period"] == "0.1 s"
+
+
+def test_an_episode_has_its_signals_predicates_and_the_samples_that_decided() -> None:
+    run = wave(50)
+    section = of_evaluation(evaluation(ROWS, {"low": (run,)}), ROOM)
+    (episode,) = section.requirements[0].worst
+    assert episode.samples == len(episode.times) == 50
+    np.testing.assert_allclose(episode.times, run.times)
+    np.testing.assert_allclose(episode.signals["x1"], run.signals["x1"])
+    np.testing.assert_allclose(episode.upper, run.courses["low"].upper, rtol=1e-5)
+    margins = evaluate("x0 < 5", run.signals, 0.1)
+    np.testing.assert_allclose(episode.predicates["x0 < 5"], margins, rtol=1e-5)
+    (decision,) = episode.deciding
+    place = int(margins.argmin())
+    assert decision.time == pytest.approx(run.times[place])
+    assert decision.values == {"x0": 9.0}
+    assert decision.robustness == episode.final == -4.0
+    assert decision.words == "x0 < 5 decided at 1.6 s, where x0 is 9"
+    assert episode.violated_at == pytest.approx(1.6)
+    assert episode.verdict == "violated"
+
+
+def test_a_hundred_episodes_and_long_plots_stay_small() -> None:
+    heights = np.random.default_rng(0).normal(size=100)
+    rows = [row({"low": h, "seen": -h}, seed=7 + i, at=1.0) for i, h in enumerate(heights)]
+    long = wave(6000, signals=12)
+    short = wave(20)
+    runs = {"low": (long,) * 10, "seen": (short,) * 10}
+    section = of_evaluation(evaluation(rows, runs), ROOM)
+    size = len(Report("many", "rtamt", (section,)).to_json())
+    assert 100_000 < size < 700_000
+    (episode, *_) = section.requirements[0].worst
+    assert episode.samples == 6000
+    assert 60 <= len(episode.times) < 400
+    assert max(episode.signals["x0"]) == 9.0
+    assert {d.time for d in episode.deciding} <= set(episode.times)
+    assert len(section.requirements[1].worst[0].times) == 20
+
+
+def test_without_a_period_times_are_steps() -> None:
+    made = evaluation(ROWS, {})
+    steps = type(made)(made.record, "Waves-v0", "random", None, None, 7)
+    section = of_evaluation(steps, ROOM)
+    assert section.unit == "steps"
+    assert section.requirements[1].words == "x1 gets above 0.5 within the first 1 step"
+    assert not math.isnan(section.durations[0])
+
+
+def test_what_sequential_stopping_decided_is_said() -> None:
+    made = evaluation(ROWS, {})
+    decided = type(made)(
+        *(made.record, "Waves-v0", "random", None, None, 7),
+        {"low": "falls short of 0.9", "seen": "known to 0.05"},
+    )
+    assert of_evaluation(decided, ROOM).notes == (
+        "Sequential stopping after 5 episodes: the rate of low falls short of 0.9.",
+        "Sequential stopping after 5 episodes: the rate of seen is known to 0.05.",
+    )

@@ -1,0 +1,99 @@
+"""The section of recorded traces: every outcome, and the worst trace read again."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from rtamt_gym.__main__ import main
+from rtamt_gym.reports.of_matrix import of_matrix
+from rtamt_gym.reports.series import ROOM
+
+SPEC = "near = always(gap > 2); answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
+TRACES = {
+    "good.csv": "time,gap,req,gnt\n0,5,0,0\n0.5,4,0,0\n1,3,0,0\n",
+    "near.csv": "time,gap,req,gnt\n0,5,4,0\n0.5,1,0,4\n1,3,0,0\n",
+    "bad.csv": "time,gap\n0,5\n0.5,x\n",
+}
+
+
+def judged(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    *options: str,
+) -> dict[str, object]:
+    """What ``rtamt monitor --json`` prints about the traces in a folder."""
+    monkeypatch.chdir(folder)
+    for name, text in TRACES.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    main(["monitor", SPEC, "--json", *options, "--", *TRACES])
+    outcomes: dict[str, object] = json.loads(capsys.readouterr().out)
+    return outcomes
+
+
+def test_every_outcome_is_shown_and_the_worst_trace_in_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = of_matrix(judged(tmp_path, monkeypatch, capsys), tmp_path, ROOM)
+    assert section.matrix is not None
+    assert section.matrix.requirements == ("near", "answered")
+    words = {line.name: [cell.verdict for cell in line.cells] for line in section.matrix.traces}
+    assert words == {
+        "good.csv": ["satisfied", "satisfied"],
+        "near.csv": ["violated", "satisfied"],
+        "bad.csv": ["failed", "failed"],
+    }
+    near, answered = section.requirements
+    assert near.words == "gap stays above 2 at all times"
+    assert answered.words == "whenever req is at least 3, gnt reaches at least 3 within 1 s"
+    assert [trial.label for trial in near.trials] == ["bad.csv", "near.csv", "good.csv"]
+    assert near.trials[0].text
+    (episode,) = near.worst
+    assert episode.times == (0.0, 0.5, 1.0)
+    assert episode.signals["gap"] == (5.0, 1.0, 3.0)
+    assert episode.robustness == (3.0, -1.0, -1.0)
+    assert episode.upper == (3.0, -1.0, -1.0)
+    assert episode.lower == (-math.inf,) * 3
+    assert episode.violated_at == near.trials[1].violated_at == 0.5
+    assert episode.deciding[0].values == {"gap": 1.0}
+
+
+def test_the_options_of_the_columns_are_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcomes = judged(
+        tmp_path, monkeypatch, capsys, "--signal", "gap=req", "--time-unit", "ms", "--view", "step"
+    )
+    assert outcomes["columns"] == {"signals": {"gap": "req"}, "time_unit": "ms"}
+    near, _ = of_matrix(outcomes, tmp_path, ROOM).requirements
+    assert near.words == "at all times, gap stays above 2 from then on"
+    (episode,) = near.worst
+    assert episode.label == near.trials[1].label
+    assert episode.times == (0.0, 0.0005, 0.001)
+
+
+def test_traces_are_found_beside_the_file_and_else_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    outcomes = judged(tmp_path, monkeypatch, capsys)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    assert of_matrix(outcomes, tmp_path, ROOM).requirements[0].worst
+    section = of_matrix(outcomes, elsewhere, ROOM)
+    assert section.requirements[0].worst == ()
+    assert section.notes[0].startswith("The worst trace of near is not shown in full: [Errno 2]")
+
+
+def test_without_times_bounds_count_steps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("x\n1\n5\n", encoding="utf-8")
+    main(["monitor", "always[0:1](x < 3)", "--json", "t.csv"])
+    section = of_matrix(json.loads(capsys.readouterr().out), tmp_path, ROOM)
+    assert section.unit == "steps"
+    assert section.requirements[0].words == "x stays below 3 during the first 1 step"
+    assert section.requirements[0].worst[0].violated_at == 1.0

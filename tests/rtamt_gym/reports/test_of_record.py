@@ -1,0 +1,137 @@
+"""Sections of sweeps and searches: points, maps, convergence, and the worst played again."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_results import row, searched, swept
+
+from rtamt_gym import Record, SavedCase, Sweep
+from rtamt_gym.reports.of_record import of_record
+from rtamt_gym.reports.of_search import convergence_of, of_case, of_search
+from rtamt_gym.reports.rows import cases_of
+from rtamt_gym.reports.series import ROOM
+
+
+def test_a_sweep_has_its_points_its_maps_and_its_worst_simulations() -> None:
+    done = swept()
+    section = of_record(done, ROOM)
+    assert section.kind == "sweep"
+    dry = section.requirements[0]
+    assert dry.words == "level stays below 2 at all times"
+    assert dry.counts.violated == len(done.record.violated("dry")) == 3
+    assert dry.rate is None
+    assert dry.trials[0].case == ("inflow = 0.3", "leak = 0.1")
+    (episode,) = dry.worst
+    worst = done.replay(done.worst("dry"))
+    np.testing.assert_allclose(episode.signals["level"], worst.signals["level"], rtol=1e-5)
+    assert episode.label == dry.trials[0].label == "simulation 13"
+    assert episode.violated_at == dry.trials[0].violated_at
+    heat, _ = section.maps
+    assert (heat.x, heat.y) == ("leak", "inflow [m3/s]")
+    expected = done.map("leak", "inflow", "dry").cells
+    assert expected is not None
+    np.testing.assert_allclose(np.array(heat.cells, float), expected, rtol=1e-5)
+    assert section.cases is not None
+    assert set(section.cases.columns) == {"inflow", "leak"}
+    assert section.cases.robustness["dry"][12] == pytest.approx(dry.robustness[0])
+
+
+def test_a_sweep_without_its_system_is_shown_without_plots() -> None:
+    done = swept()
+    bare = Sweep(done.record, done.space, done.sampler, done.seed)
+    section = of_record(bare, ROOM)
+    assert [each.worst for each in section.requirements] == [(), ()]
+    assert section.notes == (
+        "The result holds no system, so that no simulation was played again for this page.",
+    )
+    assert section.maps == of_record(done, ROOM).maps
+    assert [each.cells for each in of_record(done.record, ROOM).maps] == [
+        each.cells for each in section.maps
+    ]
+
+
+def test_of_many_simulations_the_worst_stay() -> None:
+    rng = np.random.default_rng(1)
+    heights = rng.normal(size=5000)
+    rows = [row({"dry": h}, case={"x": float(i), "fixed": 1.0}) for i, h in enumerate(heights)]
+    rows[17] = row({}, case={"x": 17.0, "fixed": 1.0}, error="ValueError: broke")
+    record = Record(rows, {"dry": "always(x < 1)"}, "made")
+    cases = cases_of(record)
+    assert cases is not None
+    assert len(cases.labels) == 2000
+    assert cases.left_out == 3000
+    assert set(cases.columns) == {"x"}
+    least = sorted(range(5000), key=lambda i: -math.inf if i == 17 else heights[i])[:500]
+    assert {f"simulation {i + 1}" for i in least} <= set(cases.labels)
+    assert cases.verdicts["dry"][cases.labels.index("simulation 18")] == "failed"
+    requirement = of_record(record, ROOM).requirements[0]
+    assert (len(requirement.trials), requirement.left_out) == (500, 4500)
+    assert len(requirement.robustness) == 1000
+
+
+def test_of_episodes_that_differ_by_their_seed_a_rate_is_known() -> None:
+    rows = [row({"dry": 1.0 if i % 4 else -1.0}, seed=i) for i in range(8)]
+    requirement = of_record(Record(rows, {"dry": "always(x < 1)"}), ROOM).requirements[0]
+    assert requirement.rate == 0.75
+    assert requirement.interval == pytest.approx((0.409276, 0.928521), abs=1e-6)
+    assert requirement.trials[0].label == "seed 0"
+
+
+def test_a_search_shows_its_course_and_the_case_that_it_found() -> None:
+    found = searched()
+    section = of_search(found, ROOM)
+    assert section.notes[:2] == (
+        f"dry is violated in simulation {found.simulations}.",
+        f"Input: inflow = {found.input['inflow']:g}; leak = {found.input['leak']:g}.",
+    )
+    (course,) = section.convergence
+    assert course.simulations == tuple(range(1, found.simulations + 1))
+    heights = [each.outcomes["dry"].robustness for each in found.record]
+    np.testing.assert_allclose(np.array(course.robustness, float), heights, rtol=1e-5)
+    np.testing.assert_allclose(
+        np.array(course.least, float), np.minimum.accumulate(heights), rtol=1e-5
+    )
+    (episode,) = section.requirements[0].worst
+    assert episode.verdict == "violated"
+    assert episode.final == pytest.approx(found.robustness, rel=1e-5)
+
+
+def test_every_new_least_of_a_long_search_is_shown() -> None:
+    heights = np.random.default_rng(2).normal(size=9000)
+    rows = [row({"dry": h}, case={"x": float(i)}) for i, h in enumerate(heights)]
+    rows[0] = row({}, case={"x": 0.0}, error="ValueError: broke")
+    (course,) = convergence_of(Record(rows, {"dry": "always(x < 1)"}))
+    assert course.least[0] is None
+    assert len(course.simulations) <= 2100
+    known = np.minimum.accumulate([math.inf, *heights[1:]])
+    steps = {i + 1 for i in range(1, 9000) if known[i] < known[i - 1]}
+    assert steps <= set(course.simulations)
+
+
+def test_a_saved_case_is_played_again_or_shown_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "case.json"
+    searched().save(path, system="tank_of_test:tank")
+    saved = SavedCase.load(path)
+    alone = of_case(saved, ROOM)
+    assert alone.notes[0].startswith("The case was not played again: ")
+    assert alone.requirements[0].worst == ()
+    assert alone.requirements[0].trials[0].robustness == pytest.approx(saved.robustness, rel=1e-5)
+    (tmp_path / "tank_of_test.py").write_text(
+        "def tank(inflow, leak):\n"
+        "    level = 1.0\n"
+        "    for _ in range(20):\n"
+        '        yield {"level": level}\n'
+        "        level += inflow - leak * level\n",
+        encoding="utf-8",
+    )
+    played = of_case(saved, ROOM)
+    assert played.notes == ("Played again for this page, the case gave the same robustness.",)
+    assert played.requirements[0].worst[0].verdict == "violated"
+    other = json.loads(path.read_text(encoding="utf-8"))
+    other["expected"]["robustness"] = -9.0
+    path.write_text(json.dumps(other), encoding="utf-8")
+    (note,) = of_case(SavedCase.load(path), ROOM).notes
+    assert note.startswith("Played again for this page, the case gave another robustness: -0.0")

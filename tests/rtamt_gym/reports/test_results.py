@@ -1,0 +1,154 @@
+"""Files of results become sections and pages; what is none is refused with the kinds there are."""
+
+import json
+from pathlib import Path
+
+import pytest
+from made_results import SPACE, evaluation, row, searched, swept, tank, wave
+
+import rtamt_gym
+from rtamt import InputError, InputTypeError
+from rtamt_gym import write_report
+from rtamt_gym.__main__ import main
+from rtamt_gym.evaluation.comparison import compare
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.reports.results import section_of
+from rtamt_gym.reports.series import ROOM
+from rtamt_gym.reports.write import report_of
+from rtamt_gym.search.runs.report import to_json
+
+KINDS = (
+    "holds no result; results are the Parquet file or the folder of a sweep or a campaign, what "
+    "Evaluation.save, rtamt evaluate --json writes, what Comparison.save, rtamt compare --json "
+    "writes, what rtamt sweep --json writes, what Falsification.save, rtamt falsify --save writes, "
+    "what rtamt falsify --json writes, what rtamt monitor --json writes"
+)
+
+
+def evaluated(shift: float = 0.0) -> Evaluation:
+    """An evaluation of ten episodes, one of which is kept."""
+    rows = [row({"low": i - 4.0 + shift, "seen": 1.0}, seed=7 + i) for i in range(10)]
+    return evaluation(rows, {"low": (wave(30),)})
+
+
+def test_an_evaluation_and_its_file_give_one_section(tmp_path: Path) -> None:
+    made = evaluated()
+    made.save(tmp_path / "e.json")
+    assert section_of(tmp_path / "e.json", ROOM) == section_of(made, ROOM)
+
+
+def test_a_comparison_and_its_file_give_one_section(tmp_path: Path) -> None:
+    made = compare(evaluated(), evaluated(3.0))
+    made.save(tmp_path / "c.json")
+    section = section_of(str(tmp_path / "c.json"), ROOM)
+    assert section == section_of(made, ROOM)
+    assert section.comparison is not None
+    low, *_ = section.comparison.requirements
+    assert (low.both, low.only_a, low.only_b, low.neither) == (6, 0, 3, 1)
+    assert low.difference == pytest.approx(0.3)
+    assert low.words == "x0 stays below 5 at all times"
+    assert low.robustness == 3.0
+    assert (-4.0, -1.0) in low.pairs
+    assert section.comparison.sentence == made.sentence
+
+
+def test_a_sweep_its_parquet_and_its_json_have_the_same_results(tmp_path: Path) -> None:
+    done = swept()
+    done.save(tmp_path / "s.parquet")
+    done.record.save(tmp_path / "r.parquet")
+    (tmp_path / "s.json").write_text(to_json(done.record, {"sampler": "grid"}), encoding="utf-8")
+    made = section_of(done, ROOM)
+    for name in ("s.parquet", "r.parquet", "s.json"):
+        read = section_of(tmp_path / name, ROOM)
+        assert read.cases == made.cases
+        assert [each.trials for each in read.requirements] == [
+            each.trials for each in made.requirements
+        ]
+        assert [each.cells for each in read.maps] == [each.cells for each in made.maps]
+
+
+def test_the_folder_of_a_campaign_is_a_result(tmp_path: Path) -> None:
+    folder = tmp_path / "campaign"
+    specs = {"dry": "always(level < 2)"}
+    rtamt_gym.sweep(
+        tank, specs, SPACE, samples=3, sampler="grid", period=1, folder=folder, progress=False
+    )
+    section = section_of(folder, ROOM)
+    assert section.requirements[0].counts.episodes == 9
+
+
+def test_what_falsify_prints_is_a_result(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert main(["falsify", "rtamt/ChasingCars-v0", "CC1", "--budget", "20", "--json"]) == 1
+    printed = capsys.readouterr().out
+    (tmp_path / "f.json").write_text(printed, encoding="utf-8")
+    section = section_of(tmp_path / "f.json", ROOM)
+    kept = json.loads(printed)
+    (course,) = section.convergence
+    assert len(course.simulations) == kept["simulations"]
+    assert section.requirements[0].trials[0].verdict == "violated"
+    assert section.requirements[0].words == "y5 - y4 stays at most 40 during the first 100 s"
+
+
+def test_a_page_is_written_from_objects_and_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = evaluated()
+    made.save(tmp_path / "e.json")
+    write_report(tmp_path / "a.html", made, searched(), title="All & more")
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "<h1>All &amp; more</h1>" in page
+    assert "x0 stays below 5 at all times" in page
+    out = tmp_path / "b.html"
+    assert main(["report", str(tmp_path / "e.json"), "-o", str(out)]) == 0
+    assert capsys.readouterr().out == f"report: {out}\n"
+    assert "<h1>random on Waves-v0</h1>" in out.read_text(encoding="utf-8")
+    assert report_of(made, made).title == "2 results"
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("time,x\n0,1\n", "; it is no JSON: Extra data: line 1 column 5 (char 4)"),
+        ('{"format": "rtamt dream 7"}', ""),
+        ("[1, 2]", ""),
+    ],
+)
+def test_a_file_that_holds_no_result_is_refused(
+    tmp_path: Path, text: str, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "some.json"
+    path.write_text(text.replace("time", "0"), encoding="utf-8")
+    why = why.replace("column 5 (char 4)", "column 2 (char 1)")
+    assert main(["report", str(path), "-o", str(tmp_path / "page.html")]) == 2
+    assert capsys.readouterr().err == f"rtamt: error: {path} {KINDS}{why}\n"
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "o.json"
+    path.write_text('{"format": "rtamt outcomes 1", "traces": []}', encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        section_of(path, ROOM)
+    assert str(caught.value) == (
+        f'cannot read {path}: "format" is "rtamt outcomes 1", but KeyError: \'requirements\''
+    )
+
+
+def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputTypeError) as caught:
+        write_report(tmp_path / "a.html", 3)  # type: ignore[arg-type]
+    assert str(caught.value) == (
+        "expected an Evaluation, a Comparison, a Sweep, a Record, a Falsification, a SavedCase or "
+        "the path of the file of one, got int"
+    )
+    for name, message in (
+        ("a.pdf", f"cannot write {tmp_path / 'a.pdf'}: expected a name that ends in .html"),
+        ("a.html", "expected one result at least, such as an Evaluation or its file, got none"),
+    ):
+        with pytest.raises(InputError) as refused:
+            write_report(tmp_path / name)
+        assert str(refused.value) == message
+    with pytest.raises(FileNotFoundError):
+        write_report(tmp_path / "a.html", tmp_path / "no.json")

@@ -1,0 +1,76 @@
+"""Results with numbers that tests choose: rows, records, runs and evaluations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from rtamt import Verdict
+from rtamt_gym import Case, Falsification, Parameter, Sweep, falsify, simulate, sweep
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.search.runs.record import Record
+from rtamt_gym.search.runs.rows import Outcome, Row
+from rtamt_gym.simulation.run import Run
+
+SPECS = {"dry": "always(level < 2)", "fills": "eventually[0:9](level > 1.2)"}
+SPACE = [Parameter("inflow", 0.1, 0.3, unit="m3/s"), Parameter("leak", 0.1, 0.2)]
+
+
+def tank(inflow: float, leak: float) -> Iterator[dict[str, float]]:
+    """A tank that fills and leaks."""
+    level = 1.0
+    for _ in range(20):
+        yield {"level": level}
+        level += inflow - leak * level
+
+
+def searched() -> Falsification:
+    """A search that finds that the tank runs over."""
+    return falsify(tank, {"dry": SPECS["dry"]}, SPACE, period=1)
+
+
+def swept() -> Sweep:
+    """A sweep over a grid of the tank."""
+    return sweep(tank, SPECS, SPACE, samples=4, sampler="grid", period=1, progress=False)
+
+
+def outcome(height: float, at: float | None = None) -> Outcome:
+    """The outcome of a robustness: violated if negative, open if it is 0.5."""
+    verdict = Verdict.UNDECIDED if height == 0.5 else Verdict(1 if height >= 0 else -1)
+    return Outcome(height, -math.inf, height, verdict, at)
+
+
+def row(
+    heights: Mapping[str, float],
+    *,
+    seed: int | None = None,
+    case: Mapping[str, float] | None = None,
+    at: float | None = None,
+    reward: float | None = None,
+    error: str = "",
+) -> Row:
+    """A row of 2 simulated seconds; violations are certain at the time given."""
+    outcomes = {name: outcome(h, at if h < 0 else None) for name, h in heights.items()}
+    return Row(Case(case or {}), seed, outcomes, "duration", 2.0, 0.1, error, reward)
+
+
+def wave(samples: int, seed: int = 0, signals: int = 2) -> Run:
+    """A run over random signals ``x0``, ``x1``, ... of which ``low`` bounds the first."""
+    rng = np.random.default_rng(seed)
+    values = rng.normal(size=(samples, signals)).round(3)
+    values[samples // 3, 0] = 9.0 + seed
+    rows = [{f"x{i}": float(each) for i, each in enumerate(line)} for line in values]
+    specs = {"low": "always(x0 < 5)", "seen": "eventually[0:1](x1 > 0.5)"}
+    run = simulate(rows, specs, period=0.1, stop="end")
+    return replace(run, seed=seed)
+
+
+def evaluation(rows: Sequence[Row], runs: Mapping[str, tuple[Run, ...]]) -> Evaluation:
+    """An evaluation of two requirements with these episodes."""
+    texts = {"low": "always(x0 < 5)", "seen": "eventually[0:1](x1 > 0.5)"}
+    record = Record(rows, texts, "Waves-v0")
+    return Evaluation(record, "Waves-v0", "random", Fraction(1, 10), 2.0, 7, None, runs)
