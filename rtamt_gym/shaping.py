@@ -9,7 +9,7 @@ Let r be the environment's reward, x the robustness of the episode before the st
 | ``replace`` | x' | |
 | ``potential`` | r + weight * (gamma * x' - x), x' = 0 after a termination | the optimal policy |
 | ``terminal`` | r, and weight * x' more in the last step, terminated or truncated | |
-| ``progress`` | r + weight * (m' - m), m the middle of the bounds | the order of ``terminal`` |
+| ``progress`` | r + weight * (m' - m), m the middle of the bounds | |
 | ``hierarchical`` | the value of the first negative level, below | the order of the levels |
 
 Beside every mode, `settle` pays a bonus once all specifications are certainly satisfied, and takes
@@ -18,9 +18,9 @@ last one if only the end decides. ``potential`` then keeps the optimal policy of
 penalty, not that of r alone.
 
 ``progress`` pays what the bounds of the robustness gain, each clipped. Its sum over an episode is
-weight times their middle at the end less that at the reset. Where the end decides all, both bounds
-are the robustness: then this is what ``terminal`` pays, less a number that no action changes, but
-paid at the steps that have earned it.
+weight times their middle at the end less that at the reset, which no action changes. At the end the
+middle has the sign of the verdict, and where only the end decides it is the robustness, as
+``terminal`` pays it; but each gain is paid at the step that has earned it.
 
 ``potential`` keeps x' at a truncation: that episode could have gone on, and the learner bootstraps
 with the value of its last state. After a termination, by the environment or by the monitor, there

@@ -37,7 +37,7 @@ class StlMonitor(
 
     Sample 0 of an episode is the observation that :meth:`reset` returns; every later sample is the
     observation after a step with the action and the reward of that step, the terminal observation
-    included. Observations, actions and rewards pass through unchanged, but for ``observe="state"``.
+    included. Observations, actions and rewards pass through unchanged, but for ``observe=``.
 
     Every ``info``, that of :meth:`reset` included, gets
 
@@ -61,12 +61,16 @@ class StlMonitor(
 
     Floats are ``numpy.float64``.
 
+    A specification that is certainly violated ends the episode, unless ``on_violation`` says
+    otherwise; ``on_satisfaction`` can end it once all are certainly satisfied. What the sample of
+    the reset decides ends the episode at its first step.
+
     What an open verdict becomes at the end of an episode is said by ``at_termination``, where the
     environment ends it, and by ``at_truncation``, where a time limit does; if both do, by the
-    first. The end that this wrapper makes of a violated episode decides nothing more: verdicts on
-    other specifications stay open. Place time limits inside this wrapper; the truncation of a
-    wrapper around it is seen at the next :meth:`reset` or :meth:`close`, which records the episode
-    in ``stl_episodes``, and its last info is missing.
+    first. The end that this wrapper makes of an episode decides nothing more: verdicts on other
+    specifications stay open. Place time limits inside this wrapper; the truncation of a wrapper
+    around it is seen at the next :meth:`reset` or :meth:`close`, which records the episode in
+    ``stl_episodes``, and its last info is missing.
     A copy or a pickle of a MuJoCo environment is a new simulation, as Gymnasium makes it, with the
     monitors of the old one: reset it.
 
@@ -92,7 +96,12 @@ class StlMonitor(
     policy that is to act on it; the reward stays as it is, and signals read the observation of the
     environment. There are four numbers for every specification, in their order: robustness, lower
     and upper bound, clipped to [-clip, clip], and the fraction of its horizon that is left (1
-    without a horizon). A ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
+    without a horizon). ``observe="obligations"`` appends after the four of each specification, for
+    every temporal operator below the top, a clock from 0 to 1 and the margin of each operand, its
+    newest known robustness: the clock says how old the oldest unanswered request is, how long a
+    goal has been held, how much of a duty is left, or how long ago an event was, as a fraction of
+    the window. :attr:`observed` lists the numbers, :mod:`rtamt_gym.judges.clocks` defines them. A
+    ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     Attributes:
         stl_episodes: Records of the last ``buffer_length`` episodes that ended, the newest last:

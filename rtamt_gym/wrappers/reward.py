@@ -56,10 +56,16 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
       observed, this leaves the optimal policies as they are
     * ``mode="terminal"``: r, and weight * x' more at the end of the episode, be it terminated or
       truncated
+    * ``mode="progress"``: r + weight * (m' - m), with m the middle of the lower and the upper bound
+      of the robustness, each clipped: over an episode the gains sum to weight times its change
     * ``mode="hierarchical"``: safety before target before comfort; ``priorities`` names the level
       of every specification. The first level that is violated pays its own x', raised by ``clip``
       for every level before it; if none is violated, the last level does. A step that violates a
       level pays less than any step that violates only later ones. r is not part of it.
+
+    Beside it ``bonus`` is paid once when all specifications are certainly satisfied, ``penalty``
+    taken once when one is certainly violated, so that over an episode they sum to ``bonus`` if it
+    is satisfied and to -``penalty`` if it is violated, whatever the mode.
 
     :mod:`rtamt_gym.shaping` explains what each is for.
 
@@ -70,7 +76,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     The reward depends on the past through the monitor. ``observe="state"`` appends the state of the
     monitor to the observation, so that the reward depends on state and action alone again, for
     formulas such as ``always(p)``, ``eventually(p)`` and their Boolean combinations (one
-    specification for each); a window inside another keeps more than is shown. There are four
+    specification for each); a window inside another keeps more, which ``observe="obligations"``
+    shows as :class:`StlMonitor` describes, times weight too. There are four
     numbers for every specification, in their order: robustness, lower and upper bound (times
     weight, clipped to [-clip, clip]), and the fraction of its horizon that is left (1 without a
     horizon). A ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.

@@ -78,6 +78,35 @@ def test_what_the_reset_decides_is_paid_at_the_first_step() -> None:
         assert [reward for reward, _ in steps_of(env)] == [-3.0, -1.0]
 
 
+@given(
+    series=st.lists(st.floats(-9.0, 9.0), min_size=2, max_size=9),
+    end=st.sampled_from(["terminated", "truncated"]),
+    reading=st.sampled_from(["complete", "cut", "failure"]),
+    on_violation=st.sampled_from(["report", "terminate", "truncate"]),
+)
+def test_progress_sums_to_what_the_bounds_have_gained(
+    series: list[float], end: str, reading: str, on_violation: str
+) -> None:
+    options = {"details": True, "at_termination": reading, "on_violation": on_violation}
+    env = StlReward(
+        Replay(series, end), SPECS, X, mode="progress", weight=3.0, clip=2.0, **OPTIONS | options
+    )
+    _, info = env.reset(seed=1)
+
+    def middle(info: dict[str, Any]) -> float:
+        bounds = [min(each[key] for each in info["stl"].values()) for key in ("lower", "upper")]
+        return float(sum(np.clip(bounds, -2.0, 2.0))) / 2
+
+    first, steps = middle(info), steps_of(env)
+    gained = sum(reward - info["reward"] for reward, info in steps)
+    last = steps[-1][1]
+    assert gained == pytest.approx(3.0 * (middle(last) - first))
+    if last["stl_success"]:  # both bounds have the sign of the verdict
+        assert middle(last) >= 0.0
+    elif last["stl_violated"]:
+        assert middle(last) <= 0.0
+
+
 @given(st.floats(allow_nan=False), st.floats(allow_nan=False), st.floats(0, 9), st.floats(0, 9))
 def test_outcomes_of_arrays_are_those_of_floats(
     lower: float, upper: float, bonus: float, penalty: float
