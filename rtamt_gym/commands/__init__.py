@@ -6,6 +6,8 @@ COMMANDS = {
     "demo": "watch a MuJoCo pendulum and a highway with good and bad drivers",
     "envs": "list what can be read from a Gymnasium environment",
     "run": "watch episodes of a Gymnasium environment",
+    "evaluate": "say how often a policy satisfies each requirement, and how sure that is",
+    "compare": "say which of two evaluated policies satisfies requirements more often",
     "sweep": "run a scenario on many points of a space",
     "falsify": "search for an input that violates a requirement",
     "replay": "run again what was found",

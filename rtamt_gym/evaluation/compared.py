@@ -72,6 +72,11 @@ class Compared:
         return (self.only_b - self.only_a) / self.pairs
 
     @property
+    def shown(self) -> bool:
+        """Whether a difference of the rates is shown: the adjusted p-value lies below 0.05."""
+        return self.adjusted < LEVEL
+
+    @property
     def sentence(self) -> str:
         """What is shown about the rates, and about the robustness."""
         return _sentence(self)
@@ -116,7 +121,7 @@ def _rates(compared: Compared) -> str:
     name = SUCCESS if compared.name == SUCCESS else f"`{compared.name}`"
     gap, pairs = compared.difference, compared.pairs
     low, high = (points(end, pairs) for end in compared.interval)
-    if compared.adjusted < LEVEL:
+    if compared.shown:
         ends = sorted(abs(end) for end in compared.interval)
         low, high = (points(end, pairs) for end in ends)
         return (

@@ -53,7 +53,7 @@ def read(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot read {path}: it is no JSON: {error}") from error
     if not isinstance(kept, dict) or kept.get("format") != FORMAT:
         raise InputError(
-            f'{path} holds no comparison: expected "format": "{FORMAT}", as Comparison.save '
+            f"{path} holds no comparison: expected the format {FORMAT!r}, as Comparison.save "
             "writes it"
         )
     try:

@@ -210,8 +210,8 @@ def stopping_of(
     """
     if until_width is not None and target is not None:
         raise InputError(
-            f"expected until_width= or target=, got until_width={until_width!r} and "
-            f"target={target!r}; leave out one"
+            f"expected one rule, got until_width={until_width!r} and target={target!r}; leave out "
+            "one of them"
         )
     if until_width is not None:
         return Stopping({name: Width(until_width) for name in requirements})

@@ -80,7 +80,7 @@ def read(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot read {path}: it is no JSON: {error}") from error
     if not isinstance(kept, dict) or kept.get("format") != _FORMAT:
         raise InputError(
-            f'{path} holds no evaluation: expected "format": "{_FORMAT}", as Evaluation.save '
+            f"{path} holds no evaluation: expected the format {_FORMAT!r}, as Evaluation.save "
             "writes it"
         )
     try:

@@ -280,7 +280,7 @@ def test_files_that_hold_no_comparison_are_refused(tmp_path: Path) -> None:
         "words.json": ("{", "it is no JSON: Expecting property name enclosed in double quotes: "),
         "other.json": (
             '{"format": "rtamt evaluation 1"}',
-            'holds no comparison: expected "format"',
+            "holds no comparison: expected the format 'rtamt comparison 1', as Comparison.save",
         ),
         "torn.json": ('{"format": "rtamt comparison 1"}', "it is no comparison that "),
     }

@@ -1,0 +1,43 @@
+"""`rtamt compare`: which of two policies satisfies the requirements more often."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rtamt_gym.commands.arguments import add_output, check_outputs
+from rtamt_gym.commands.evaluate import check_json
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Compares two evaluations of the same requirements, pair by pair of episodes with the same "
+        "seed. Exits 1 if B is shown to satisfy a requirement less often than A, else 0."
+    )
+    parser.epilog = "example: rtamt compare old.json new.json"
+    for name in ("A", "B"):
+        parser.add_argument(
+            name.lower(),
+            type=Path,
+            metavar=f"{name}.json",
+            help=f"the evaluation {name}, as rtamt evaluate --save writes it",
+        )
+    add_output(parser, "--save", "write the comparison as JSON")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Compares, and prints what is shown; returns 1 if B is worse in a requirement."""
+    from rtamt_gym.evaluation.comparison import compare
+    from rtamt_gym.evaluation.evaluation import Evaluation
+
+    check_json(options.save)
+    check_outputs(options.save, picture=None, inputs=[str(options.a), str(options.b)])
+    comparison = compare(Evaluation.load(options.a), Evaluation.load(options.b))
+    print(comparison)
+    if options.save:
+        comparison.save(options.save)
+        print("", f"comparison: {options.save}", sep="\n")
+    worse = (each.shown and each.difference < 0 for each in comparison.results)
+    return int(any(worse))

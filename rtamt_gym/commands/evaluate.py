@@ -1,0 +1,207 @@
+"""`rtamt evaluate`: how often a policy satisfies each requirement, and how sure that is."""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+
+from rtamt import InputError
+from rtamt_gym.commands.arguments import (
+    add_align,
+    add_environment,
+    add_output,
+    add_reading,
+    add_workers,
+    check_outputs,
+    positive,
+    read_options,
+    read_signals,
+    whole,
+)
+from rtamt_gym.commands.ends import add_ends, noted_ends
+from rtamt_gym.commands.specs import requirements_of
+
+__all__ = ["add_arguments", "run"]
+
+_EPISODES = 100
+"""The number of episodes, if nothing is said."""
+
+_MOST = 10_000
+"""The most episodes with --until-width or --target, if nothing is said."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Plays episodes of a policy and prints how often it satisfies each requirement, with the "
+        "95% interval of that rate. Exits 0; with --target, 1 if a requirement falls short of it, "
+        "else 3 if one is undecided."
+    )
+    parser.epilog = (
+        "example: rtamt evaluate CartPole-v1 --policy sb3:model.zip --spec 'upright = "
+        "always(abs(angle) < 0.1)' --signal 'angle=obs[2]' --episodes 200"
+    )
+    add_environment(parser)
+    parser.add_argument(
+        "--policy",
+        required=True,
+        metavar="POLICY",
+        help="who acts: sb3:FILE.zip (a model of Stable-Baselines3; its file holds pickled "
+        "objects, so trust it), module:function, from observation to action, random, zero, or "
+        "baseline (a scenario's own)",
+    )
+    parser.add_argument(
+        "--spec",
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="a formula, name = formula, the path of a .stl file, name=path, or the name of a "
+        "requirement of the scenario; may be repeated (default: all of the scenario)",
+    )
+    parser.add_argument(
+        "--signal",
+        action="append",
+        default=[],
+        metavar="NAME=SELECTOR",
+        help="what a variable reads, as for rtamt run; may be repeated",
+    )
+    parser.add_argument(
+        "--episodes",
+        type=positive,
+        metavar="N",
+        help=f"number of episodes (default: {_EPISODES}); with --until-width or --target the most "
+        f"(default: {_MOST})",
+    )
+    parser.add_argument(
+        "--until-width",
+        type=float,
+        metavar="WIDTH",
+        help="play until the interval of every rate is so wide: 0.05",
+    )
+    parser.add_argument(
+        "--target",
+        type=float,
+        metavar="RATE",
+        help="play until it is clear of every requirement whether it is satisfied in this share of "
+        "all episodes: 0.95",
+    )
+    parser.add_argument(
+        "--alpha",
+        type=float,
+        metavar="CHANCE",
+        help="the greatest chance of a wrong answer to --target (default: 0.05)",
+    )
+    parser.add_argument(
+        "--margin",
+        type=float,
+        metavar="MARGIN",
+        help="a rate so far below the target or more falls short of it; between the two either "
+        "answer is right (default: 0.05)",
+    )
+    parser.add_argument(
+        "--seed",
+        type=whole,
+        default=0,
+        metavar="S",
+        help="seed of the first episode, one more for each further one (default: 0)",
+    )
+    parser.add_argument(
+        "--max-steps",
+        type=positive,
+        metavar="N",
+        help="time limit of an episode in steps (default: the environment's own)",
+    )
+    parser.add_argument(
+        "--stop",
+        choices=("end", "violation", "decided"),
+        default="end",
+        help="when to stop an episode (default: end)",
+    )
+    parser.add_argument(
+        "--n-envs",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="how many episodes run side by side in a process (default: 1)",
+    )
+    add_workers(parser)
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        metavar="FOLDER",
+        help="keep finished episodes there; after an interruption the same command goes on",
+    )
+    add_reading(parser, "the environment's own")
+    add_align(parser)
+    add_ends(parser)
+    add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Plays the episodes, prints what came of them; returns 1 or 3 if a target is not met."""
+    from rtamt_gym.evaluation.evaluate import evaluate_policy
+    from rtamt_gym.evaluation.sequential import stopping_of
+    from rtamt_gym.evaluation.tables import show
+    from rtamt_gym.judges.specs import own_requirements
+    from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
+    from rtamt_gym.simulation.environments import make
+
+    check_json(options.save)
+    sequential = options.until_width is not None or options.target is not None
+    rules = {name: getattr(options, name) for name in _RULES if getattr(options, name) is not None}
+    for name in ("alpha", "margin"):
+        if name in rules and options.target is None:
+            raise InputError(f"--{name} is for --target, got it without")
+    stopping_of((), **rules)  # refuses wrong numbers before the environment is made
+    signals = read_signals(options.signal)
+    kwargs = read_options(options.env_kwarg)
+    with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
+        specs = requirements_of(options.spec, own_requirements(env), options.env_id, "--spec")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FailedSimulationWarning)  # the table says it
+            evaluation = evaluate_policy(
+                options.policy,
+                env,
+                specs,
+                signals or None,
+                episodes=options.episodes or (_MOST if sequential else _EPISODES),
+                progress=True,
+                **rules,
+                **{name: getattr(options, name) for name in _ARGUMENTS},
+            )
+        if options.save:
+            evaluation.save(options.save)
+    show(evaluation)
+    if notes:
+        print("", *notes, sep="\n")
+    if options.save:
+        print("", f"evaluation: {options.save}", sep="\n")
+    return _exit_code(evaluation.decision or {}, options.target)
+
+
+_RULES = ("until_width", "target", "alpha", "margin")
+
+_ARGUMENTS = (
+    *("seed", "n_envs", "n_jobs", "timeout", "folder", "stop", "period", "view", "semantics"),
+    *("align", "at_termination", "at_truncation"),
+)
+"""The options that are arguments of `evaluate_policy` of the same names."""
+
+
+def check_json(path: Path | None) -> None:
+    """Refuses a file that cannot be written, or whose name does not end in ``.json``.
+
+    Raises:
+        InputError: If it is one.
+    """
+    check_outputs(path, picture=None)
+    if path is not None and path.suffix.lower() != ".json":
+        raise InputError(f"cannot write {path}: expected a name that ends in .json")
+
+
+def _exit_code(decision: Mapping[str, str], target: float | None) -> int:
+    if target is None or all(each.startswith("meets") for each in decision.values()):
+        return 0
+    return 1 if any(each.startswith("falls short") for each in decision.values()) else 3
