@@ -34,9 +34,14 @@ def evaluation_table(evaluation: Any) -> str:  # noqa: ANN401 - an `Evaluation`,
 
 def show(evaluation: Any) -> None:  # noqa: ANN401 - an `Evaluation`
     """Prints the table of an evaluation: on a terminal with colours, and as wide as it is."""
+    plain = evaluation_table(evaluation)
     from rich.console import Console
 
-    _print(Console(markup=False, highlight=False, emoji=False), _of_evaluation(evaluation))
+    console = Console(markup=False, highlight=False, emoji=False)
+    if console.is_terminal:
+        _print(console, _of_evaluation(evaluation))
+    else:
+        print(plain)  # noqa: T201 - of the command line
 
 
 def comparison_table(

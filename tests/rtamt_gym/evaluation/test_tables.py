@@ -96,7 +96,7 @@ def test_what_is_shown_in_a_pipe_is_the_plain_text() -> None:
     file = StringIO()
     with redirect_stdout(file):
         show(evaluation)
-    assert [line.rstrip() for line in file.getvalue().splitlines()] == str(evaluation).splitlines()
+    assert file.getvalue() == f"{evaluation}\n"
 
 
 def test_a_comparison_is_a_table_and_sentences() -> None:
