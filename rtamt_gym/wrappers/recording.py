@@ -200,7 +200,9 @@ class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordCo
             parts.append(re.sub(r"[^\w.-]+", "_", violation[0]))
         name = "-".join(parts)
         save_video(
-            list(self._frames),
+            # moviepy 2 rounds the number of frames down: the last one, which may be what the video
+            # is for, would be lost.
+            [*self._frames, self._frames[-1]],
             str(self._folder),
             lambda _: True,
             name_prefix=name,
