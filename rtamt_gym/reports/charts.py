@@ -141,7 +141,7 @@ def _histogram(requirement: Requirement, noun: str) -> Chart:
     negative = sum(math.copysign(1.0, value) < 0 for value in values)
     low, middle, high = (number(requirement.quantiles[share]) for share in ("0.25", "0.5", "0.75"))
     parts = [
-        f"{count_of(negative, noun)} of {len(values)} below zero.",
+        f"{negative} of {count_of(len(values), noun)} below zero.",
         f"Median {middle}, middle half {low} to {high}.",
         f"Least {number(values[0])}, greatest {number(values[-1])}.",
     ]
@@ -282,6 +282,7 @@ def episode_chart(episode: Episode, unit: str) -> Chart:
         "deciding": episode.deciding,
         "violated_at": episode.violated_at,
         "frames": episode.frames,
+        "verdict": episode.verdict,
         "unit": unit,
     }
     height = 96 * panels + (150 if episode.robustness else 0) + 64

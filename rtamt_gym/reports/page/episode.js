@@ -101,7 +101,7 @@ function curve(name, times, values, colour, more = {}) {
   };
 }
 
-function diamonds(c, points) {
+function diamonds(c, points, verdict) {
   return {
     mode: "markers",
     name: "decides",
@@ -111,7 +111,7 @@ function diamonds(c, points) {
     marker: {
       symbol: "diamond",
       size: 11,
-      color: points.map(([, , robustness]) => (isNegative(robustness) ? c.violated : c.ink)),
+      color: verdict === "violated" ? c.violated : c.ink,
       line: { color: c.page, width: 1.5 },
     },
   };
@@ -120,12 +120,12 @@ function diamonds(c, points) {
 function signalPanel(name, values, chart) {
   const points = chart.deciding
     .filter((each) => name in each.values)
-    .map((each) => [each.time, real(each.values[name]), real(each.robustness)]);
+    .map((each) => [each.time, real(each.values[name])]);
   return {
     title: name,
     height: signalHeight,
     range: span(values, 0.12),
-    traces: (c, times) => [curve(name, times, values, c.signal), ...(points.length ? [diamonds(c, points)] : [])],
+    traces: (c, times) => [curve(name, times, values, c.signal), ...(points.length ? [diamonds(c, points, chart.verdict)] : [])],
   };
 }
 
@@ -156,7 +156,7 @@ function predicatePanel(name, values, chart) {
   const range = span([0, ...values], 0.12);
   const points = chart.deciding
     .filter((each) => each.predicate === name)
-    .map((each) => [each.time, real(each.robustness), real(each.robustness)]);
+    .map((each) => [each.time, real(each.robustness)]);
   return {
     title: `margin of ${name}`,
     height: signalHeight,
@@ -170,11 +170,11 @@ function predicatePanel(name, values, chart) {
           hoverinfo: "skip",
           line: { width: 0 },
           fill: "tozeroy",
-          fillcolor: faded(c.violated, 0.35),
-          fillpattern: { shape: "/", fgcolor: c.violated, size: 6, solidity: 0.25 },
+          fillcolor: faded(c.undecided, 0.2),
+          fillpattern: { shape: "/", fgcolor: c.undecided, size: 6, solidity: 0.25 },
         },
         curve(name, times, within(values, range), c.signal, { customdata: values.map(show) }),
-        ...(points.length ? [diamonds(c, points)] : []),
+        ...(points.length ? [diamonds(c, points, chart.verdict)] : []),
       ];
     },
   };
