@@ -104,7 +104,9 @@ def evaluate_policy(
 
     Args:
         policy: Who acts, see above.
-        env: The id of an environment, a function that makes one, or an environment.
+        env: The id of an environment, a function that makes one, an environment, or a vector
+            environment that takes a seed for each of its own. One that resets by itself plays one
+            episode in each of its environments, and begins anew once all are over.
         specs: The specifications, as for `simulate`, or names of requirements that the environment
             has. None: those of its monitor, or all that it has of its own.
         signals: What their variables read, as for `simulate`.

@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 import rtamt
 
-SPECS = {"low": "always(x < 2)", "early": "eventually[0:3](x > 0.5)"}
+SPECS = {"low": "always(x < 1)", "early": "eventually[0:3](x > 0.5)"}
 SIGNALS = {"x": "obs[0]"}
 
 
@@ -62,7 +62,7 @@ class Model:
         batch = np.atleast_2d(observation)
         memory = np.zeros(len(batch)) if state is None else np.where(episode_start, 0.0, state)
         assert np.shape(episode_start) == (len(batch),)
-        actions = ((batch[:, 0] + np.sin(memory) > 0) + (memory % 3 == 2)).astype(np.int64)
+        actions = (batch[:, 0] + np.sin(memory) > 0).astype(np.int64) + (memory % 3 == 2)
         return actions if np.ndim(observation) > 1 else actions[0], memory + 1
 
 

@@ -1,0 +1,211 @@
+"""An evaluation counts what a loop by hand counts, however its episodes are played."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtamt import InputError, InputTypeError, StateError, Verdict
+from rtamt_gym import Evaluation, evaluate_policy
+from rtamt_gym.evaluation.sequential import RatioTest, Width
+from rtamt_gym.judges.ends import OpenEndWarning
+from tests.support.walks import SIGNALS, SPECS, Model, Walk, by_hand
+
+
+def evaluation(policy: Any = None, env: Any = None, **options: Any) -> Evaluation:  # noqa: ANN401
+    chosen: Any = {"episodes": 12, "seed": 3, "at_termination": "complete"} | options
+    return evaluate_policy(policy or Model(), env or Walk, SPECS, SIGNALS, **chosen)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    steps=st.integers(1, 9),
+    goal=st.floats(0.2, 4.0),
+    seed=st.integers(0, 1000),
+    bound=st.floats(-0.5, 2.0),
+    window=st.integers(0, 8),
+    n_envs=st.integers(1, 4),
+)
+def test_it_counts_what_a_loop_by_hand_counts(
+    steps: int, goal: float, seed: int, bound: float, window: int, n_envs: int
+) -> None:
+    specs = {"p": f"always(x < {bound})", "q": f"eventually[0:{window * 0.5}](x > {bound})"}
+    expected = [by_hand(Walk(steps, goal), seed + i, specs) for i in range(5)]
+    found = evaluate_policy(
+        Model(),
+        lambda: Walk(steps, goal),
+        specs,
+        SIGNALS,
+        episodes=5,
+        seed=seed,
+        n_envs=n_envs,
+        at_termination="complete",
+    )
+    assert found.returns.tolist() == [each["return"] for each in expected]
+    assert found.lengths.tolist() == [each["steps"] * 0.5 for each in expected]
+    assert [row.seed for row in found.record] == list(range(seed, seed + 5))
+    for name, result in found.requirements.items():
+        heights = [each[name][0] for each in expected]
+        verdicts = [each[name][1] for each in expected]
+        assert result.robustness.tolist() == heights
+        assert result.satisfied == verdicts.count(Verdict.SATISFIED)
+        assert result.violated == verdicts.count(Verdict.VIOLATED)
+        assert result.undecided == verdicts.count(Verdict.UNDECIDED)
+        assert result.rate == result.satisfied / 5
+        least = min(heights)
+        assert result.worst[0] == (seed + heights.index(least), least)
+        (worst,) = found.worst_runs[name]
+        assert (worst.seed, worst.courses[name].final) == result.worst[0]
+        assert worst.stop == "end"
+    both = [each["p"][1] > 0 and each["q"][1] > 0 for each in expected]
+    assert found.success.satisfied == sum(both)
+    assert found.success.robustness.tolist() == [min(e["p"][0], e["q"][0]) for e in expected]
+
+
+def test_first_violations_and_what_a_stop_saves_are_in_seconds() -> None:
+    whole, stopped = evaluation(episodes=30), evaluation(episodes=30, stop="violation")
+    assert len(whole.requirements["low"].first_violations) == whole.requirements["low"].violated > 3
+    assert stopped.success.satisfied == whole.success.satisfied
+    assert stopped.success.violated == whole.success.violated
+    assert whole.success.saved == stopped.success.saved == 0.0  # no time limit is known
+    for row in stopped.record:
+        ends = [o.decided_at for o in row.outcomes.values() if o.verdict is Verdict.VIOLATED]
+        assert row.ended != "violation" or row.simulated in ends
+
+
+def test_the_result_does_not_depend_on_how_episodes_are_played(tmp_path: Path) -> None:
+    expected = evaluation()
+    for options in (
+        {"n_envs": 2},
+        {"n_envs": 5},
+        {"n_envs": 50},
+        {"n_jobs": 2, "n_envs": 3},
+        {"folder": tmp_path / "f"},
+    ):
+        assert evaluation(**options) == expected
+    assert evaluation(env=Walk()) == expected
+    # What is finished is not played again.
+    assert evaluation(folder=tmp_path / "f", n_envs=3) == expected
+
+
+def test_a_random_policy_is_that_of_the_seed_of_the_episode() -> None:
+    whole = evaluation("random", episodes=6, seed=0)
+    parts = [evaluation("random", episodes=1, seed=seed) for seed in range(6)]
+    assert [row for part in parts for row in part.record] == list(whole.record)
+    assert len(set(whole.returns)) == 6
+
+
+def test_an_episode_that_an_error_ends_counts_as_not_satisfied() -> None:
+    for n_envs in (1, 4):
+        with pytest.warns(UserWarning, match="1 simulation of 12 failed"):
+            found = evaluation(env=lambda: Walk(cursed=7), n_envs=n_envs)
+        clean = evaluation()
+        assert [row for row in found.record if row.seed != 7] == [
+            row for row in clean.record if row.seed != 7
+        ]
+        row = found.record[4]
+        assert (row.error, row.ended) == ("ValueError: a cursed step", "error")
+        for result in (*found.requirements.values(), found.success):
+            assert result.failed == 1
+            assert math.isnan(result.robustness[4])
+            assert result.satisfied + result.violated + result.undecided + 1 == result.episodes
+            assert all(seed != 7 for seed, _ in result.worst)
+
+
+@pytest.mark.parametrize("options", [{"until_width": 0.5}, {"target": 0.9, "margin": 0.3}])
+def test_sequential_stopping_gives_the_shortest_prefix_that_has_the_answer(options: Any) -> None:  # noqa: ANN401
+    whole = evaluation(episodes=60)
+    rules: dict[str, Any] = {
+        name: Width(0.5) if "until_width" in options else RatioTest(0.9, 0.05, 0.3)
+        for name in SPECS
+    }
+    count = 0
+    while any(rule.decision is None for rule in rules.values()):
+        for name, rule in rules.items():
+            rule.add(satisfied=whole.record[count].outcomes[name].verdict is Verdict.SATISFIED)
+        count += 1
+    assert 1 < count < 60
+    for more in ({}, {"n_envs": 7}, {"n_jobs": 2} if "target" in options else {"n_envs": 2}):
+        found = evaluation(episodes=60, **options, **more)
+        assert found.record == whole.record[:count]
+        assert found.decision == {name: rule.decision for name, rule in rules.items()}
+
+
+def test_a_saved_evaluation_is_the_same_and_holds_its_worst_episodes(tmp_path: Path) -> None:
+    found = evaluation(keep=2)
+    found.save(tmp_path / "e.json")
+    loaded = Evaluation.load(tmp_path / "e.json")
+    assert loaded == found == pickle.loads(pickle.dumps(found))
+    assert repr(loaded.record.columns()) == repr(found.record.columns())
+    json.loads((tmp_path / "e.json").read_text(), parse_constant=pytest.fail)
+    seed = found.requirements["low"].worst[1][0]
+    assert loaded.replay(seed) == found.replay(seed) == found.worst_runs["low"][1]
+    assert str(loaded.replay(seed).explain("low")) == str(found.replay(seed).explain("low"))
+    other = next(r.seed for r in found.record if all(r.seed != w.seed for w in _kept(found)))
+    assert found.replay(other).seed == other  # type: ignore[arg-type]  # it has one
+    with pytest.raises(StateError, match=f"to play episode {other} again; it holds"):
+        loaded.replay(other)  # type: ignore[arg-type]  # see above
+
+
+def _kept(found: Evaluation) -> list[Any]:
+    return [run for runs in found.worst_runs.values() for run in runs]
+
+
+def test_an_open_end_is_told_once_and_only_where_it_settled_something() -> None:
+    options: Any = {"episodes": 20, "signals": SIGNALS}
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        found = evaluate_policy("zero", Walk(goal=0.9), {"p": "always(x < 5)"}, **options)
+    assert [each.category for each in told] == [OpenEndWarning]
+    assert "specification 'p' was open" in str(told[0].message)
+    assert found.success.rate == 1.0
+    # The last sample reaches the goal: the end settles nothing. Warnings are errors here.
+    evaluate_policy("zero", Walk(goal=0.9), {"g": "eventually(abs(x) > 0.9)"}, **options)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"episodes": 0}, "expected episodes= as 1 or more, got 0"),
+        ({"keep": -1}, "expected keep= as a whole number, 0 or more, got -1"),
+        ({"seed": -1}, "expected seed= as a whole number, 0 or more, got -1"),
+        (
+            {"until_width": 0.1, "target": 0.9},
+            "expected until_width= or target=, got until_width=0.1 and target=0.9; leave out one",
+        ),
+        ({"policy": "randm"}, "the policy: expected random, zero, baseline, sb3:FILE.zip or "),
+        ({"policy": "baseline"}, "the policy baseline: expected a scenario, which has one, got "),
+        ({"policy": 3}, "expected a policy: a model of Stable-Baselines3, a function from "),
+        ({"env": 3}, "expected the id of an environment, a function that makes one, an "),
+        (
+            {"n_envs": 2},
+            "n_envs=2 needs as many environments, and Walk does not say how it is made; give a ",
+        ),
+    ],
+)
+def test_mistakes_are_told_before_an_episode_is_played(change: Any, message: str) -> None:  # noqa: ANN401
+    given = {"policy": Model(), "env": Walk(), "specs": SPECS, "signals": SIGNALS} | change
+    with pytest.raises((InputError, InputTypeError)) as refused:
+        evaluate_policy(**given)
+    assert str(refused.value).startswith(message)
+
+
+def test_the_seed_of_no_episode_is_refused() -> None:
+    with pytest.raises(InputError) as refused:
+        evaluation().replay(99)
+    assert str(refused.value) == "expected the seed of an episode, from 3 to 14, got 99"
+
+
+def test_no_random_number_of_the_program_is_drawn() -> None:
+    before = np.random.get_state()[1].tolist()  # type: ignore[index]  # noqa: NPY002
+    evaluation("random")
+    assert np.random.get_state()[1].tolist() == before  # type: ignore[index]  # noqa: NPY002
