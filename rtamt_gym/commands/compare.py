@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rtamt_gym.commands.arguments import add_output, check_outputs
-from rtamt_gym.commands.evaluate import check_json
+from rtamt_gym.commands.arguments import add_output
+from rtamt_gym.commands.evaluate import check_files, tell_files
 
 __all__ = ["add_arguments", "run"]
 
@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"the evaluation {name}, as rtamt evaluate --save writes it",
         )
     add_output(parser, "--save", "write the comparison as JSON")
+    add_output(parser, "--report", "write the comparison as a page of HTML")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,12 +33,11 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.evaluation.comparison import compare
     from rtamt_gym.evaluation.evaluation import Evaluation
 
-    check_json(options.save)
-    check_outputs(options.save, picture=None, inputs=[str(options.a), str(options.b)])
+    check_files(options, options.a, options.b)
     comparison = compare(Evaluation.load(options.a), Evaluation.load(options.b))
     print(comparison)
     if options.save:
         comparison.save(options.save)
-        print("", f"comparison: {options.save}", sep="\n")
+    tell_files(comparison, options, "comparison")
     worse = (each.shown and each.difference < 0 for each in comparison.results)
     return int(any(worse))

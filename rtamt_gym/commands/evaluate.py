@@ -6,7 +6,9 @@ import argparse
 import warnings
 from collections.abc import Mapping
 from contextlib import closing
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
@@ -24,7 +26,11 @@ from rtamt_gym.commands.arguments import (
 from rtamt_gym.commands.ends import add_ends, noted_ends
 from rtamt_gym.commands.specs import requirements_of
 
-__all__ = ["add_arguments", "run"]
+if TYPE_CHECKING:
+    from rtamt_gym.evaluation.comparison import Comparison
+    from rtamt_gym.evaluation.evaluation import Evaluation
+
+__all__ = ["add_arguments", "check_files", "run", "tell_files"]
 
 _EPISODES = 100
 """The number of episodes, if nothing is said."""
@@ -137,6 +143,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_align(parser)
     add_ends(parser)
     add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
+    add_output(parser, "--report", "write it as a page of HTML, with the worst episodes as plots")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -148,7 +155,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.simulation.environments import make
 
-    check_json(options.save)
+    check_files(options)
     sequential = options.until_width is not None or options.target is not None
     rules = {name: getattr(options, name) for name in _RULES if getattr(options, name) is not None}
     for name in ("alpha", "margin"):
@@ -176,8 +183,7 @@ def run(options: argparse.Namespace) -> int:
     show(evaluation)
     if notes:
         print("", *notes, sep="\n")
-    if options.save:
-        print("", f"evaluation: {options.save}", sep="\n")
+    tell_files(evaluation, options, "evaluation")
     return _exit_code(evaluation.decision or {}, options.target)
 
 
@@ -190,15 +196,33 @@ _ARGUMENTS = (
 """The options that are arguments of `evaluate_policy` of the same names."""
 
 
-def check_json(path: Path | None) -> None:
-    """Refuses a file that cannot be written, or whose name does not end in ``.json``.
+def check_files(options: argparse.Namespace, *inputs: Path) -> None:
+    """Refuses ``--save`` and ``--report`` that cannot be written, before anything runs.
 
     Raises:
-        InputError: If it is one.
+        InputError: If a file cannot be written, is read, or its name has another ending.
     """
-    check_outputs(path, picture=None)
-    if path is not None and path.suffix.lower() != ".json":
-        raise InputError(f"cannot write {path}: expected a name that ends in .json")
+    check_outputs(options.save, options.report, picture=None, inputs=list(map(str, inputs)))
+    if options.save is not None and options.save.suffix.lower() != ".json":
+        raise InputError(f"cannot write {options.save}: expected a name that ends in .json")
+    if options.report is not None:
+        from rtamt_gym.reports.write import check_page
+
+        check_page(options.report)
+        for package in ("jinja2", "plotly"):  # to miss one after hours of episodes would be late
+            import_module(package)
+
+
+def tell_files(result: Evaluation | Comparison, options: argparse.Namespace, what: str) -> None:
+    """Writes the page that was asked for, and names the files; the other has been written."""
+    files = [f"{what}: {options.save}"] if options.save else []
+    if options.report:
+        from rtamt_gym.reports.write import write_report
+
+        write_report(options.report, result)
+        files.append(f"report: {options.report}")
+    if files:
+        print("", *files, sep="\n")
 
 
 def _exit_code(decision: Mapping[str, str], target: float | None) -> int:

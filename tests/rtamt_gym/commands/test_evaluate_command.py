@@ -1,5 +1,6 @@
 """`rtamt evaluate` and `rtamt compare`: what they print and write, exit codes, and mistakes."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,16 @@ def evaluated(policy: str, **arguments: Any) -> Evaluation:  # noqa: ANN401
 
 def test_an_evaluation_is_told_and_saved(capsys: Output) -> None:
     options = ["--policy", "random", "--episodes", "20", "--seed", "7", "--n-envs", "4"]
-    out = told(capsys, 0, *CART, *options, "--save", "random.json")
+    files = ["--save", "random.json", "--report", "random.html"]
+    out = told(capsys, 0, *CART, *options, *files)
     expected = evaluated("random", episodes=20, seed=7)
-    assert out == [*str(expected).splitlines(), "", "evaluation: random.json"]
+    assert out == [
+        *str(expected).splitlines(),
+        "",
+        "evaluation: random.json",
+        "report: random.html",
+    ]
+    assert "at least" in Path("random.html").read_text()
     assert Evaluation.load("random.json") == expected
 
 
@@ -102,6 +110,10 @@ def test_a_scenario_is_evaluated_under_its_own_requirements_and_policy(capsys: O
             ["--policy", "zero", "--save", "out.csv"],
             "cannot write out.csv: expected a name that ends in .json",
         ),
+        (
+            ["--policy", "zero", "--report", "out.pdf"],
+            "cannot write out.pdf: expected a name that ends in .html",
+        ),
     ],
 )
 def test_mistakes_are_told_before_anything_runs(
@@ -109,6 +121,16 @@ def test_mistakes_are_told_before_anything_runs(
 ) -> None:
     assert main([*CART, *arguments]) == 2
     assert capsys.readouterr().err == f"rtamt: error: {message}\n"
+
+
+def test_a_missing_package_is_told_before_anything_runs(
+    capsys: Output, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    assert main([*CART, "--policy", "zero", "--report", "out.html"]) == 2
+    out, err = capsys.readouterr()
+    message = "plotly is not installed; from the checkout: pip install '.[report]'"
+    assert (out, err) == ("", f"rtamt: error: {message}\n")
 
 
 def save(name: str, heights: list[float], first: int = 0) -> Evaluation:
@@ -120,8 +142,12 @@ def save(name: str, heights: list[float], first: int = 0) -> Evaluation:
 
 def test_a_comparison_is_told_and_saved_and_a_worse_policy_has_exit_code_1(capsys: Output) -> None:
     old, new = save("old", [1.0] * 15 + [-1.0] * 5), save("new", [1.0] * 5 + [-1.0] * 15)
-    out = told(capsys, 1, "compare", "old.json", "new.json", "--save", "both.json")
-    assert out == [*str(compare(old, new)).splitlines(), "", "comparison: both.json"]
+    out = told(
+        capsys, 1, "compare", "old.json", "new.json", "--save", "both.json", "--report=a.html"
+    )
+    files = ["comparison: both.json", "report: a.html"]
+    assert out == [*str(compare(old, new)).splitlines(), "", *files]
+    assert "points less of the episodes" in Path("a.html").read_text()
     assert Comparison.load("both.json") == compare(old, new)
     assert told(capsys, 0, "compare", "new.json", "old.json")
     assert told(capsys, 0, "compare", "old.json", "old.json")
