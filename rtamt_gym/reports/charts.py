@@ -77,23 +77,27 @@ class Bins:
     above: int = 0
 
 
+_LARGEST = 1e100
+
+
 def bins(values: Sequence[float]) -> Bins:
     """Counts numbers in at most 27 intervals; those below zero never share one with the others.
 
-    A zero with a minus sign counts as below, as a robustness that violates does.
+    A zero with a minus sign counts as below, as a robustness that violates does. Numbers beyond
+    1e100 count as infinite, and all within 1e-100 of each other share an interval.
 
     Example:
         >>> bins([-0.5, -0.0, 0.0, 0.4, math.inf])
         Bins(width=0.2, first=-3, counts=[1, 0, 1, 1, 0, 1], below=0, above=1)
     """
-    finite = [value for value in values if math.isfinite(value)]
+    finite = [value for value in values if abs(value) <= _LARGEST]
     found = Bins(
-        1.0, below=sum(v == -math.inf for v in values), above=sum(v == math.inf for v in values)
+        1.0, below=sum(v < -_LARGEST for v in values), above=sum(v > _LARGEST for v in values)
     )
     if not finite:
         return found
     least, greatest = min(finite), max(finite)
-    span = greatest - least or abs(greatest) or 1.0
+    span = max(greatest - least or abs(greatest) or 1.0, 1 / _LARGEST)
     # Readers see a shape in as many intervals as the root of the count allows.
     wanted = min(max(8.0, 2 * math.sqrt(len(finite))), 24.0)
     power = 10.0 ** math.floor(math.log10(span / wanted))

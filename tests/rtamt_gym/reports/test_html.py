@@ -136,9 +136,12 @@ def test_a_hundred_long_episodes_stay_below_six_megabytes() -> None:
 @given(st.lists(st.floats(allow_nan=False), max_size=60))
 def test_bins_count_every_number_once_and_never_mix_signs(values: list[float]) -> None:
     found = bins(values)
-    finite = [value for value in values if math.isfinite(value)]
+    finite = [value for value in values if abs(value) <= 1e100]
     assert sum(found.counts) == len(finite)
-    assert (found.below, found.above) == (values.count(-math.inf), values.count(math.inf))
+    assert (found.below, found.above) == (
+        sum(value < -1e100 for value in values),
+        sum(value > 1e100 for value in values),
+    )
     assert len(found.counts) <= 27
     negative = sum(math.copysign(1, value) < 0 for value in finite)
     assert sum(found.counts[: max(-found.first, 0)]) == negative
