@@ -1,0 +1,161 @@
+"""The experiments on learning: their tasks, their variants, their statistics."""
+
+import dataclasses
+import itertools
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from experiments import script
+from gymnasium.utils.env_checker import check_env
+from hypothesis import given
+from hypothesis import strategies as st
+
+ACTIONS = st.lists(st.floats(-2.0, 2.0, width=32), min_size=1, max_size=60)
+
+
+@given(ACTIONS, st.integers(0, 1000), st.sampled_from([0.1, 0.2]))
+def test_a_point_moves_by_its_action_and_stops_at_the_walls(
+    actions: list[float], seed: int, stride: float
+) -> None:
+    env = script("corridor").Corridor(stride)
+    obs, info = env.reset(seed=seed)
+    (x,) = np.random.default_rng(seed).uniform(-1.0, 1.0, 1)
+    assert obs == pytest.approx([x])
+    for action in actions:
+        x = np.clip(x + stride * np.clip(action, -1.0, 1.0), -1.0, 1.0)
+        obs, *others, info = env.step(np.array([action], np.float32))
+        assert obs == pytest.approx([x], abs=1e-6)
+        assert others == [0.0, False, False]
+        assert info == {"x": obs[0]}
+
+
+def test_the_corridor_is_an_environment_as_gymnasium_wants_it() -> None:
+    check_env(script("corridor").Corridor(), skip_render_check=True)
+
+
+def test_the_clocks_made_by_hand_count_the_steps_since_each_end() -> None:
+    env = script("train_patrol").made("step-clocks")
+    x = float(env.reset(seed=3)[0][0])
+    since = [0, 0]
+    places = [x]
+    for step in range(200):
+        obs, *_ = env.step(np.array([-0.9 if step // 15 % 2 else 0.9], np.float32))
+        places.append(float(obs[0]))
+        for end, there in enumerate((places[-1] < -0.8, places[-1] > 0.8)):
+            since[end] = 0 if there else since[end] + 1
+        assert obs[1:] == pytest.approx([min(count / 40, 1.0) for count in since], abs=1e-5)
+    assert min(places) < -0.8
+    assert max(places) > 0.8
+
+
+def played(env: gym.Env[Any, Any], actions: Any) -> tuple[list[float], dict[str, Any]]:  # noqa: ANN401
+    """The rewards of an episode, and its last info."""
+    env.reset(seed=5)
+    rewards, done = [], False
+    for action in actions:
+        _, reward, terminated, truncated, info = env.step(action)
+        rewards.append(float(reward))
+        done = terminated or truncated
+        if done:
+            break
+    assert done
+    return rewards, info
+
+
+def there_and_back(steps: int) -> list[Any]:
+    """Actions that visit both ends of the corridor, each within 40 steps of 0.2 or 25 of 0.1."""
+    return [np.array([1.0 if step // 25 % 2 else -1.0], np.float32) for step in range(steps)]
+
+
+@pytest.mark.parametrize(("name", "steps"), [("train_corridor", 50), ("train_patrol", 200)])
+def test_variants_of_the_corridor_see_what_they_are_judged_in(name: str, steps: int) -> None:
+    module = script(name)
+    for variant in module.TASK.variants:
+        if variant.startswith("dqn"):
+            continue
+        seen, trained = module.seen(variant), module.trained(variant)
+        assert seen.observation_space == trained.observation_space
+        assert seen.reset(seed=1)[0].tolist() == trained.reset(seed=1)[0].tolist()
+        rewards, _ = played(trained, there_and_back(steps))
+        assert (variant == "plain") == (not any(rewards))
+        _, info = played(seen, there_and_back(steps))
+        assert not info["stl_violated"]
+
+
+def test_variants_without_a_memory_see_x_alone() -> None:
+    for name, alone in (
+        ("train_corridor", {"plain", "sparse", "naive", "progress"}),
+        ("train_patrol", {"plain", "sparse", "naive", "step"}),
+    ):
+        module = script(name)
+        found = {v for v in module.TASK.variants if module.seen(v).observation_space.shape == (1,)}
+        assert {v for v in found if not v.startswith("dqn") and not v.endswith("lstm")} == alone
+
+
+def test_variants_of_the_speed_limit_pay_as_they_say() -> None:
+    still = [np.zeros(6, np.float32)] * 500
+    module = script("train_speed_limit")
+    plain, _ = played(module.made(), still)
+    for variant in module.TASK.variants:
+        rewards, _ = played(module.trained(variant), still)
+        match variant:
+            case "sparse":
+                assert rewards == [0.0] * 500
+            case "naive":  # 10 m are missing: 0.1 * (x - 10), clipped
+                assert rewards[-1] == pytest.approx(-1.0, abs=0.05)
+            case "add" | "add-step":
+                assert len(rewards) == 500
+                assert all(mine > theirs for mine, theirs in zip(rewards, plain, strict=True))
+            case _:  # never beyond the limit
+                assert rewards == plain
+
+
+def test_a_p_value_counts_the_permutations_that_are_as_far_apart() -> None:
+    p_value = script("training").p_value
+    ours, other = np.array([90.0, 100.0, 70.0, 100.0]), np.array([0.0, 80.0, 60.0, 20.0])
+    both = np.concatenate([ours, other])
+    apart = abs(ours.mean() - other.mean())
+    chosen = list(itertools.combinations(range(8), 4))
+    found = [
+        abs(both[list(one)].mean() - np.delete(both, list(one)).mean()) >= apart - 1e-9
+        for one in chosen
+    ]
+    assert p_value(ours, other) == f"{sum(found) / len(chosen):.1g}"
+    assert float(p_value(ours, ours)) == 1.0
+    assert p_value(np.full(10, 100.0), np.zeros(10)) == "1e-05"
+    assert p_value(ours, other[:1]) == ""
+
+
+def test_what_is_finished_is_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    training = script("training")
+    runs: list[tuple[str, int]] = []
+
+    def train(task: Any, variant: str, seed: int, steps: int) -> list[dict[str, str]]:  # noqa: ANN401
+        runs.append((variant, seed))
+        rate = {"plain": 1, "ours": 4}[variant]
+        cells = [variant, str(seed), str(steps), str(task.episodes), str(rate), "0", "1.5"]
+        return [dict(zip(training.FIELDS, cells, strict=True))]
+
+    monkeypatch.setattr(training, "train", train)
+    task = dataclasses.replace(
+        script("train_patrol").TASK, variants=("plain", "ours"), ours="ours", drawn=("ours",),
+        episodes=4, first_seed=7,
+    )  # fmt: skip
+    output, picture = tmp_path / "found" / "runs.csv", tmp_path / "curves.png"
+    options = ["--output", str(output), "--plot", str(picture)]
+    training.main(task, "About.", ["--seeds", "1", *options])
+    training.main(task, "About.", ["--seeds", "3", *options])
+    training.main(task, "About.", ["--seeds", "3", *options])
+    assert runs == [(variant, seed) for seed in (7, 8, 9) for variant in ("plain", "ours")]
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[-3:] == [
+        "variant  seeds  satisfied, %    90 % at  p    s a seed",
+        "plain    3      25 [25, 25]     never    0.1  2",
+        "ours     3      100 [100, 100]  49k           2",
+    ]
+    assert picture.read_bytes().startswith(b"\x89PNG")
