@@ -43,6 +43,7 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
         system=evaluation.system,
         policy=evaluation.policy,
         unit=unit,
+        replay="evaluation.replay({seed})",
         facts=tuple(facts),
         notes=tuple(
             f"Sequential stopping after {counted(evaluation.episodes, 'episode')}: the rate of "

@@ -41,6 +41,7 @@ def test_counts_rates_and_times_are_those_of_the_rows() -> None:
     facts = {fact.name: fact.text for fact in section.facts}
     assert facts["seeds"] == "7 to 11"
     assert facts["period"] == "0.1 s"
+    assert section.replay.format(seed=8) == "evaluation.replay(8)"
 
 
 def test_an_episode_has_its_signals_predicates_and_the_samples_that_decided() -> None:
