@@ -29,8 +29,8 @@ from rtamt_gym.search.sweeps.sweep import Sweep
 __all__ = ["KINDS", "section_of"]
 
 KINDS: Final = {
-    "rtamt evaluation 1": "Evaluation.save, rtamt evaluate --json",
-    "rtamt comparison 1": "Comparison.save, rtamt compare --json",
+    "rtamt evaluation 1": "Evaluation.save, rtamt evaluate --save",
+    "rtamt comparison 1": "Comparison.save, rtamt compare --save",
     RECORD: "rtamt sweep --json",
     "rtamt case 1": "Falsification.save, rtamt falsify --save",
     "rtamt search 1": "rtamt falsify --json",
@@ -128,7 +128,7 @@ def _record(kept: Mapping[str, Any]) -> Record:
     return Record(rows, kept["requirements"], kept["system"])
 
 
-_EXPECTED: Final = "holds no result; results are " + ", ".join(
-    ["the Parquet file or the folder of a sweep or a campaign"]
-    + [f"what {writer} writes" for writer in KINDS.values()]
+_EXPECTED: Final = (
+    f"holds no result; results are the files of {', '.join(KINDS.values())}, and the Parquet files "
+    "and folders of sweeps and campaigns"
 )

@@ -18,10 +18,10 @@ from rtamt_gym.reports.write import report_of
 from rtamt_gym.search.runs.report import to_json
 
 KINDS = (
-    "holds no result; results are the Parquet file or the folder of a sweep or a campaign, what "
-    "Evaluation.save, rtamt evaluate --json writes, what Comparison.save, rtamt compare --json "
-    "writes, what rtamt sweep --json writes, what Falsification.save, rtamt falsify --save writes, "
-    "what rtamt falsify --json writes, what rtamt monitor --json writes"
+    "holds no result; results are the files of Evaluation.save, rtamt evaluate --save, "
+    "Comparison.save, rtamt compare --save, rtamt sweep --json, Falsification.save, rtamt falsify "
+    "--save, rtamt falsify --json, rtamt monitor --json, and the Parquet files and folders of "
+    "sweeps and campaigns"
 )
 
 
