@@ -18,7 +18,9 @@ from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.evaluation.tables import comparison_table
+from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
@@ -118,7 +120,14 @@ class Comparison:
         return comparison_table(heads, self.results, self.returns, self.notes)
 
 
-def compare(a: Any, b: Any, env: Any = None, **options: Any) -> Comparison:  # noqa: ANN401 - policies and environments of any library
+def compare(
+    a: Any,  # noqa: ANN401 - policies and environments of any library
+    b: Any,  # noqa: ANN401
+    env: Any = None,  # noqa: ANN401
+    specs: Requirements | None = None,
+    signals: Mapping[str, SignalLike] | None = None,
+    **options: Any,  # noqa: ANN401 - those of `evaluate_policy`
+) -> Comparison:
     """Compares two policies on the same seeds: how much more often B satisfies each requirement.
 
     Episodes with the same seed start alike, so they are compared pair by pair, which takes fewer
@@ -128,6 +137,8 @@ def compare(a: Any, b: Any, env: Any = None, **options: Any) -> Comparison:  # n
         a: An `Evaluation`; or a policy, as `evaluate_policy` takes it.
         b: What A is compared with, of the same kind.
         env: The environment of two policies; None with evaluations.
+        specs: The specifications for two policies, as `evaluate_policy` takes them.
+        signals: What their variables read, as there.
         **options: Further arguments of `evaluate_policy`, for both policies, such as
             ``episodes=200``; all but ``until_width=`` and ``target=``, which would stop each policy
             at another episode.
@@ -141,31 +152,33 @@ def compare(a: Any, b: Any, env: Any = None, **options: Any) -> Comparison:  # n
             requirements differ or they have no seed in common; or as `evaluate_policy` does.
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
     """
-    _check_arguments(a, b, env, options)
+    own = {"env": env, "specs": specs, "signals": signals}
+    given = {name: each for name, each in own.items() if each is not None} | options
+    _check_arguments(a, b, given)
     if env is not None:
         from rtamt_gym.evaluation.evaluate import evaluate_policy
 
-        a, b = (evaluate_policy(policy, env, **options) for policy in (a, b))
+        a, b = (evaluate_policy(policy, env, specs, signals, **options) for policy in (a, b))
     return _paired(a, b)
 
 
-def _check_arguments(a: object, b: object, env: object, options: Mapping[str, object]) -> None:
+def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
     """Refuses what is neither two evaluations nor two policies with an environment."""
     evaluations = sum(isinstance(each, Evaluation) for each in (a, b))
     if evaluations == 2:
-        given = ", ".join((["env"] if env is not None else []) + list(options))
         if given:
             raise InputError(
-                f"two evaluations have run already, got further arguments: {given}; leave them out"
+                f"two evaluations have run already, got further arguments: {', '.join(given)}; "
+                "leave them out"
             )
-    elif evaluations or env is None:
+    elif evaluations or "env" not in given:
         raise InputTypeError(
             "expected two evaluations, or two policies and an environment, as in compare(old, new, "
             f"'CartPole-v1', ...), got {type(a).__name__} and {type(b).__name__} "
-            f"{'without' if env is None else 'with'} an environment; Evaluation.load reads a file"
+            f"{'with' if 'env' in given else 'without'} an environment; Evaluation.load reads a file"
         )
     for name in ("until_width", "target"):
-        if options.get(name) is not None:
+        if given.get(name) is not None:
             raise InputError(
                 f"{name}= would stop each policy at another episode; give both the same episodes="
             )

@@ -223,6 +223,8 @@ def test_two_policies_are_evaluated_on_the_same_seeds() -> None:
     found = compare("zero", lean, "CartPole-v1", **asked)
     apart = [evaluate_policy(policy, "CartPole-v1", **asked) for policy in ("zero", lean)]
     assert found == compare(*apart)
+    places = [asked.pop(name) for name in ("specs", "signals")]
+    assert found == compare("zero", lean, "CartPole-v1", *places, **asked)
     assert found.seeds == tuple(range(40, 48))
     assert repr(found) == "<Comparison of zero and lean: 8 pairs>"
     assert found.requirements["upright"].only_b == 8
