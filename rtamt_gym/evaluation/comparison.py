@@ -175,7 +175,8 @@ def _check_arguments(a: object, b: object, given: Mapping[str, object]) -> None:
         raise InputTypeError(
             "expected two evaluations, or two policies and an environment, as in compare(old, new, "
             f"'CartPole-v1', ...), got {type(a).__name__} and {type(b).__name__} "
-            f"{'with' if 'env' in given else 'without'} an environment; Evaluation.load reads a file"
+            f"{'with' if 'env' in given else 'without'} an environment; Evaluation.load reads a "
+            "file"
         )
     for name in ("until_width", "target"):
         if given.get(name) is not None:

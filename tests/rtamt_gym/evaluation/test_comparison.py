@@ -221,8 +221,8 @@ def test_two_policies_are_evaluated_on_the_same_seeds() -> None:
         "at_termination": "failure",
     }
     found = compare("zero", lean, "CartPole-v1", **asked)
-    apart = [evaluate_policy(policy, "CartPole-v1", **asked) for policy in ("zero", lean)]
-    assert found == compare(*apart)
+    a, b = (evaluate_policy(policy, "CartPole-v1", **asked) for policy in ("zero", lean))
+    assert found == compare(a, b)
     places = [asked.pop(name) for name in ("specs", "signals")]
     assert found == compare("zero", lean, "CartPole-v1", *places, **asked)
     assert found.seeds == tuple(range(40, 48))
