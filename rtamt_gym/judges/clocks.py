@@ -42,6 +42,7 @@ import rtamt
 from rtamt_gym.judges.costs import options_of_parts
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.obligations import Asked, Kind, Obligation, bare, obligations_of
+from rtamt_gym.judges.picking import pick
 from rtamt_gym.judges.specs import Align, Nan
 from rtamt_gym.signals.columns import Floats, Lanes
 
@@ -156,13 +157,7 @@ class Obligations:
     def owed(self) -> list[list[Owed]]:
         """The state of every operator of each specification, in fresh arrays."""
         return [
-            [
-                Owed(
-                    clock.fraction(),
-                    tuple(np.where(np.isnan(each), 0.0, each) for each in clock.margins),
-                )
-                for clock in clocks
-            ]
+            [Owed(clock.fraction(), tuple(clock.margins)) for clock in clocks]
             for clocks in self._clocks
         ]
 
@@ -179,7 +174,7 @@ class _Course:
 
     def __init__(self, monitor: rtamt.VectorMonitor, columns: Sequence[str]) -> None:
         self._monitor = monitor
-        self._pick = [columns.index(name) for name in monitor.variables]
+        self._pick = pick([columns.index(name) for name in monitor.variables])
         self.late = monitor.latency
         self.value: Floats = np.full(monitor.num, np.nan)
 
@@ -226,15 +221,16 @@ class _Clock:
         self._begin = obligation.begin + late
         self._end = None if obligation.end is None else obligation.end + late
         asked = obligation.asked
-        self._first = asked is Asked.FIRST
+        self._first, self._every = asked is Asked.FIRST, asked is Asked.EVERY
         self._where = None if isinstance(asked, Asked) else courses[asked]
         self._start = 0
         self._count = np.zeros(num, np.int64)
 
     @property
     def margins(self) -> list[Floats]:
-        """The newest known robustness of each operand."""
-        return [operand.value for operand in self._operands]
+        """The newest known robustness of each operand, 0 while none is; never written to."""
+        values = [operand.value for operand in self._operands]
+        return [np.where(np.isnan(v), 0.0, v) for v in values] if self._late else values
 
     def reset(self, which: _Which) -> None:
         self._count[which] = self._start
@@ -258,17 +254,19 @@ class _Clock:
         """Whether the operator is asked at the newest instant."""
         if self._where is not None:
             return ~np.signbit(self._where.value[which])
-        return samples == 0 if self._first else np.ones(len(samples), np.bool_)
+        return samples == 0 if self._first else samples >= 0
 
     def _holds(self, operand: int, which: _Which) -> _Bools:
         """Whether an operand is known to hold."""
         value = self._operands[operand].value[which]
-        return ~np.signbit(value) & ~np.isnan(value)
+        held = ~np.signbit(value)
+        return held & ~np.isnan(value) if self._late else held
 
     def _fails(self, operand: int, which: _Which) -> _Bools:
         """Whether an operand is known to fail."""
         value = self._operands[operand].value[which]
-        return np.signbit(value) & ~np.isnan(value)
+        failed = np.signbit(value)
+        return failed & ~np.isnan(value) if self._late else failed
 
 
 class _Oldest(_Clock):
@@ -294,33 +292,51 @@ class _Oldest(_Clock):
 
     def _step(self, which: _Which, samples: _Ints) -> None:
         before = self._count[which]
-        asked = self._asked(which, samples)
-        count = np.where(before > 0, np.minimum(before + 1, self._most), asked)
-        if len(self._recent):
-            lanes = np.arange(self._recent.shape[1])[which]
-            self._recent[samples % len(self._recent), lanes] = asked
-        over = self._first & (before >= self._full)
-        shown = count
-        if self._name in {"until", "unless"}:
-            reached = self._holds(1, which) & (count > self._begin)
-            if self._name == "until":
-                count = np.where(reached, self._since(self._begin, which, samples, count), count)
-            lost = self._fails(0, which) & (count > self._late)
-            done = lost if self._name == "until" else reached
-            left = np.where(lost, self._since(self._late, which, samples, count), count)
-            shown = np.where(done, self._full, count if self._name == "until" else left)
-            count = np.where(done & self._first, self._full, left)
+        if self._every:
+            count = np.minimum(before + 1, self._most)
         else:
+            asked = self._asked(which, samples)
+            count = np.where(before > 0, np.minimum(before + 1, self._most), asked)
+            if len(self._recent):
+                lanes = np.arange(self._recent.shape[1])[which]
+                self._recent[samples % len(self._recent), lanes] = asked
+        if len(self._operands) == 1:
             event = self._fails if self._name in {"always", "next"} else self._holds
-            reached = event(0, which) & (count > self._begin)
-            count = np.where(reached, self._since(self._begin, which, samples, count), count)
-            shown = count
-        self._count[which] = np.where(over, self._full, count)
-        self._shown[which] = np.where(over, self._full, shown)
+            count = shown = self._ended(event(0, which), self._begin, which, samples, count)
+        else:
+            count, shown = self._of_two(which, samples, count)
+        if self._first:
+            over = before >= self._full
+            count, shown = (np.where(over, self._full, each) for each in (count, shown))
+        self._count[which] = count
+        self._shown[which] = shown
+
+    def _of_two(self, which: _Which, samples: _Ints, count: _Ints) -> tuple[_Ints, _Ints]:
+        """What ``until`` and ``unless`` count on from here, and what they show."""
+        reached = self._holds(1, which)
+        if self._name == "until":
+            count = self._ended(reached, self._begin, which, samples, count)
+        failed = self._fails(0, which)
+        left = self._ended(failed, self._late, which, samples, count)
+        if self._name == "until":
+            done = failed & (count > self._late)
+            shown = np.where(done, self._full, count)
+        else:
+            done = reached & (count > self._begin)
+            shown = np.where(done, self._full, left)
+        return np.where(done & self._first, self._full, left), shown
+
+    def _ended(
+        self, event: _Bools, last: int, which: _Which, samples: _Ints, count: _Ints
+    ) -> _Ints:
+        """The count once an event has ended all that is older than the ``last`` instants."""
+        if last == 0:
+            return np.where(event, 0, count)
+        return np.where(event & (count > last), self._since(last, which, samples, count), count)
 
     def _since(self, last: int, which: _Which, samples: _Ints, count: _Ints) -> _Ints | int:
         """The count from the oldest of the last instants that are asked, where it is greater."""
-        if self._first or last == 0:
+        if self._first:
             return 0
         if self._where is None:
             return np.minimum(count, last)

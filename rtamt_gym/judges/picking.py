@@ -8,7 +8,7 @@ from typing import Any
 
 from rtamt_gym.signals.signals import Element, Read
 
-__all__ = ["picked", "split", "together"]
+__all__ = ["pick", "picked", "split", "together"]
 
 _See = Callable[[Sequence[float]], None]
 """Sees the values of a sample."""
@@ -28,6 +28,13 @@ def picked(
     if len(indices) == 1:
         return indices[0], None
     return -1, itemgetter(*indices) if indices else lambda _: ()
+
+
+def pick(columns: list[int]) -> slice | list[int]:
+    """The columns that a monitor of many environments reads; neighbours as a slice, not copied."""
+    if columns and columns == list(range(columns[0], columns[-1] + 1)):
+        return slice(columns[0], columns[-1] + 1)
+    return columns
 
 
 def together(first: _See | None, second: _See | None) -> _See | None:

@@ -20,6 +20,7 @@ from rtamt_gym.judges.infos import VERDICTS, Where, outcome, spec_state
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judges.obligations import Obligation
+from rtamt_gym.judges.picking import pick
 from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
@@ -72,7 +73,7 @@ class VectorPanel:
         self._names = np.array(list(self.monitors), dtype=object)
         self._judges = [judge for _, judge in self.monitors.values()]
         self._picks = [
-            _pick([columns.index(name) for name in spec.variables]) for spec in specs.values()
+            pick([columns.index(name) for name in spec.variables]) for spec in specs.values()
         ]
         # By specification and environment the sample that decided it, -1 while it is open; and how
         # many are decided.
@@ -278,10 +279,3 @@ def _row(found: dict[str, Any], k: int) -> dict[str, Any]:
         key: Where(value.there[k], value.value[k]) if isinstance(value, Where) else value[k]
         for key, value in found.items()
     }
-
-
-def _pick(columns: list[int]) -> slice | list[int]:
-    """The columns that a specification reads; neighbours as a slice, which copies nothing."""
-    if columns and columns == list(range(columns[0], columns[-1] + 1)):
-        return slice(columns[0], columns[-1] + 1)
-    return columns

@@ -311,7 +311,7 @@ class StlMonitor(
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        how = self._how_to_end()
+        how = self._how_to_end() if panel.settled else "report"
         ended = terminated or truncated
         if ended:
             lower, upper = self._finish(terminated)

@@ -278,7 +278,7 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
             # A monitor that misses a sample would count wrong ever after.
             self._running = False
             raise
-        how = self._how_to_end()
+        how = self._how_to_end() if panel.settled else "report"
         ended = all(terminations.get(each) or truncations.get(each) for each in env.agents)
         terminated = ended and any(terminations.get(each) for each in here)
         truncated = ended and (not terminated or any(truncations.get(each) for each in here))

@@ -232,7 +232,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
         ended = terminated or truncated
         shaping = self._shaping
         shaped = shaping.reward(paid, before, self._robustness, terminated, ended)
-        if shaping.settles:
+        if self._settles:
             now = outcome(float(info["stl_lower"]), float(info["stl_upper"]))
             shaped += settle(self._outcome, now, shaping.bonus, shaping.penalty)
             self._outcome = now

@@ -55,6 +55,7 @@ class Rewarding(Observing):
     ) -> None:
         self._shaping = shaping = Shaping.of(list(monitors), **options)
         self._whole = shaping.mode == "terminal"
+        self._settles = shaping.settles
         self._set_up_observations(
             env,
             observe,

@@ -139,7 +139,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         shaped = shaping.reward(
             paid, before, after, np.array(terminated, np.float64), ended.astype(np.float64)
         )
-        if shaping.settles:
+        if self._settles:
             found = outcome(least(last.lower), least(last.upper))
             shaped += settle(self._outcome, found, shaping.bonus, shaping.penalty)
             self._outcome = found
