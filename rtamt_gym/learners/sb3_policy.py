@@ -75,11 +75,19 @@ class AsTrained:
         model: The model.
         venv: The innermost vector environment of its training.
         layers: What the wrappers around that do, the innermost first.
+
+    Attributes:
+        name: The name of the algorithm, by which evaluations call it.
+        policy: The network, whose weights tell models apart; None if there is none.
+        observation_space: That of an environment without the wrappers.
+        action_space: That of the model.
     """
 
     def __init__(self, model: Any, venv: VecEnv, layers: list[Layer]) -> None:  # noqa: ANN401
         self._model = model
         self._layers = layers
+        self.name = type(model).__name__
+        self.policy = getattr(model, "policy", None)
         self.observation_space = venv.observation_space
         self.action_space = model.action_space
 

@@ -41,12 +41,12 @@ class Model:
     are as before afterwards.
 
     Attributes:
-        name: The name of its class.
+        name: What it says that it is called, else the name of its class.
         deterministic: Whether it gives the action that it holds for best.
     """
 
     def __init__(self, model: Any, *, deterministic: bool = True) -> None:  # noqa: ANN401 - not imported
-        self.name = type(model).__name__
+        self.name = str(getattr(model, "name", type(model).__name__))
         self.deterministic = deterministic
         self._model = model
         normalizer = getattr(model, "get_vec_normalize_env", lambda: None)()

@@ -110,6 +110,7 @@ def test_the_best_model_is_what_its_file_says_in_the_wrappers_of_the_learner(
         for number, row in logged.items()
     }
     assert max(scores, key=lambda number: scores[number]) == steps
+    assert {made.policy for _, made in used.evaluations} == {"PPO"}
     assert len(set(scores.values())) > 1
 
 
@@ -145,6 +146,7 @@ def test_an_environment_of_every_kind_gives_the_same_evaluation(tmp_path: Path) 
         used = callback(tmp_path, env, path=None, **more)
         model.learn(256, callback=used)
         assert used.training.episodes == 0
+        assert used.evaluations[0][1].policy == "PPO"
         found.append([(row.seed, row.outcomes) for row in used.evaluations[0][1].record])
     assert found[0] == found[1] == found[2] == found[3]
     assert not list(tmp_path.iterdir())
