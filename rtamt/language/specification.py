@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import cached_property
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, cast
 
 from rtamt.errors import ParseError, SpecificationError
-from rtamt.language.formula import Formula
+from rtamt.language.formula import Formula, make
 from rtamt.language.interval import UNITS, Interval
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
@@ -107,6 +107,27 @@ class Specification:
     def always(self) -> Specification:
         """The same requirement on every instant: ``always`` of the result."""
         return self.with_result(self.formula.always())
+
+    def standalone(self) -> Formula:
+        """The result with the unit of every bound in it, so that its text reads alike anywhere.
+
+        Seconds, the unit of a text that names none, stay unsaid.
+
+        Example:
+            >>> from rtamt import parse
+            >>> print(parse("always[0:100](x < 1)", unit="ms").standalone())
+            always[0:100ms](x < 1)
+        """
+        if self.unit == "s":
+            return self.formula
+        made: dict[Node, Node] = {}
+        for node in self.formula.nodes():
+            interval = node.interval
+            if interval is not None and interval.unit is None:
+                interval = replace(interval, unit=self.unit)
+            args = tuple(made[each] for each in node.args)
+            made[node] = make(node.op.name, args, interval) if node.op else node
+        return cast("Formula", made[self.formula])
 
     def with_result(self, formula: Formula) -> Specification:
         """The same declarations and formulas with another result, such as a part of this one.

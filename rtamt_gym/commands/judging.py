@@ -204,7 +204,7 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
 
 def matrix_of(asked: Asked, rows: Sequence[Row]) -> Matrix:
     """The rows, with the formulas of the requirements."""
-    return Matrix({name: str(spec.formula) for name, spec in asked.specs.items()}, rows)
+    return Matrix({name: str(spec.standalone()) for name, spec in asked.specs.items()}, rows)
 
 
 def failure_lines(matrix: Matrix) -> list[str]:

@@ -78,7 +78,7 @@ def run_campaign(
     """
     listed: list[Task] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
     timeout = check_workers(n_jobs, backend, timeout)
-    requirements = {name: str(spec.formula) for name, spec in runner.requirements.items()}
+    requirements = {name: str(spec.standalone()) for name, spec in runner.requirements.items()}
     rows: dict[int, Row] = {}
     with ExitStack() as stack:
         kept = None

@@ -222,7 +222,7 @@ def falsify(
     )
 
     def result(simplest: Row | None = None, reductions: int = 0) -> Falsification:
-        texts = {each: str(spec.formula) for each, spec in specs.items()}
+        texts = {each: str(spec.standalone()) for each, spec in specs.items()}
         best = search.rows[search.best]
         return Falsification(
             falsified=search.violated is not None,

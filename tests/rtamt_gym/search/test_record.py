@@ -1,6 +1,7 @@
 """The record of many simulations: rows, columns, and Parquet files that lose nothing."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym import Case, Record, Waveform
+from rtamt_gym import Case, Parameter, Record, Waveform, falsify, sweep
 from rtamt_gym.search.runs.rows import Outcome, Row
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
@@ -215,3 +217,18 @@ def test_files_that_hold_no_record_are_told(tmp_path: Path) -> None:
     assert str(caught.value) == (
         f"{frame} holds no record: only files that Record.save or Sweep.save has written do"
     )
+
+
+def test_a_record_says_the_unit_of_bounds_that_its_reader_does_not_know() -> None:
+    def tank(inflow: float = 0.2) -> Iterator[dict[str, float]]:
+        level = 1.0
+        for _ in range(4):
+            yield {"level": level}
+            level += inflow
+
+    dry = {"dry": rtamt.parse("always[0:2000](level < 9)", unit="ms")}
+    space = [Parameter("inflow", 0.1, 0.3)]
+    done = sweep(tank, dry, space, samples=2, sampler="grid", period=1)
+    searched = falsify(tank, dry, space, budget=4, period=1)
+    for record in (done.record, searched.record):
+        assert record.requirements == {"dry": "always[0:2000ms](level < 9)"}
