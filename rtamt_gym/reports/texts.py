@@ -33,7 +33,7 @@ def number(value: float | None, digits: int = 4) -> str:
 def aligned(values: Sequence[float | None]) -> list[str]:
     """Writes the numbers of a column with equally many decimals, so that their points align.
 
-    A number that these decimals would round to zero is written in digits of its own.
+    A number that these decimals would change by a twentieth is written in digits of its own.
 
     Example:
         >>> aligned([-0.25, 3.0, 0.0, 1e-6, math.inf, None])
@@ -54,7 +54,7 @@ def _fixed(value: float | None, decimals: int) -> str:
     if value is None or not math.isfinite(value):
         return number(value)
     text = f"{value:.{decimals}f}"
-    if value and not float(text):
+    if abs(float(text) - value) > 0.05 * abs(value):
         return number(value, 2)
     return text.replace("-", _MINUS)
 

@@ -139,7 +139,7 @@ function convergence(chart, c) {
       },
     ],
     layout: frame(c, {
-      xaxis: axis(c, "simulation", { showgrid: false }),
+      xaxis: axis(c, "simulation", { showgrid: false, tickformat: "d", ...(robustness.length < 8 && { dtick: 1 }) }),
       yaxis: axis(c, "robustness"),
       shapes: [zeroLine(c, "y")],
       annotations: [
