@@ -42,7 +42,7 @@ import rtamt
 from rtamt_gym.judges.costs import options_of_parts
 from rtamt_gym.judges.interface import Interface
 from rtamt_gym.judges.obligations import Asked, Kind, Obligation, bare, obligations_of
-from rtamt_gym.judges.picking import pick
+from rtamt_gym.judges.part_values import Aligned, PartValues, Which
 from rtamt_gym.judges.specs import Align, Nan
 from rtamt_gym.signals.columns import Floats, Lanes
 
@@ -50,9 +50,6 @@ __all__ = ["Obligations", "Owed"]
 
 _Bools = NDArray[np.bool_]
 _Ints = NDArray[np.int64]
-
-_Which = slice | Lanes
-"""The environments that take a sample."""
 
 _NEVER = 2**40
 """More samples than an episode has."""
@@ -106,7 +103,7 @@ class Obligations:
         }
         options = options_of_parts(judged, list(parts.values()), interface)
         self._courses = {
-            key: _Course(
+            key: PartValues(
                 rtamt.VectorMonitor(spec, num, period, nan=nan, align=align, **option), columns
             )
             for (key, spec), option in zip(parts.items(), options, strict=True)
@@ -169,55 +166,16 @@ class Obligations:
         ]
 
 
-class _Course:
-    """The values of a formula, each late by ``late`` samples; nan before the first."""
-
-    def __init__(self, monitor: rtamt.VectorMonitor, columns: Sequence[str]) -> None:
-        self._monitor = monitor
-        self._pick = pick([columns.index(name) for name in monitor.variables])
-        self.late = monitor.latency
-        self.value: Floats = np.full(monitor.num, np.nan)
-
-    def feed(self, table: Floats, lanes: Lanes | None) -> None:
-        self.value = self._monitor.update(table[:, self._pick], lanes)
-
-    def reset(self, lanes: Lanes | None) -> None:
-        self._monitor.reset(lanes)
-        self.value = np.where(True if lanes is None else lanes, np.nan, self.value)
-
-
-class _Operand:
-    """A course that is late by ``more`` samples more, so that it goes with another."""
-
-    def __init__(self, course: _Course, more: int, num: int) -> None:
-        self._course = course
-        self._more = more
-        self._held = np.full((more, num), np.nan)
-        self.value: Floats = np.full(num, np.nan)
-
-    def feed(self, which: _Which, samples: _Ints) -> None:
-        if self._more == 0:
-            self.value = self._course.value
-            return
-        place = samples % self._more, np.arange(len(self.value))[which]
-        self.value = self.value.copy()
-        self.value[which] = self._held[place]
-        self._held[place] = self._course.value[which]
-
-    def reset(self, which: _Which) -> None:
-        self._held[:, which] = np.nan
-
-
 class _Clock:
     """The clock of an operator; its numbers have an element for every environment."""
 
     def __init__(
-        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, PartValues]
     ) -> None:
         self._name = obligation.name
         operands = [courses[operand] for operand in obligation.operands]
         late = self._late = max(course.late for course in operands)
-        self._operands = [_Operand(course, late - course.late, num) for course in operands]
+        self._operands = [Aligned(course, late - course.late, num) for course in operands]
         self._begin = obligation.begin + late
         self._end = None if obligation.end is None else obligation.end + late
         asked = obligation.asked
@@ -232,12 +190,12 @@ class _Clock:
         values = [operand.value for operand in self._operands]
         return [np.where(np.isnan(v), 0.0, v) for v in values] if self._late else values
 
-    def reset(self, which: _Which) -> None:
+    def reset(self, which: Which) -> None:
         self._count[which] = self._start
         for operand in self._operands:
             operand.reset(which)
 
-    def feed(self, which: _Which, samples: _Ints) -> None:
+    def feed(self, which: Which, samples: _Ints) -> None:
         """Takes in the newest values of the courses; ``samples`` were fed before."""
         for operand in self._operands:
             operand.feed(which, samples)
@@ -247,22 +205,22 @@ class _Clock:
         """The clock, from 0 to 1."""
         raise NotImplementedError
 
-    def _step(self, which: _Which, samples: _Ints) -> None:
+    def _step(self, which: Which, samples: _Ints) -> None:
         raise NotImplementedError
 
-    def _asked(self, which: _Which, samples: _Ints) -> _Bools:
+    def _asked(self, which: Which, samples: _Ints) -> _Bools:
         """Whether the operator is asked at the newest instant."""
         if self._where is not None:
             return ~np.signbit(self._where.value[which])
         return samples == 0 if self._first else samples >= 0
 
-    def _holds(self, operand: int, which: _Which) -> _Bools:
+    def _holds(self, operand: int, which: Which) -> _Bools:
         """Whether an operand is known to hold."""
         value = self._operands[operand].value[which]
         held = ~np.signbit(value)
         return held & ~np.isnan(value) if self._late else held
 
-    def _fails(self, operand: int, which: _Which) -> _Bools:
+    def _fails(self, operand: int, which: Which) -> _Bools:
         """Whether an operand is known to fail."""
         value = self._operands[operand].value[which]
         failed = np.signbit(value)
@@ -273,7 +231,7 @@ class _Oldest(_Clock):
     """Counts the instants from the oldest pending one to now, both included; 0 if none is."""
 
     def __init__(
-        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, PartValues]
     ) -> None:
         super().__init__(obligation, num, courses)
         self._full = self._begin + 2 if self._end is None else self._end + 1
@@ -282,7 +240,7 @@ class _Oldest(_Clock):
         depth = 0 if self._where is None else max(self._begin, self._late)
         self._recent = np.zeros((depth, num), np.bool_)  # whether it was asked, of each instant
 
-    def reset(self, which: _Which) -> None:
+    def reset(self, which: Which) -> None:
         super().reset(which)
         self._shown[which] = 0
         self._recent[:, which] = False
@@ -290,7 +248,7 @@ class _Oldest(_Clock):
     def fraction(self) -> Floats:
         return self._shown / self._full
 
-    def _step(self, which: _Which, samples: _Ints) -> None:
+    def _step(self, which: Which, samples: _Ints) -> None:
         before = self._count[which]
         if self._every:
             count = np.minimum(before + 1, self._most)
@@ -311,7 +269,7 @@ class _Oldest(_Clock):
         self._count[which] = count
         self._shown[which] = shown
 
-    def _of_two(self, which: _Which, samples: _Ints, count: _Ints) -> tuple[_Ints, _Ints]:
+    def _of_two(self, which: Which, samples: _Ints, count: _Ints) -> tuple[_Ints, _Ints]:
         """What ``until`` and ``unless`` count on from here, and what they show."""
         reached = self._holds(1, which)
         if self._name == "until":
@@ -326,15 +284,13 @@ class _Oldest(_Clock):
             shown = np.where(done, self._full, left)
         return np.where(done & self._first, self._full, left), shown
 
-    def _ended(
-        self, event: _Bools, last: int, which: _Which, samples: _Ints, count: _Ints
-    ) -> _Ints:
+    def _ended(self, event: _Bools, last: int, which: Which, samples: _Ints, count: _Ints) -> _Ints:
         """The count once an event has ended all that is older than the ``last`` instants."""
         if last == 0:
             return np.where(event, 0, count)
         return np.where(event & (count > last), self._since(last, which, samples, count), count)
 
-    def _since(self, last: int, which: _Which, samples: _Ints, count: _Ints) -> _Ints | int:
+    def _since(self, last: int, which: Which, samples: _Ints, count: _Ints) -> _Ints | int:
         """The count from the oldest of the last instants that are asked, where it is greater."""
         if self._first:
             return 0
@@ -351,7 +307,7 @@ class _Newest(_Clock):
     """Counts the instants after the newest that was asked."""
 
     def __init__(
-        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, PartValues]
     ) -> None:
         super().__init__(obligation, num, courses)
         self._start = _NEVER
@@ -364,7 +320,7 @@ class _Newest(_Clock):
         left /= max(self._end, 1)
         return left
 
-    def _step(self, which: _Which, samples: _Ints) -> None:
+    def _step(self, which: Which, samples: _Ints) -> None:
         age = np.minimum(self._count[which] + 1, _NEVER)
         age[self._asked(which, samples)] = 0
         if self._name == "until":
@@ -378,7 +334,7 @@ class _Last(_Clock):
     """Counts the samples since the operand of the past last held."""
 
     def __init__(
-        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, _Course]
+        self, obligation: Obligation, num: int, courses: Mapping[rtamt.Formula, PartValues]
     ) -> None:
         super().__init__(obligation, num, courses)
         self._start = 1 if obligation.end is None else obligation.end + 1
@@ -388,7 +344,7 @@ class _Last(_Clock):
     def fraction(self) -> Floats:
         return self._count / self._start
 
-    def _step(self, which: _Which, samples: _Ints) -> None:
+    def _step(self, which: Which, samples: _Ints) -> None:
         count = np.minimum(self._count[which] + self._grows, self._start)
         count = np.where(samples < self._late, self._start, count)
         if self._name == "since":
