@@ -121,9 +121,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--stop",
-        choices=("end", "violation", "decided"),
+        choices=("end", "violation", "verdicts"),
         default="end",
-        help="when to stop an episode (default: end)",
+        help="when to stop an episode: at the first violation, which leaves the other requirements "
+        "open, or once all verdicts are certain (default: end)",
     )
     parser.add_argument(
         "--n-envs",

@@ -98,9 +98,9 @@ def evaluate_policy(
     ``stop="violation"`` saves the rest of every episode that violates a requirement. The rate at
     which all requirements are satisfied at once, that of a single one, is as without it. The other
     requirements may be undecided at the stop, so that their rates are too low. Robustness is that
-    of the samples until then, and returns and lengths end there. ``"decided"`` stops once all
-    verdicts are certain and leaves all rates as they are, ``"known"`` once all robustness is known
-    too; returns and lengths end at the stop with both.
+    of the samples until then, and returns and lengths end there. ``"decided"`` and ``"known"`` stop
+    at the first violation too. ``"verdicts"`` stops once all verdicts are certain and leaves all
+    rates as they are; robustness, returns and lengths end at the stop.
 
     Args:
         policy: Who acts, see above.

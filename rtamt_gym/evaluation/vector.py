@@ -84,6 +84,7 @@ class VectorEpisodes(Runner):
         spec = self._env.spec
         self.name = spec.id if spec else type(self._env.unwrapped).__name__
         own = own_requirements(self._env)
+        self._check_resets()
         self.requirements = load_requirements(requirements, own, self.name)
         self.period = reading.get("period") or read_period(self._env) or ask_another(self._env)
         self.inputs = ()
@@ -121,7 +122,6 @@ class VectorEpisodes(Runner):
         parsed = parse_signals(self._signals or {}, variables, SOURCES, extra=True, own=known)
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
         self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
-        self._check_seeds()
         self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
 
     def close(self) -> None:
@@ -211,10 +211,10 @@ class VectorEpisodes(Runner):
             while todo:
                 yield from waves.play(todo)
 
-    def _check_seeds(self) -> None:
-        """Refuses an environment that does not take a seed for each of its environments."""
+    def _check_resets(self) -> None:
+        """Refuses one that takes no seeds for its environments, or has monitors in them."""
         try:
-            self._inside.reset(seed=[0] * self._env.num_envs)  # type: ignore[arg-type]  # what is asked
+            _, infos = self._inside.reset(seed=[0] * self._env.num_envs)  # type: ignore[arg-type]  # what is asked
         except (gym.error.Error, TypeError) as error:
             raise InputError(
                 "expected a vector environment that takes a seed for each of its environments, so "
@@ -222,6 +222,12 @@ class VectorEpisodes(Runner):
                 f"one for all; give {self.name!r} with n_envs={self._env.num_envs}, or "
                 "gym.make_vec(..., vectorization_mode='sync')"
             ) from error
+        if "stl_lower" in infos:  # they might end episodes, unseen and unsaid
+            raise InputError(
+                f"expected environments without monitors in {self._env.unwrapped}, got some with; "
+                f"give the function that makes one of them with n_envs={self._env.num_envs}, or "
+                "put a VectorStlMonitor around all"
+            )
 
 
 def _monitor_of(env: Any) -> VectorStlMonitor | None:  # noqa: ANN401

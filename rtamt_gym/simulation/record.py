@@ -17,6 +17,8 @@ from rtamt_gym.judges.specs import Align, View
 from rtamt_gym.tables import sample_text
 
 __all__ = [
+    "AT_VERDICTS",
+    "AT_VIOLATION",
     "CURVES",
     "KNOWN_EVERY",
     "STOPPED",
@@ -32,9 +34,15 @@ Floats = NDArray[np.float64]
 CURVES = ("robustness", "lower", "upper")
 """The arrays of a course."""
 
-Stop = Literal["violation", "decided", "known", "end"]
+Stop = Literal["violation", "decided", "known", "verdicts", "end"]
 """When to stop a run: at the first certain violation, also once every verdict is certain, also once
-every robustness is known, or not before its end."""
+every robustness is known, only once every verdict is certain, or not before its end."""
+
+AT_VIOLATION: Final = frozenset[Stop]({"violation", "decided", "known"})
+"""When a run is stopped at the first certain violation."""
+
+AT_VERDICTS: Final = frozenset[Stop]({"decided", "verdicts"})
+"""When a run is stopped once every verdict is certain."""
 
 RunEnd = Literal["violation", "decided", "known", "terminated", "truncated", "duration", "error"]
 """Why a run is over: it was stopped at a violation, once every verdict was certain, or once every

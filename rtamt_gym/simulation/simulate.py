@@ -114,7 +114,8 @@ def simulate(
             ``math.inf`` they run until they are stopped.
         stop: When to stop. ``"violation"``: at the first certain violation; ``"decided"``: also
             once every verdict is certain; ``"known"``: also once every robustness is known, which
-            is looked at after every tenth sample; ``"end"``: not before the end.
+            is looked at after every tenth sample; ``"verdicts"``: only once every verdict is
+            certain, not at a violation while others are open; ``"end"``: not before the end.
         above: Numbers by specification, for ``stop="known"``: a robustness that is certain to stay
             above its number is known. Without one, it is known once it cannot change any more.
         view: ``"episode"``: a formula is about the run from sample 0 on; ``"step"``: about every

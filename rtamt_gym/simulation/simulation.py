@@ -33,7 +33,7 @@ from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import carry
 from rtamt_gym.simulation.kinds import as_system
-from rtamt_gym.simulation.record import KNOWN_EVERY, RunEnd, Stop
+from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, RunEnd, Stop
 from rtamt_gym.simulation.recorder import Recorder
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Environment, Policy, System
@@ -183,9 +183,9 @@ class Simulation:
         self._record.take(values)
         if self._system.ended:
             return self._system.ended
-        if stop != "end" and panel.violated_by is not None:
+        if stop in AT_VIOLATION and panel.violated_by is not None:
             return "violation"
-        if stop == "decided" and panel.all_decided:
+        if stop in AT_VERDICTS and panel.all_decided:
             return "decided"
         if stop == "known" and self._steps % KNOWN_EVERY == 0 and panel.knows(self._above):
             return "known"

@@ -25,7 +25,7 @@ from rtamt_gym.judges.specs import Align, Nan, View
 from rtamt_gym.judges.vector_panel import VectorPanel
 from rtamt_gym.search.runs.rows import Outcome, Row, seconds
 from rtamt_gym.search.runs.trace import Trace
-from rtamt_gym.simulation.record import KNOWN_EVERY, RunEnd, Stop
+from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, RunEnd, Stop
 
 __all__ = ["Judging", "Lanes"]
 
@@ -338,9 +338,9 @@ class _Batch:
             self._panel.finish(self.active, self._judging.at_truncation)
             self._over(self.active, "truncated")
             return
-        if self._judging.stop != "end":
+        if self._judging.stop in AT_VIOLATION:
             self._over(self._panel.violated_at >= 0, "violation")
-        if self._judging.stop == "decided":
+        if self._judging.stop in AT_VERDICTS:
             self._over(~np.logical_or.reduce(self._panel.undecided(self._all)), "decided")
         if self._judging.stop == "known" and self.samples % KNOWN_EVERY == 0:
             self._over(self._panel.knows(self._above), "known")

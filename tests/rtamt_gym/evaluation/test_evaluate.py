@@ -82,6 +82,20 @@ def test_first_violations_and_what_a_stop_saves_are_in_seconds() -> None:
         assert row.ended != "violation" or row.simulated in ends
 
 
+def test_a_stop_at_all_verdicts_leaves_every_rate_as_it_is() -> None:
+    whole = evaluation(episodes=30)
+    stopped, early = (
+        evaluation(episodes=30, stop="verdicts"),
+        evaluation(episodes=30, stop="decided"),
+    )
+    assert stopped.lengths.sum() < whole.lengths.sum()
+    for name, result in whole.requirements.items():
+        kept = stopped.requirements[name]
+        assert (kept.satisfied, kept.violated) == (result.satisfied, result.violated)
+        assert np.array_equal(kept.first_violations, result.first_violations)
+    assert any(early.requirements[name].undecided for name in whole.requirements)
+
+
 def test_the_result_does_not_depend_on_how_episodes_are_played(tmp_path: Path) -> None:
     expected = evaluation()
     for options in (
@@ -180,7 +194,7 @@ def test_an_open_end_is_told_once_and_only_where_it_settled_something() -> None:
         ({"seed": -1}, "expected seed= as a whole number, 0 or more, got -1"),
         (
             {"until_width": 0.1, "target": 0.9},
-            "expected until_width= or target=, got until_width=0.1 and target=0.9; leave out one",
+            "expected one rule, got until_width=0.1 and target=0.9; leave out one of them",
         ),
         ({"policy": "randm"}, "the policy: expected random, zero, baseline, sb3:FILE.zip or "),
         ({"policy": "baseline"}, "the policy baseline: expected a scenario, which has one, got "),

@@ -25,7 +25,7 @@ def plain(policy: Any = None, **options: Any) -> Any:  # noqa: ANN401
     return evaluate_policy(policy or Model(), Walk(), SPECS, SIGNALS, **chosen)
 
 
-@pytest.mark.parametrize("stop", ["end", "violation", "decided", "known"])
+@pytest.mark.parametrize("stop", ["end", "violation", "decided", "known", "verdicts"])
 @pytest.mark.parametrize("mode", MODES)
 def test_rows_are_those_of_single_environments(mode: AutoresetMode, stop: Any) -> None:  # noqa: ANN401
     for policy in (Model(), "random", lambda obs: int(obs[0] < 0)):
@@ -86,6 +86,17 @@ def test_a_monitor_that_ends_episodes_ends_none_and_does_so_again_afterwards() -
         *_, terminated, _, infos = env.step(np.full(3, 2))
         ended = terminated.any()
     assert infos["stl_violated"][terminated].all()
+
+
+@pytest.mark.parametrize("specs", [SPECS, None])
+def test_monitors_inside_are_refused_for_they_might_end_episodes(specs: Any) -> None:  # noqa: ANN401
+    envs = SyncVectorEnv([lambda: StlMonitor(Walk(), SPECS, SIGNALS)] * 3)
+    with pytest.raises(InputError) as error:
+        evaluate_policy("zero", envs, specs, SIGNALS, episodes=3)
+    assert str(error.value) == (
+        f"expected environments without monitors in {envs}, got some with; give the function that "
+        "makes one of them with n_envs=3, or put a VectorStlMonitor around all"
+    )
 
 
 @pytest.mark.parametrize("mode", MODES)

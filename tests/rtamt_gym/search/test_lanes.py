@@ -122,6 +122,7 @@ def test_a_whole_episode_in_lanes_is_truncated_as_alone(stop: Stop) -> None:
             "violation": {"violation", "truncated"},
             "decided": {"violation", "decided"},
             "known": {"violation", "known"},
+            "verdicts": {"decided"},
         }[stop]
     )
 

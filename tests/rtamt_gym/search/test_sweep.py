@@ -294,7 +294,7 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             (SYSTEM,),
             {"stop": "never"},
             InputError,
-            "expected stop='violation' or 'decided' or 'known' or 'end', got 'never'",
+            "expected stop='violation' or 'decided' or 'known' or 'verdicts' or 'end', got 'never'",
         ),
         (
             (SYSTEM,),

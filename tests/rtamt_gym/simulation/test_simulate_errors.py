@@ -152,7 +152,7 @@ Z = {"level": "qpos[2]"}
             (ROWS, LOW),
             {"stop": "never"},
             InputError,
-            "expected stop='violation' or 'decided' or 'known' or 'end', got 'never'",
+            "expected stop='violation' or 'decided' or 'known' or 'verdicts' or 'end', got 'never'",
         ),
         (
             (ROWS, LOW),
