@@ -15,7 +15,8 @@ import rtamt
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
-from rtamt_gym.evaluation.evaluation import Evaluation, played
+from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.frames import Filming, Frame
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judges.ends import warn_of_open_end
@@ -128,7 +129,8 @@ def evaluate_policy(
         alpha: The greatest chance that the answer to ``target`` is wrong.
         margin: How far below the target a rate is to be told from it.
         keep: How many of the worst episodes of each requirement are played again in full at the
-            end, for `Evaluation.worst_runs`.
+            end, for `Evaluation.worst_runs`; with pictures if the environment was made with
+            ``render_mode="rgb_array"``, but not of a vector environment.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
         **reading: ``period``, ``duration``, and how episodes are judged: ``view``, ``nan``,
             ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
@@ -148,6 +150,7 @@ def evaluate_policy(
         OpenEndWarning: Once, if the environment has ended an episode while a requirement was open
             that counts as satisfied then, and ``at_termination`` does not say so.
         FailedSimulationWarning: If some episodes failed.
+        RuntimeWarning: Once, if the environment could not be rendered.
 
     Example:
         >>> from rtamt_gym import evaluate_policy
@@ -204,15 +207,18 @@ def evaluate_policy(
     tell_failures(record)
     if runner.unasked:
         _tell_open_end(runner, record)
+    period = rtamt.Monitor("true", period=runner.period).period
+    runs, frames = _worst_runs(Filming(runner, period), record, keep)
     return Evaluation(
         record,
         runner.name,
         runner.evaluated.name,
-        rtamt.Monitor("true", period=runner.period).period,
+        period,
         runner.duration,
         int(seed),
         None if stopping is None else dict(stopping.decisions),
-        _worst_runs(runner, record, keep),
+        runs,
+        frames,
         runner,
     )
 
@@ -263,9 +269,12 @@ def _add(stopping: Stopping, row: Row) -> bool:
     return stopping.done
 
 
-def _worst_runs(runner: Runner, record: Record, keep: int) -> dict[str, tuple[Run, ...]]:
-    """The worst episodes of each requirement, played again in full."""
+def _worst_runs(
+    filming: Filming, record: Record, keep: int
+) -> tuple[dict[str, tuple[Run, ...]], dict[int, tuple[Frame, ...]]]:
+    """The worst episodes of each requirement, played again in full, and pictures by seed."""
     runs: dict[int, Run] = {}
+    frames = {}
     found = {}
     for name in record.requirements:
         ranked = sorted(
@@ -275,6 +284,9 @@ def _worst_runs(runner: Runner, record: Record, keep: int) -> dict[str, tuple[Ru
         for row in ranked[:keep]:
             number = row.seed or 0
             if number not in runs:
-                runs[number] = played(runner, number)
+                runs[number], pictures = filming.play(row)
+                if pictures:
+                    frames[number] = pictures
         found[name] = tuple(runs[row.seed or 0] for row in ranked[:keep])
-    return found
+    filming.tell()
+    return found, frames

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.names import listing
+from rtamt_gym.evaluation.frames import Frame, played
 from rtamt_gym.evaluation.intervals import quantiles, wilson
 from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.search.runs.record import Record
@@ -30,7 +31,7 @@ if TYPE_CHECKING:  # it is optional
 
     from rtamt_gym.search.runs.runner import Runner
 
-__all__ = ["Evaluation", "RequirementResult", "played"]
+__all__ = ["Evaluation", "RequirementResult"]
 
 Floats = NDArray[np.float64]
 
@@ -109,6 +110,9 @@ class Evaluation:
         seed: The seed of the first episode; each further one has one more.
         decision: By requirement, what sequential stopping has decided; None without it.
         worst_runs: By requirement, its worst episodes played again in full, the worst first.
+        frames: Pictures of the worst episodes, by their seed: of an environment with
+            ``render_mode="rgb_array"`` about 12 to 24, evenly spread, at the end, and where the
+            episode had violated a requirement; they are at most 320 pixels wide and high.
     """
 
     record: Record
@@ -119,6 +123,7 @@ class Evaluation:
     seed: int
     decision: Mapping[str, str] | None = None
     worst_runs: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
+    frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
     _runner: Runner | None = None
 
     @cached_property
@@ -199,7 +204,8 @@ class Evaluation:
     def to_json(self) -> str:
         """Strict JSON that holds all of the evaluation; infinities are ``"inf"`` and ``"-inf"``.
 
-        The worst runs are in it with their samples, and with those that explain their robustness.
+        The worst runs are in it with their samples, those that explain their robustness, and their
+        pictures.
         """
         from rtamt_gym.evaluation.storage import written
 
@@ -292,13 +298,8 @@ class Evaluation:
         return self.limit - row.simulated
 
 
-def played(runner: Runner, seed: int) -> Run:
-    """The episode of a seed, played to its end."""
-    return replace(runner.simulate({}, seed, stop="end"), case=None)
-
-
 _COMPARED: Final = (
-    *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs"),
+    *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
 )
 
 

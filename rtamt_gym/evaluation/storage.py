@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from base64 import b64decode, b64encode
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
@@ -13,6 +14,7 @@ import numpy as np
 
 import rtamt
 from rtamt import InputError, Verdict
+from rtamt_gym.evaluation.frames import Frame
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import strict_json
@@ -62,7 +64,10 @@ def written(evaluation: Any) -> str:  # noqa: ANN401 - that module imports this 
             "requirements": dict(evaluation.record.requirements),
             "results": {name: _result(result) for name, result in results.items()},
             "episodes": _finite(evaluation.record.columns()),
-            "runs": [_run(run) for run in runs],
+            "runs": [
+                {**_run(run), "frames": _frames(evaluation.frames.get(run.seed, ()))}
+                for run in runs
+            ],
             "worst_runs": places,
         }
     )
@@ -103,6 +108,13 @@ def _fields(kept: Mapping[str, Any]) -> dict[str, Any]:
         Row.read(dict(zip(columns, each, strict=True)), Case({}), requirements) for each in cells
     ]
     runs = [_read_run(each) for each in kept["runs"]]
+    frames = {
+        each["seed"]: tuple(
+            Frame(_number(frame["time"]), b64decode(frame["webp"])) for frame in each["frames"]
+        )
+        for each in kept["runs"]
+        if each.get("frames")
+    }
     return {
         "record": Record(rows, requirements, kept["system"]),
         "period": _period(kept["period"]),
@@ -110,6 +122,7 @@ def _fields(kept: Mapping[str, Any]) -> dict[str, Any]:
         "worst_runs": {
             name: tuple(runs[i] for i in places) for name, places in kept["worst_runs"].items()
         },
+        "frames": frames,
         **{name: kept[name] for name in ("system", "policy", "seed", "decision")},
     }
 
@@ -138,6 +151,10 @@ def _run(run: Run) -> dict[str, Any]:
         for name, course in run.courses.items()
     }
     return kept
+
+
+def _frames(frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    return [{"time": frame.time, "webp": b64encode(frame.webp).decode("ascii")} for frame in frames]
 
 
 def _deciding(run: Run, name: str) -> dict[str, Any] | None:

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
 from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
 from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.reports.episodes import WORDS, episode_of_run, in_words_of
-from rtamt_gym.reports.model import Fact, Requirement, Section, Trial
+from rtamt_gym.reports.model import Episode, Fact, Frame, Requirement, Section, Trial
 from rtamt_gym.reports.rows import labelled, requirement_of, trials_of, worst_first
 from rtamt_gym.reports.series import six
+from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
 
 __all__ = ["of_evaluation"]
+
+_LETTERS: Final = 8
+"""The letters of pictures that a page has room for where it has room for a number: so pictures
+take as much of it as numbers at most."""
 
 
 def of_evaluation(evaluation: Evaluation, room: int) -> Section:
@@ -66,11 +78,36 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
         in_words_of(result.formula, evaluation.period, unit=unit, step=step),
         result.formula,
         trials_of(evaluation.record, name),
-        [episode_of_run(run, name, f"seed {run.seed}", room, episodes) for run in runs],
+        [_episode(evaluation, run, name, room, episodes) for run in runs],
         rate=result.rate,
         interval=result.interval,
         note=_saved(evaluation, result),
     )
+
+
+def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: int) -> Episode:
+    """An episode with its pictures; with fewer, evenly spread, where there is no room for all."""
+    episode = episode_of_run(run, name, f"seed {run.seed}", room, episodes)
+    when = "at {:g} s" if run.period is not None else "at sample {:g}"
+    frames = [
+        Frame(
+            six(frame.time),
+            f"data:image/webp;base64,{b64encode(frame.webp).decode('ascii')}",
+            f"The episode of seed {run.seed} {when.format(six(frame.time))}",
+        )
+        for frame in evaluation.frames.get(run.seed or 0, ())
+    ]
+    return replace(episode, frames=_fitting(frames, room * _LETTERS // episodes, episode))
+
+
+def _fitting(frames: Sequence[Frame], letters: int, episode: Episode) -> tuple[Frame, ...]:
+    """As many pictures as so many letters can be: evenly spread, that of the violation first."""
+    largest = max((len(frame.source) for frame in frames), default=1)
+    places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
+    for i, frame in enumerate(frames):
+        if len(places) and frame.time == episode.violated_at:
+            places[np.abs(places - i).argmin()] = i
+    return tuple(frames[int(place)] for place in places)
 
 
 def _success(evaluation: Evaluation) -> Requirement:

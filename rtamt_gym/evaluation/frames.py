@@ -1,0 +1,196 @@
+"""Episodes that are played again in full, with pictures where the environment renders."""
+
+from __future__ import annotations
+
+import io
+import math
+import warnings
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Final
+
+import gymnasium as gym
+import numpy as np
+
+from rtamt import InputTypeError, Verdict
+from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.evaluation.episodes import Episodes
+from rtamt_gym.judges.specs import read_period
+from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.simulation.environment_case import baseline_of
+from rtamt_gym.simulation.monitors import monitor_of
+from rtamt_gym.simulation.run import Run
+from rtamt_gym.wrappers.substeps import read_substep_period
+
+if TYPE_CHECKING:
+    from rtamt_gym.search.runs.runner import Runner
+
+__all__ = ["Film", "Filming", "Frame", "played"]
+
+_MOST: Final = 22
+"""The most pictures that are spread over an episode; its end and its violations have their own."""
+
+_SIDE: Final = 320
+"""The most pixels of a side of a picture."""
+
+_QUALITY: Final = 60
+"""Of WebP, up to 100: a robot that MuJoCo renders takes about 6 kB, a cart with a pole 0.5 kB."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A picture of an episode.
+
+    Attributes:
+        time: When, in seconds; the number of the sample if there is no period.
+        webp: The picture: the bytes of a WebP file.
+    """
+
+    time: float
+    webp: bytes
+
+
+class Film:
+    """Pictures of an episode: evenly spread over it, however long it becomes, and of chosen steps.
+
+    Whenever there are too many it goes on with half of them.
+
+    Attributes:
+        pictures: The pictures by the number of their step, increasing; 0 is the reset.
+        steps: How many states it has seen.
+
+    Args:
+        take: Takes a picture of the present state.
+        chosen: The steps of which a picture is kept in any case.
+        expected: How many states there are at least; the fewer, the more pictures are in vain.
+
+    Example:
+        >>> film = Film(lambda: b"", chosen=[25], expected=10)
+        >>> for _ in range(60):
+        ...     film.look()
+        >>> list(film.pictures)
+        [0, 4, 8, 12, 16, 20, 24, 25, 28, 32, 36, 40, 44, 48, 52, 56]
+    """
+
+    def __init__(self, take: Callable[[], bytes], chosen: Iterable[int], expected: int) -> None:
+        self._take = take
+        self._chosen = frozenset(chosen)
+        self._stride = -(-expected // _MOST)
+        self.pictures: dict[int, bytes] = {}
+        self.steps = 0
+
+    def look(self, *, last: bool = False) -> None:
+        """Sees the state after one more step; takes a picture of it if it is due, or the last."""
+        step, self.steps = self.steps, self.steps + 1
+        if step % self._stride == 0 or step in self._chosen or last:
+            self.pictures[step] = self._take()
+        while not last and len(self.pictures.keys() - self._chosen) > _MOST:
+            self._stride *= 2
+            self.pictures = {
+                each: picture
+                for each, picture in self.pictures.items()
+                if each % self._stride == 0 or each in self._chosen
+            }
+
+
+class Filming:
+    """Plays episodes again in full; with pictures if the environment renders arrays.
+
+    A picture that fails ends all pictures, and no episode.
+
+    Args:
+        runner: What plays the episodes.
+        period: Seconds between samples, or None.
+    """
+
+    def __init__(self, runner: Runner, period: Fraction | None) -> None:
+        self._runner = runner
+        self._period = period
+        self._error: Exception | None = None
+
+    def play(self, row: Row) -> tuple[Run, tuple[Frame, ...]]:
+        """Plays the episode of a row; gives its run and its pictures."""
+        runner, seed = self._runner, row.seed or 0
+        if not isinstance(runner, Episodes) or runner.system.render_mode != "rgb_array":
+            return played(runner, seed), ()
+        env: gym.Env[Any, Any] = runner.system
+        step = float(self._period or 1) * (per_step := _samples_per_step(env))
+        violations = [
+            outcome.decided_at
+            for outcome in row.outcomes.values()
+            if outcome.verdict is Verdict.VIOLATED and outcome.decided_at is not None
+        ]
+        film = Film(
+            lambda: _picture(env),
+            [math.ceil(round(time / step, 6)) for time in violations],
+            round(row.simulated / step) + 1,
+        )
+        make = runner.evaluated.make
+        act: Any = baseline_of(env) if make is None else make(seed)
+
+        def seen(observation: Any) -> Any:  # noqa: ANN401 - as policies have it
+            self._look(film)
+            return act(observation)
+
+        run = played(runner, seed, policy=seen)
+        self._look(film, last=True)
+        last = len(run.times) - 1
+        frames = (
+            Frame(float(run.times[min(step * per_step, last)]), picture)
+            for step, picture in film.pictures.items()
+        )
+        return run, tuple(frames)
+
+    def tell(self) -> None:
+        """Warns if a picture has failed."""
+        if self._error is not None:
+            warnings.warn(
+                f"pictures of the worst episodes are missing, since {self._runner.name} could not "
+                f"be rendered: {type(self._error).__name__}: {self._error}",
+                RuntimeWarning,
+                stacklevel=caller_level(),
+            )
+
+    def _look(self, film: Film, *, last: bool = False) -> None:
+        if self._error is None:
+            try:
+                film.look(last=last)
+            except Exception as error:  # noqa: BLE001 - rendering may raise anything
+                self._error = error
+
+
+def played(runner: Runner, seed: int, **others: Any) -> Run:  # noqa: ANN401 - options of `simulate`
+    """The episode of a seed, played to its end."""
+    return replace(runner.simulate({}, seed, stop="end", **others), case=None)
+
+
+def _samples_per_step(env: gym.Env[Any, Any]) -> int:
+    """How many samples a step of the environment has: several under a monitor with substeps."""
+    monitor = monitor_of(env)
+    step, sample = read_period(env), read_substep_period(env)
+    if monitor is None or not monitor.substeps or not step or not sample:
+        return 1
+    return round(step / sample)
+
+
+def _picture(env: gym.Env[Any, Any]) -> bytes:
+    """What the environment renders, made small, as a WebP file."""
+    from PIL import Image
+
+    shown: Any = env.render()
+    if not isinstance(shown, np.ndarray) or shown.dtype != np.uint8 or shown.ndim != 3:
+        raise InputTypeError(
+            f"expected an array of height x width x 3 bytes of render(), got {_said(shown)}"
+        )
+    image = Image.fromarray(shown).convert("RGB")
+    image.thumbnail((_SIDE, _SIDE))
+    file = io.BytesIO()
+    image.save(file, "WEBP", quality=_QUALITY)
+    return file.getvalue()
+
+
+def _said(shown: Any) -> str:  # noqa: ANN401 - anything
+    if isinstance(shown, np.ndarray):
+        return f"one of {shown.dtype} and the shape {shown.shape}"
+    return f"a {type(shown).__name__}"
