@@ -7,7 +7,7 @@ import pickle
 import warnings
 from base64 import b64decode
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -18,6 +18,7 @@ from painted import Painted
 from PIL import Image
 
 from rtamt_gym import Evaluation, StlMonitor, evaluate_policy
+from rtamt_gym.__main__ import main
 from rtamt_gym.evaluation.frames import Film, Frame
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
@@ -257,6 +258,26 @@ def test_a_report_shows_the_pictures_of_its_episodes() -> None:
     ]
     page = render(Report("shown", "rtamt", (section,)))
     assert all(page.count(frame.source) == 1 for frame in episode.frames)
+
+
+def test_the_command_line_keeps_pictures_where_it_asks_for_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def made(render_mode: str | None = None) -> Shown:
+        return Shown(values(9, 4), render_mode)
+
+    spec = gym.envs.registration.EnvSpec("Shown-v0", cast("Any", made))
+    monkeypatch.setitem(gym.registry, spec.id, spec)
+    monkeypatch.chdir(tmp_path)
+    command = ["evaluate", "Shown-v0", "--policy", "zero", "--spec", f"low = {SPECS['low']}"]
+    command += ["--signal", "x=obs[0]", "--episodes", "3", "--seed", "5", "--save", "kept.json"]
+    assert main([*command, "--env-kwarg", "render_mode=rgb_array"]) == 0
+    expected = evaluated(Shown(values(9, 4))).frames
+    assert Evaluation.load("kept.json").frames == expected
+    assert main(["report", "kept.json", "-o", "shown.html"]) == 0
+    assert Path("shown.html").read_text(encoding="utf-8").count("data:image/webp") == 10
+    assert main(command) == 0
+    assert Evaluation.load("kept.json").frames == {}
 
 
 def test_a_hundred_episodes_with_pictures_stay_below_six_megabytes() -> None:
