@@ -15,7 +15,7 @@ import rtamt
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
-from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.evaluation import Evaluation, rank
 from rtamt_gym.evaluation.frames import Filming, Frame
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
@@ -279,7 +279,7 @@ def _worst_runs(
     for name in record.requirements:
         ranked = sorted(
             (row for row in record if name in row.outcomes and not row.error),
-            key=lambda row: (row.outcomes[name].robustness, row.seed),
+            key=lambda row: rank(row.outcomes[name], row.seed),
         )
         for row in ranked[:keep]:
             number = row.seed or 0

@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # it is optional
 
     from rtamt_gym.search.runs.runner import Runner
 
-__all__ = ["Evaluation", "RequirementResult"]
+__all__ = ["Evaluation", "RequirementResult", "rank"]
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +56,9 @@ class RequirementResult:
             samples if there is no period), in the order of the episodes.
         saved: The simulated seconds from there to the time limit, of the episodes that were stopped
             when the verdict on this requirement became certain; 0 without a time limit.
-        worst: Seed and robustness of the ten episodes with the least robustness, the least first.
+        worst: Seed and robustness of the ten worst episodes: those that violate the requirement
+            before those that leave it open, of each the least robustness first. A fall that
+            ``at_termination="failure"`` makes a violation may have any robustness.
     """
 
     name: str
@@ -266,9 +268,9 @@ class Evaluation:
         verdicts = [outcome.verdict for outcome in judged if outcome is not None]
         heights = [math.nan if outcome is None else outcome.robustness for outcome in judged]
         ranked = sorted(
-            (height, math.copysign(1.0, height), row.seed or 0)
-            for height, row in zip(heights, rows, strict=True)
-            if not math.isnan(height)
+            (rank(outcome, row.seed), row.seed or 0, outcome.robustness)
+            for outcome, row in zip(judged, rows, strict=True)
+            if outcome is not None
         )
         violations = [
             outcome.decided_at
@@ -286,7 +288,7 @@ class Evaluation:
             robustness=np.array(heights, np.float64),
             first_violations=np.array(violations, np.float64),
             saved=math.fsum(map(self._saved, rows, judged)),
-            worst=tuple((seed, height) for height, _, seed in ranked[:_WORST]),
+            worst=tuple((seed, height) for _, seed, height in ranked[:_WORST]),
         )
 
     def _saved(self, row: Row, outcome: Outcome | None) -> float:
@@ -319,6 +321,11 @@ def _together(outcomes: Any) -> Outcome:  # noqa: ANN401 - a view of a mapping
     )
     decided_at = when(times) if when is not None and times else None
     return Outcome(robustness, lower, upper, verdict, decided_at)
+
+
+def rank(outcome: Outcome, seed: int | None) -> tuple[Any, ...]:
+    """Orders episodes by what a requirement has become in them, the worst first."""
+    return outcome.verdict, *_order(outcome.robustness), seed or 0
 
 
 def _order(robustness: float) -> tuple[float, float]:

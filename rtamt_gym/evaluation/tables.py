@@ -98,7 +98,7 @@ def _of_evaluation(evaluation: Any) -> Parts:  # noqa: ANN401
         ("violated", lambda of: str(of.violated), "red"),
         ("open", lambda of: str(of.undecided), "yellow"),
         ("failed", lambda of: str(of.failed), "red"),
-        ("least", lambda of: short(of.worst[0][1]) if of.worst else "-", ""),
+        ("least", lambda of: short(float(np.nanmin(of.robustness))) if of.worst else "-", ""),
         ("median", lambda of: short(of.quantiles[0.5]) if of.worst else "-", ""),
     ]
     left_out = {

@@ -61,8 +61,8 @@ def test_it_counts_what_a_loop_by_hand_counts(
         assert result.violated == verdicts.count(Verdict.VIOLATED)
         assert result.undecided == verdicts.count(Verdict.UNDECIDED)
         assert result.rate == result.satisfied / 5
-        least = min(heights)
-        assert result.worst[0] == (seed + heights.index(least), least)
+        ranked = sorted(zip(verdicts, heights, range(seed, seed + 5), strict=True))
+        assert result.worst == tuple((number, height) for _, height, number in ranked)
         (worst,) = found.worst_runs[name]
         assert (worst.seed, worst.courses[name].final) == result.worst[0]
         assert worst.stop == "end"
@@ -80,6 +80,29 @@ def test_first_violations_and_what_a_stop_saves_are_in_seconds() -> None:
     for row in stopped.record:
         ends = [o.decided_at for o in row.outcomes.values() if o.verdict is Verdict.VIOLATED]
         assert row.ended != "violation" or row.simulated in ends
+
+
+def test_a_violated_episode_is_worse_than_a_satisfied_one_of_less_robustness() -> None:
+    found = evaluation(env=lambda: Walk(goal=0.9), episodes=30, at_termination="failure")
+    fallen = {
+        row.seed: row.outcomes["low"]
+        for row in found.record
+        if row.outcomes["low"].verdict is Verdict.VIOLATED and row.outcomes["low"].robustness > 0
+    }
+    low = found.requirements["low"]
+    assert fallen
+    assert max(each.robustness for each in fallen.values()) > min(
+        height
+        for row, height in zip(found.record, low.robustness, strict=True)
+        if row.outcomes["low"].verdict is Verdict.SATISFIED
+    )
+    violating = {
+        row.seed for row in found.record if row.outcomes["low"].verdict is Verdict.VIOLATED
+    }
+    assert {seed for seed, _ in low.worst[: len(violating)]} <= violating
+    assert found.worst_runs["low"][0].courses["low"].verdict is Verdict.VIOLATED
+    assert found.worst_runs["low"][0].seed == low.worst[0][0]
+    assert f"{low.robustness.min():.3g}" in str(found)
 
 
 def test_a_stop_at_all_verdicts_leaves_every_rate_as_it_is() -> None:
