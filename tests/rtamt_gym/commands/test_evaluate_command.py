@@ -156,7 +156,8 @@ def test_a_comparison_is_told_and_saved_and_a_worse_policy_has_exit_code_1(capsy
 def test_what_cannot_be_compared_is_told(capsys: Output) -> None:
     save("old", [1.0])
     save("new", [1.0], first=5)
-    compare(*[evaluation_of({"near": [1.0]})] * 2).save("both.json")
+    one = evaluation_of({"near": [1.0]})
+    compare(one, one).save("both.json")
     messages = {
         ("old.json", "new.json"): (
             "cannot pair the episodes: A has the seeds 0 to 0, B has the seeds 5 to 5, none in "

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walks import SIGNALS, SPECS, Model, Walk, by_hand
 
 from rtamt import InputError, InputTypeError, StateError, Verdict
 from rtamt_gym import Evaluation, evaluate_policy
 from rtamt_gym.evaluation.sequential import RatioTest, Width
 from rtamt_gym.judges.ends import OpenEndWarning
-from tests.support.walks import SIGNALS, SPECS, Model, Walk, by_hand
 
 
 def evaluation(policy: Any = None, env: Any = None, **options: Any) -> Evaluation:  # noqa: ANN401

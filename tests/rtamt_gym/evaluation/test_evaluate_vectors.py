@@ -8,10 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from walks import SIGNALS, SPECS, Model, Walk
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor, VectorStlMonitor, VectorStlReward, evaluate_policy
-from tests.support.walks import SIGNALS, SPECS, Model, Walk
 
 MODES = list(AutoresetMode)
 

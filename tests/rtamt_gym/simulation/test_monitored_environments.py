@@ -6,10 +6,10 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
+from walks import SIGNALS, SPECS, Walk, acts
 
 from rtamt import InputError
 from rtamt_gym import Parameter, StlMonitor, StlReward, simulate, sweep
-from tests.support.walks import SIGNALS, SPECS, Walk, acts
 
 ENDS: Any = {"at_termination": "cut", "at_truncation": "complete"}
 
