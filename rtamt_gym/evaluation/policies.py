@@ -31,7 +31,8 @@ class Evaluated:
     def identity(self) -> str:
         """What tells it from others, as far as that is known: of a function its name."""
         if isinstance(self.make, Model):
-            return f"{self.name} {self.make.fingerprint}"
+            draws = "" if self.make.deterministic else ", actions drawn"
+            return f"{self.name} {self.make.fingerprint}{draws}"
         return self.name
 
 

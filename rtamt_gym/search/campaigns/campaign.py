@@ -86,6 +86,7 @@ def run_campaign(
             identity = {
                 "system": runner.name,
                 "requirements": requirements,
+                "time limit": runner.duration,
                 **Recipe(runner).identity(),
                 **(about or {}),
                 "number of runs": len(listed),

@@ -9,8 +9,10 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from walks import SIGNALS, SPECS, Model, Walk, by_hand
@@ -132,6 +134,31 @@ def test_the_result_does_not_depend_on_how_episodes_are_played(tmp_path: Path) -
     assert evaluation(env=Walk()) == expected
     # What is finished is not played again.
     assert evaluation(folder=tmp_path / "f", n_envs=3) == expected
+
+
+def test_a_folder_is_of_one_time_limit_and_of_one_way_to_act(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def again(name: str, policy: Any, limit: int, **options: Any) -> Evaluation:  # noqa: ANN401
+        env = gym.make("Walk-v0", max_episode_steps=limit)
+        return evaluation(policy, env, folder=tmp_path / name, episodes=3, **options)
+
+    monkeypatch.setitem(gym.registry, "Walk-v0", EnvSpec("Walk-v0", Walk))
+
+    way_out = "; give another folder, or remove this one"
+    again("limit", "zero", 4)
+    with pytest.raises(InputError) as refused:
+        again("limit", "zero", 8)
+    assert str(refused.value) == (
+        f"{tmp_path / 'limit'} holds another campaign: its time limit is 2.0, not 4.0{way_out}"
+    )
+    again("acting", Model(), 4)
+    with pytest.raises(InputError) as refused:
+        again("acting", Model(), 4, deterministic=False)
+    assert str(refused.value) == (
+        f"{tmp_path / 'acting'} holds another campaign: its policy is "
+        f'"Model Model", not "Model Model, actions drawn"{way_out}'
+    )
 
 
 def test_a_random_policy_is_that_of_the_seed_of_the_episode() -> None:
