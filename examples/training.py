@@ -8,6 +8,7 @@ import argparse
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -150,7 +151,9 @@ def read_curves(path: Path) -> dict[str, Curves]:
 
 
 def interval(values: NDArray[np.float64]) -> str:
-    """The mean over seeds with its bootstrap interval of 95 %."""
+    """The mean over runs; of several with its bootstrap interval of 95 %."""
+    if len(values) < 2:
+        return f"{values.mean():.0f}"
     low, high = bootstrap(values)
     return f"{values.mean():.0f} [{low:.0f}, {high:.0f}]"
 
@@ -203,12 +206,15 @@ def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
     """Draws the rates over the steps of training, with the intervals of their means."""
     plt.style.use(Path(__file__).with_name("paper.mplstyle"))
     figure, axes = plt.subplots(figsize=(4.6, 2.6))
-    for variant in task.drawn:
+    for variant, style in zip(task.drawn, cycle(["-", "--"]), strict=False):  # one may hide another
         if variant in curves:
             steps, rates = curves[variant].steps[0] / 1000, 100 * curves[variant].rates
-            (line,) = axes.plot(steps, rates.mean(axis=0), marker=".", label=variant)
-            low, high = np.array([bootstrap(column) for column in rates.T]).T
-            axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
+            (line,) = axes.plot(
+                steps, rates.mean(axis=0), linestyle=style, marker=".", label=variant
+            )
+            if len(rates) > 1:
+                low, high = np.array([bootstrap(column) for column in rates.T]).T
+                axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
     axes.set(ylim=(-3, 103), xlim=(0, None))
     axes.set(xlabel="steps of training, in thousands", ylabel="satisfied, %")
     figure.legend(loc="outside right upper")

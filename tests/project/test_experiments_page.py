@@ -1,0 +1,60 @@
+"""The page on the experiments says what the files of results say."""
+
+import csv
+import re
+
+import numpy as np
+import pytest
+from experiments import SCRIPTS, script
+from paths import EXAMPLES, ROOT
+
+PAGE = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+
+
+def tables() -> list[list[list[str]]]:
+    """The tables of the page: of each the cells of its rows, without the line below the header."""
+    found = re.findall(r"^\| variant .*\n(?:\|.*\n)+", PAGE, re.MULTILINE)
+    rows = [[line.strip("|").split("|") for line in text.splitlines()] for text in found]
+    return [[[cell.strip() for cell in row] for row in [table[0], *table[2:]]] for table in rows]
+
+
+@pytest.mark.parametrize(("at", "name"), list(enumerate(SCRIPTS)))
+def test_a_table_of_the_page_is_what_the_file_of_results_says(at: int, name: str) -> None:
+    module, training = script(name), script("training")
+    path = EXAMPLES / "results" / f"{module.TASK.name}.csv"
+    table = [[cell.replace("**", "") for cell in row] for row in tables()[at]]
+    assert table == training.table(module.TASK, training.read_curves(path))
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    last = [row for row in rows if int(row["steps"]) == module.TASK.steps]
+    assert len(last) == sum(int(row[1]) for row in table[1:])
+    for variant, seeds, satisfied, *_ in table[1:]:
+        runs = [row for row in last if row["variant"] == variant]
+        assert len(runs) == len({row["seed"] for row in runs}) == int(seeds)
+        assert min(int(row["seed"]) for row in runs) == module.TASK.first_seed
+        assert all(int(row["episodes"]) == module.TASK.episodes for row in runs)
+        mean, *interval = map(float, re.findall(r"-?\d+", satisfied))
+        rates = [100 * int(row["satisfied"]) / int(row["episodes"]) for row in runs]
+        assert mean == float(f"{np.mean(rates):.0f}")
+        assert len(interval) == (2 if len(runs) > 1 else 0)
+        low, high = interval or (mean, mean)
+        assert min(rates) - 0.5 <= low <= mean <= high <= max(rates) + 0.5
+
+
+def test_the_page_shows_the_pictures_and_says_how_much_was_trained() -> None:
+    for name in SCRIPTS:
+        task = script(name).TASK
+        assert f"](examples/learning_{task.name}.png)" in PAGE
+        assert f"python examples/{name}.py" in PAGE
+        assert f"{task.steps:,}".replace(",", " ") in PAGE
+
+
+def test_the_first_table_repeats_the_others() -> None:
+    summary = re.search(r"^\| task \|.*\n\|-.*\n((?:\|.*\n)+)", PAGE, re.MULTILINE)
+    assert summary is not None
+    rows = [line.strip("|").split("|") for line in summary[1].splitlines()]
+    assert len(rows) == len(SCRIPTS)
+    for row, table, name in zip(rows, tables(), SCRIPTS, strict=True):
+        satisfied = {cells[0].replace("**", ""): cells[2].replace("**", "") for cells in table}
+        shown = [cell.strip().replace("**", "") for cell in row[-3:]]
+        assert shown == [satisfied[one] for one in ("plain", "naive", script(name).TASK.ours)]
