@@ -21,6 +21,7 @@ from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.record import STOPPED
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
@@ -209,7 +210,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
 
     found = {name: compared(name, [name]) for name in a.requirements}
     adjusted = holm({name: each.p for name, each in found.items()})
-    rewards = [(one.reward, two.reward) for one, two in rows]
+    rewards = [(one.reward, two.reward) for one, two in rows if not (one.error or two.error)]
     return Comparison(
         a.system,
         a.policy,
@@ -227,6 +228,8 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
     for what, one, two in (
         ("system", a.system, b.system),
         ("period", a.period, b.period),
+        # One that is not known may be the same.
+        ("time limit", *((a.limit, b.limit) if None not in (a.limit, b.limit) else (None, None))),
     ):
         if one != two:
             raise InputError(f"cannot compare: the {what} is {one} of A and {two} of B")
@@ -276,6 +279,11 @@ def _notes(
                 f"{name} ran until its answer was known, so its rate may lean to that answer; "
                 "a comparison is sound of fixed numbers of episodes"
             )
+    if len({any(row.ended in STOPPED for row in each.record) for each in (a, b)}) == 2:
+        yield (
+            "episodes of one side alone were stopped early, which leaves requirements open and "
+            "changes robustness and returns; a comparison is sound with the same stop="
+        )
     if 2 * 0.5 ** len(rows) * requirements > LEVEL:
         yield f"{counted(len(rows), 'pair')} cannot show a difference of rates, however they end"
 

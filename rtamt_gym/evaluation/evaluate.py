@@ -84,8 +84,8 @@ def evaluate_policy(
     | ``"module:function"`` | a function of a module |
 
     A model is anything with ``predict(observation, state, episode_start, deterministic=...)`` for
-    one observation or a batch. It sees observations normalised where it was trained under a
-    ``VecNormalize``.
+    one observation or a batch. It sees observations normalised where it has its ``VecNormalize``
+    from the training; the file of a model does not hold it.
 
     An environment may have an `StlMonitor` or `StlReward`, with wrappers around it. Then the policy
     sees what they append, specifications, signals, period and readings are the monitor's unless

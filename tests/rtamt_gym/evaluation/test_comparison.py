@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Comparison, Evaluation, compare, evaluate_policy
+from rtamt_gym.search.runs.record import Record
 
 INF = math.inf
 heights = st.sampled_from([-INF, -1.5, -0.0, 0.5, 2.0, INF, FAILED])
@@ -133,6 +135,31 @@ def test_an_infinite_robustness_is_compared_by_its_median() -> None:
     )
 
 
+def test_a_time_limit_that_is_not_known_may_be_the_same() -> None:
+    assert compare(evaluation_of(NEAR), replace(evaluation_of(NEAR), limit=None)).notes
+
+
+def test_returns_of_episodes_that_failed_are_not_compared() -> None:
+    a = evaluation_of({"near": [1.0, FAILED, 1.0]}, rewards=[3.0, 50.0, 3.0])
+    b = evaluation_of({"near": [1.0, 1.0, 1.0]}, rewards=[5.0, 5.0, 5.0])
+    returns = compare(a, b).returns
+    assert returns is not None
+    assert (returns.value, returns.interval) == (2.0, (2.0, 2.0))
+
+
+def test_a_stop_of_one_side_alone_is_noted() -> None:
+    a = evaluation_of({"near": [1.0] * 9})
+    stopped = [replace(row, ended="violation") for row in a.record]
+    b = replace(a, record=Record(stopped, a.record.requirements, a.system))
+    assert compare(a, a).notes == compare(b, b).notes == ()
+    (note,) = compare(a, b).notes
+    assert note == (
+        "episodes of one side alone were stopped early, which leaves requirements open and "
+        "changes robustness and returns; a comparison is sound with the same stop="
+    )
+    assert compare(b, a).notes == (note,)
+
+
 def test_notes_tell_what_a_reader_should_know_of_the_pairs() -> None:
     a = evaluation_of({"near": [1.0, FAILED, 1.0]}, seeds=[0, 1, 2])
     b = evaluation_of({"near": [1.0, 1.0]}, seeds=[1, 2], decision={"near": "meets 0.9"})
@@ -184,6 +211,10 @@ NEAR = {"near": [1.0, 1.0]}
         (
             lambda: evaluation_of(NEAR, period=Fraction(1, 5)),
             "cannot compare: the period is 1/10 of A and 1/5 of B",
+        ),
+        (
+            lambda: replace(evaluation_of(NEAR), limit=7.0),
+            "cannot compare: the time limit is 5.0 of A and 7.0 of B",
         ),
         (
             lambda: evaluation_of({"far": [1.0]}),

@@ -143,7 +143,7 @@ def test_a_folder_is_of_one_time_limit_and_of_one_way_to_act(
         env = gym.make("Walk-v0", max_episode_steps=limit)
         return evaluation(policy, env, folder=tmp_path / name, episodes=3, **options)
 
-    monkeypatch.setitem(gym.registry, "Walk-v0", EnvSpec("Walk-v0", Walk))
+    monkeypatch.setitem(gym.registry, "Walk-v0", EnvSpec("Walk-v0", "tests.support.walks:Walk"))
 
     way_out = "; give another folder, or remove this one"
     again("limit", "zero", 4)
