@@ -17,7 +17,13 @@ from rtamt_gym.recorded.progress import silence
 if TYPE_CHECKING:  # the process ends with its parent before anything large is imported
     from rtamt_gym.search.campaigns.recipe import Recipe
 
-__all__ = ["main"]
+__all__ = ["Making", "main"]
+
+
+class Making:
+    """Whether this process is making its runner, which imports what the runner is made of."""
+
+    now = False
 
 
 def main(pipe: int, alive: int, idle: float) -> None:
@@ -32,12 +38,14 @@ def main(pipe: int, alive: int, idle: float) -> None:
     faulthandler.enable()  # it says on stderr where a simulation crashed
     silence()
     connection = Connection(pipe)
+    Making.now = True
     try:
         recipe: Recipe = pickle.loads(connection.recv_bytes())  # noqa: S301 - of our own parent
         runner = recipe.runner()
     except Exception as error:  # noqa: BLE001 - the parent raises it
         connection.send(f"{type(error).__name__}: {error}")
         return
+    Making.now = False
     connection.send("")
     with runner, suppress(EOFError):  # the end of the pipe may come before that of `alive`
         while connection.poll(idle):

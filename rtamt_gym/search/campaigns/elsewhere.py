@@ -12,6 +12,7 @@ from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.search.campaigns.child import Making
 from rtamt_gym.search.campaigns.chunks import Chunks, Rows
 from rtamt_gym.search.campaigns.process import Setup, end_processes, run_chunk
 from rtamt_gym.search.campaigns.recipe import Recipe
@@ -52,6 +53,7 @@ class Elsewhere:
         whole: Whether runs are judged once they are over, see `Whole`.
 
     Raises:
+        InputError: If a worker imports a module that makes one: each would start workers again.
         InputTypeError: If the system cannot be sent to another process.
     """
 
@@ -68,6 +70,11 @@ class Elsewhere:
             from rtamt_gym.search.campaigns import workers
         except ModuleNotFoundError as error:
             raise naming_extra(error, "n_jobs=") from error
+        if Making.now:
+            raise InputError(
+                "a module that workers import starts workers itself while it is imported; put the "
+                'call below if __name__ == "__main__":'
+            )
         self._workers = workers
         self._runner = runner
         self._n_jobs, self._backend, self._timeout = n_jobs, backend, timeout

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -71,3 +73,25 @@ def test_an_interrupted_campaign_leaves_no_process_and_goes_on(
     assert sorted(map(float, left)) == [
         row.case["inflow"] for row in whole if row not in partly.rows
     ]
+
+
+UNGUARDED = """
+from rtamt_gym import Parameter, sweep
+def tank(inflow):
+    yield {"level": inflow}
+space = [Parameter("inflow", 0, 1)]
+sweep(tank, "always(level < 2)", space, samples=2, period=1, n_jobs=2)
+"""
+
+
+def test_a_module_that_starts_workers_while_they_import_it_starts_no_more(tmp_path: Path) -> None:
+    (tmp_path / "unguarded.py").write_text(UNGUARDED)
+    command = [sys.executable, "-c", "import unguarded"]
+    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 1
+    assert ran.stderr.splitlines()[-1] == (
+        "rtamt.errors.InputError: another process cannot make the system: InputError: a module "
+        "that workers import starts workers itself while it is imported; put the call below "
+        'if __name__ == "__main__":; give the id of a registered environment, or a function of '
+        "what can be imported or pickled"
+    )
