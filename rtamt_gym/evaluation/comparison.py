@@ -16,6 +16,7 @@ from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
+from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.evaluation.tables import comparison_table
 from rtamt_gym.search.runs.requirements import Requirements
@@ -149,8 +150,9 @@ def compare(
         the p-value of McNemar's exact test, and the paired difference of the robustness.
 
     Raises:
-        InputError: If two evaluations cannot be paired, because their systems, periods or
-            requirements differ or they have no seed in common; or as `evaluate_policy` does.
+        InputError: If two evaluations cannot be paired, because their systems, periods, time
+            limits or requirements differ, their episodes were read differently, or they have no
+            seed in common; or as `evaluate_policy` does.
         InputTypeError: If they are neither two evaluations nor two policies with an environment.
     """
     own = {"env": env, "specs": specs, "signals": signals}
@@ -224,7 +226,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
 
 
 def _check_alike(a: Evaluation, b: Evaluation) -> None:
-    """Refuses evaluations of other systems, periods or requirements."""
+    """Refuses evaluations of other systems, periods or requirements, or that read otherwise."""
     for what, one, two in (
         ("system", a.system, b.system),
         ("period", a.period, b.period),
@@ -242,6 +244,8 @@ def _check_alike(a: Evaluation, b: Evaluation) -> None:
     for name, text in texts_a.items():
         if text != texts_b[name]:
             raise InputError(f"cannot compare: {name} is {text} of A and {texts_b[name]} of B")
+    if a.reading is not None and b.reading is not None:
+        check_read_alike(a.reading, b.reading)
 
 
 def _seeds(of: Evaluation) -> str:

@@ -17,6 +17,7 @@ from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.simulation.models import Model
+from rtamt_gym.simulation.monitors import monitor_of
 from rtamt_gym.simulation.simulation import Simulation
 from rtamt_gym.simulation.systems import Policy
 
@@ -35,6 +36,7 @@ class Episodes(Runner):
     Attributes:
         evaluated: The policy.
         unasked: Whether nobody has said what the environment's own end means.
+        monitor: The monitor of the environment, or None.
 
     Args:
         env: The environment, or a function that makes one.
@@ -66,6 +68,7 @@ class Episodes(Runner):
         made = made or (env if isinstance(env, gym.Env) else env())
         self.evaluated = evaluated(policy, made, deterministic=deterministic)
         options = {"batch": n_envs, **options}
+        self.monitor = monitor_of(made)
         super().__init__(made, requirements, policies=self.evaluated.make, **options)
         self.unasked = self._simulated.get("at_termination") is None
         if self.unasked:  # else every episode would warn

@@ -17,6 +17,7 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation, rank
 from rtamt_gym.evaluation.frames import Filming, Frame
+from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judges.ends import warn_of_open_end
@@ -219,6 +220,7 @@ def evaluate_policy(
         None if stopping is None else dict(stopping.decisions),
         runs,
         frames,
+        reading_of(runner),
         runner,
     )
 

@@ -115,6 +115,9 @@ class Evaluation:
         frames: Pictures of the worst episodes, by their seed: of an environment with
             ``render_mode="rgb_array"`` about 12 to 24, evenly spread, at the end, and where the
             episode had violated a requirement; they are at most 320 pixels wide and high.
+        reading: How the episodes were read and judged: the options of `evaluate_policy` for that,
+            by name, and under ``"signals"`` what each variable reads, None for a function. None:
+            it is not known, as of a file that an older version has written.
     """
 
     record: Record
@@ -126,6 +129,7 @@ class Evaluation:
     decision: Mapping[str, str] | None = None
     worst_runs: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
     frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
+    reading: Mapping[str, Any] | None = None
     _runner: Runner | None = None
 
     @cached_property
@@ -302,6 +306,7 @@ class Evaluation:
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
+    "reading",
 )
 
 

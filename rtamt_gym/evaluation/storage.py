@@ -61,6 +61,7 @@ def written(evaluation: Any) -> str:  # noqa: ANN401 - that module imports this 
             "limit": _finite(evaluation.limit),
             "seed": evaluation.seed,
             "decision": None if evaluation.decision is None else dict(evaluation.decision),
+            "reading": evaluation.reading,
             "requirements": dict(evaluation.record.requirements),
             "results": {name: _result(result) for name, result in results.items()},
             "episodes": _finite(evaluation.record.columns()),
@@ -123,6 +124,7 @@ def _fields(kept: Mapping[str, Any]) -> dict[str, Any]:
             name: tuple(runs[i] for i in places) for name, places in kept["worst_runs"].items()
         },
         "frames": frames,
+        "reading": kept.get("reading"),  # files of older versions have none
         **{name: kept[name] for name in ("system", "policy", "seed", "decision")},
     }
 

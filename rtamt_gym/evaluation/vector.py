@@ -49,6 +49,7 @@ class VectorEpisodes(Runner):
     Attributes:
         evaluated: The policy.
         unasked: Whether nobody has said what the environment's own end means.
+        monitor: The monitor of the environment, or None.
 
     Args:
         env: The vector environment, or a function that makes one.
@@ -74,13 +75,13 @@ class VectorEpisodes(Runner):
     ) -> None:
         self._given = env
         self._env: Vector = made or (env if isinstance(env, VectorEnv) else env())
-        self._monitor = _monitor_of(self._env)
-        self._inside: Vector = self._env if self._monitor is None else self._monitor.env
+        self.monitor = _monitor_of(self._env)
+        self._inside: Vector = self._env if self.monitor is None else self.monitor.env
         stop, duration = options.pop("stop", "end"), options.pop("duration", None)
         check_options(
             {name: options[name] for name in options if name not in {"signals", "period"}}
         )
-        requirements, reading = with_own_monitor(self._monitor, requirements, options)
+        requirements, reading = with_own_monitor(self.monitor, requirements, options)
         spec = self._env.spec
         self.name = spec.id if spec else type(self._env.unwrapped).__name__
         own = own_requirements(self._env)
@@ -117,8 +118,8 @@ class VectorEpisodes(Runner):
         specs = self.requirements.values()
         variables = list(dict.fromkeys(name for spec in specs for name in spec.variables))
         known = {**own_signals(self._inside)}
-        if self._monitor is not None:
-            known |= self._monitor.judging["signals"] or {}
+        if self.monitor is not None:
+            known |= self.monitor.judging["signals"] or {}
         parsed = parse_signals(self._signals or {}, variables, SOURCES, extra=True, own=known)
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
         self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
@@ -204,9 +205,9 @@ class VectorEpisodes(Runner):
         todo = deque(tasks)
         with ExitStack() as stack:
             tap = None
-            if self._monitor is not None:
+            if self.monitor is not None:
                 tap = VectorTap(self._inside)
-                stack.enter_context(self._monitor.tapped(tap))
+                stack.enter_context(self.monitor.tapped(tap))
             waves = Waves(self._env, self._make, self._columns, self._places, lanes, tap)
             while todo:
                 yield from waves.play(todo)

@@ -11,9 +11,9 @@ from gymnasium.envs.registration import EnvSpec
 from rtamt import InputError
 from rtamt_gym.wrappers.monitor import StlMonitor
 
-__all__ = ["Tap", "monitor_of", "with_own_monitor"]
+__all__ = ["DEFAULTS", "Tap", "monitor_of", "with_own_monitor"]
 
-_DEFAULTS: Final[Mapping[str, Any]] = {
+DEFAULTS: Final[Mapping[str, Any]] = {
     "view": "episode",
     "nan": "raise",
     "semantics": "standard",
@@ -50,7 +50,7 @@ def with_own_monitor(
         return specs, {**options}
     own = dict(monitor.judging)
     for name, value in options.items():
-        if name in own and value not in (_DEFAULTS.get(name), own[name]):
+        if name in own and value not in (DEFAULTS.get(name), own[name]):
             raise InputError(
                 f"{name}= comes from the monitor of the environment, which has {own[name]!r}, got "
                 f"{value!r}; leave it out, or give specifications with it"

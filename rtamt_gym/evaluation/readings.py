@@ -1,0 +1,74 @@
+"""How the episodes of an evaluation were read: kept with it, and compared with that of another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+from rtamt import InputError
+from rtamt_gym.signals.signals import Reading, own_signals
+from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.simulation.monitors import DEFAULTS
+
+if TYPE_CHECKING:
+    from rtamt_gym.evaluation.episodes import Episodes
+    from rtamt_gym.evaluation.vector import VectorEpisodes
+
+__all__ = ["check_read_alike", "reading_of"]
+
+_CHOICES: Final = ("view", "nan", "align", "semantics", "at_termination", "at_truncation")
+_NAMES: Final = ("inputs", "outputs")
+
+
+def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
+    """How a runner reads and judges episodes, as JSON can write it.
+
+    The signals are those of the variables that requirements have, wherever they come from; of a
+    function it is not known what it reads: None.
+    """
+    given = runner.arguments
+    found: dict[str, Any] = {name: given.get(name, DEFAULTS.get(name)) for name in _CHOICES}
+    for name in _NAMES:
+        names = given.get(name)
+        found[name] = None if names is None else sorted(names)
+    monitor = runner.monitor
+    signals = {
+        **own_signals(runner.system),
+        **((monitor.judging["signals"] or {}) if monitor is not None else {}),
+        **(given.get("signals") or {}),
+    }
+    variables = {name for spec in runner.requirements.values() for name in spec.variables}
+    found["signals"] = {
+        name: _text(Reading.parse(name, signals[name], SOURCES))
+        for name in sorted(variables)
+        if name in signals
+    }
+    return found
+
+
+def check_read_alike(a: Mapping[str, Any], b: Mapping[str, Any]) -> None:
+    """Refuses evaluations whose episodes were read differently, as far as that is known."""
+    differences = [f"{name} is {one!r} of A and {two!r} of B" for name, one, two in _pairs(a, b)]
+    if differences:
+        raise InputError(
+            "cannot compare, for the episodes were read differently: "
+            f"{', '.join(differences)}; evaluate both with the same"
+        )
+
+
+def _pairs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """What differs, with the values of both."""
+    for name in a:
+        if name != "signals" and name in b and a[name] != b[name]:
+            yield f"{name}=", a[name], b[name]
+    one, two = a.get("signals", {}), b.get("signals", {})
+    for name in one:
+        if None not in (one[name], two.get(name)) and one[name] != two[name]:
+            yield f"the signal {name}", one[name], two[name]
+
+
+def _text(signal: Reading) -> str | None:
+    """What a signal reads, and its value at reset if it was given one."""
+    if signal.source is None:
+        return None
+    return str(signal) if signal.default is None else f"{signal}, {signal.default!r} at reset"
