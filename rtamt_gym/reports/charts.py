@@ -144,8 +144,10 @@ def _histogram(requirement: Requirement, noun: str) -> Chart:
         rows.append((number(math.inf), str(found.above)))
     negative = sum(math.copysign(1.0, value) < 0 for value in values)
     low, middle, high = (number(requirement.quantiles[share]) for share in ("0.25", "0.5", "0.75"))
+    they = "it" if requirement.by_end == 1 else "they"
+    by_end = f", {requirement.by_end} violated by how {they} ended" if requirement.by_end else ""
     parts = [
-        f"{negative} of {count_of(len(values), noun)} below zero.",
+        f"{negative} of {count_of(len(values), noun)} below zero{by_end}.",
         f"Median {middle}, middle half {low} to {high}.",
         f"Least {number(values[0])}, greatest {number(values[-1])}.",
     ]
@@ -161,7 +163,7 @@ def _histogram(requirement: Requirement, noun: str) -> Chart:
         "Robustness",
         " ".join(parts),
         240,
-        {**plain(found), "noun": noun},
+        {**plain(found), "noun": noun, "by_end": requirement.by_end},
         Table(("robustness", f"{noun}s"), tuple(rows)),
     )
 

@@ -195,6 +195,7 @@ class Requirement:
         left_out: How many episodes ``trials`` leaves out, which shows the worst 500.
         worst: The worst episodes in full, worst first.
         note: A sentence, such as what the early end of episodes saved; may be empty.
+        by_end: How many episodes are violated by how they ended, at a robustness above zero.
     """
 
     name: str
@@ -210,6 +211,7 @@ class Requirement:
     left_out: int = 0
     worst: tuple[Episode, ...] = ()
     note: str = ""
+    by_end: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -112,8 +112,15 @@ def requirement_of(
         trials=tuple(trials[:TRIALS]),
         left_out=max(0, len(trials) - TRIALS),
         worst=tuple(worst),
+        by_end=sum(map(_by_end, trials)),
         **also,
     )
+
+
+def _by_end(trial: Trial) -> bool:
+    """Whether it is violated by its end alone: its robustness, which says so else, is above."""
+    height = trial.robustness
+    return trial.verdict == "violated" and height is not None and height > 0
 
 
 def cases_of(record: Record) -> Cases | None:

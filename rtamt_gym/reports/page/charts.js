@@ -66,7 +66,7 @@ function histogram(chart, c) {
   const top = { yref: "paper", y: 1, yanchor: "bottom", xref: "x", x: 0 };
   const sides = [
     note(c, "✗ violated", { ...top, xanchor: "right", xshift: -6, font: { size: 11, color: c["violated-ink"] } }),
-    note(c, "✓ satisfied", { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: c["satisfied-ink"] } }),
+    note(c, chart.by_end ? `✓ satisfied but ${chart.by_end}` : "✓ satisfied", { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: c["satisfied-ink"] } }),
   ].filter((_, i) => (i === 0 ? low < 0 : high > 0));
   return {
     traces: [

@@ -1,15 +1,18 @@
 """The section of an evaluation says what the evaluation has, and shows its worst episodes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from made_results import evaluation, row, wave
 
-from rtamt import evaluate
+from rtamt import Verdict, evaluate
+from rtamt_gym.reports.charts import charts_of
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.of_evaluation import of_evaluation
 from rtamt_gym.reports.series import ROOM
+from rtamt_gym.search.runs.rows import Outcome
 
 ROWS = [
     row({"low": 1.0, "seen": -1.0}, seed=7, at=1.0, reward=5.0),
@@ -100,3 +103,23 @@ def test_what_sequential_stopping_decided_is_said() -> None:
         "Sequential stopping after 5 episodes: the rate of low falls short of 0.9.",
         "Sequential stopping after 5 episodes: the rate of seen is known to 0.05.",
     )
+
+
+@pytest.mark.parametrize(
+    ("violated", "words"),
+    [
+        ([1.0, -2.0, -0.1], "2 of 4 episodes below zero, 1 violated by how it ended. "),
+        ([0.1, 1.0, math.inf], "0 of 4 episodes below zero, 3 violated by how they ended. "),
+        ([-1.0, -math.inf, -0.1], "3 of 4 episodes below zero. "),
+    ],
+)
+def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], words: str) -> None:
+    rows = [row({"low": 3.0, "seen": 3.0}, seed=7)]
+    for seed, height in enumerate(violated, 8):
+        outcome = Outcome(height, height, height, Verdict.VIOLATED, 2.0)
+        rows.append(replace(rows[0], seed=seed, outcomes={"low": outcome, "seen": outcome}))
+    section = of_evaluation(evaluation(rows, {}), ROOM)
+    assert len(section.requirements) == 3
+    for requirement in section.requirements:
+        (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
+        assert histogram.summary.startswith(words)
