@@ -212,7 +212,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
 
     found = {name: compared(name, [name]) for name in a.requirements}
     adjusted = holm({name: each.p for name, each in found.items()})
-    rewards = [(one.reward, two.reward) for one, two in rows if not (one.error or two.error)]
+    rewards = [(a.returns[places[0][seed]], b.returns[places[1][seed]]) for seed in seeds]
     return Comparison(
         a.system,
         a.policy,
@@ -220,7 +220,7 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
         tuple(seeds),
         {name: replace(each, adjusted=adjusted[name]) for name, each in found.items()},
         compared(SUCCESS, list(a.requirements)),
-        _effect([(math.nan if x is None else x, math.nan if y is None else y) for x, y in rewards]),
+        _effect(rewards),
         tuple(_notes(a, b, rows, len(found))),
     )
 

@@ -159,8 +159,12 @@ class Evaluation:
 
     @cached_property
     def returns(self) -> Floats:
-        """The sum of the environment's own rewards, by episode; nan where there is none."""
-        return self.record.numbers("return")
+        """The sum of the environment's own rewards, by episode.
+
+        It is nan where there is none, and where an error ended the episode: that is a part.
+        """
+        failed = [bool(row.error) for row in self.record]
+        return np.where(failed, math.nan, self.record.numbers("return"))
 
     @cached_property
     def lengths(self) -> Floats:

@@ -91,7 +91,7 @@ def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
 
     * ``rate``, ``low``, ``high``: share of the episodes that satisfied all requirements, and its
       95 % interval
-    * ``return``: mean of the returns; absent if there are none
+    * ``return``: mean of the returns of the episodes that no error ended; absent if none has one
     * ``NAME/rate``, ``NAME/low``, ``NAME/high``: the same for each requirement
     * ``NAME/robustness_p5``, ``_median``, ``_p95``, ``NAME/first_violation``: as in `metrics_of`
     """

@@ -53,6 +53,13 @@ def test_columns_of_open_and_failed_episodes_stand_where_there_are_some() -> Non
     assert evaluation_table(mixed).endswith("1 simulation of 3 failed, 1 with:\n  ValueError: no")
 
 
+def test_the_mean_return_leaves_out_episodes_that_failed() -> None:
+    mixed = evaluation_of({"near": [0.5, FAILED, 1.0]}, rewards=[10.0, -500.0, 30.0])
+    assert "return 20 on average, length 5 s on average" in evaluation_table(mixed).splitlines()
+    failed = evaluation_of({"near": [FAILED, FAILED]}, rewards=[1.0, 2.0])
+    assert "return" not in evaluation_table(failed)
+
+
 def test_an_evaluation_whose_episodes_all_failed_has_a_table() -> None:
     failed = evaluation_of({"near": [FAILED, FAILED]})
     assert evaluation_table(failed).splitlines()[3:5] == [

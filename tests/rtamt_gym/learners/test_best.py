@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from evaluations import FAILED, evaluation_of
 
 from rtamt_gym import evaluate_policy
 from rtamt_gym.evaluation.evaluation import Evaluation
@@ -86,3 +87,13 @@ def test_the_best_has_most_successes_and_of_equals_the_greatest_return() -> None
         *(True, True, False, False, True, False, False)
     ]
     assert best.evaluation is some
+
+
+def test_returns_of_episodes_that_failed_are_no_tie_break() -> None:
+    whole = evaluation_of({"near": [-1.0, FAILED, -1.0]}, rewards=[10.0, 0.0, 10.0])
+    part = evaluation_of({"near": [-1.0, FAILED, -1.0]}, rewards=[9.0, 500.0, 9.0])
+    assert evaluation_metrics(whole)["return"] == 10.0
+    assert np.isnan(part.returns).tolist() == [False, True, False]
+    best = Best()
+    assert [best.add(part), best.add(whole), best.add(part)] == [True, True, False]
+    assert "return" not in evaluation_metrics(evaluation_of({"near": [FAILED]}, rewards=[3.0]))
