@@ -121,7 +121,7 @@ TASK = Task(
         "dqn-progress-state",
     ),
     ours="progress-state",
-    drawn=("plain", "naive", "sparse-state", "progress-state", "progress-stack", "progress-lstm"),
+    drawn=("plain", "naive", "sparse-state", "progress-state"),
     first_seed=300,
     steps=98_304,
     points=12,

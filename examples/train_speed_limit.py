@@ -35,8 +35,9 @@ def trained(variant: str) -> gym.Env[Any, Any]:
         case "sparse":  # 1 at the end of an episode that satisfies both, and nothing else
             env = StlMonitor(env, **both)
             return Paying(env, lambda _, ended, info: ended and info["stl_success"])
-        case "naive":  # the robustness of the samples so far, of both
-            return StlReward(env, mode="replace", clip=1.0, weights={"far": 0.1}, **both)
+        case "naive" | "naive-wide":  # the robustness of the samples so far, of both
+            clip = 3.0 if variant == "naive-wide" else 1.0
+            return StlReward(env, mode="replace", clip=clip, weights={"far": 0.1}, **both)
         case "add":
             return StlReward(env, mode="add", clip=1.0, **slow)
         case "add-step":
@@ -75,7 +76,17 @@ TASK = Task(
     period=None,
     seen=lambda _: made(),
     learner=learner,
-    variants=("plain", "sparse", "naive", "add", "add-step", "cost", "truncate", "terminate"),
+    variants=(
+        "plain",
+        "sparse",
+        "naive",
+        "naive-wide",
+        "add",
+        "add-step",
+        "cost",
+        "truncate",
+        "terminate",
+    ),
     ours="terminate",
     drawn=("plain", "naive", "truncate", "terminate"),
     first_seed=100,

@@ -209,9 +209,8 @@ def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
     for variant, style in zip(task.drawn, cycle(["-", "--"]), strict=False):  # one may hide another
         if variant in curves:
             steps, rates = curves[variant].steps[0] / 1000, 100 * curves[variant].rates
-            (line,) = axes.plot(
-                steps, rates.mean(axis=0), linestyle=style, marker=".", label=variant
-            )
+            label = f"{variant}, {len(rates)} runs"
+            (line,) = axes.plot(steps, rates.mean(axis=0), style, marker=".", label=label)
             if len(rates) > 1:
                 low, high = np.array([bootstrap(column) for column in rates.T]).T
                 axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
