@@ -131,8 +131,9 @@ def relabel(
             ``seed`` and ``options``.
         specs: As for `StlMonitor`.
         signals: As for `StlMonitor`, but for the selectors that read a simulation. An ``info``
-            needs an entry for every step, or also for the reset; its default stands for a nan
-            there too. A callable gets a `Step` for every sample, whose ``env`` is None.
+            needs an entry for every step, or also for the reset, and always a default, which
+            stands where there is none for the reset, or nan. A callable gets a `Step` for every
+            sample, whose ``env`` is None.
         dataset_id: The name of a new dataset of Minari for the result, such as
             ``"cart/satisfied-v0"``; None: the result is a list.
         keep: ``"satisfied"`` keeps the episodes that satisfy all specifications; a function keeps

@@ -121,8 +121,11 @@ def evaluate_policy(
         backend: Where the processes run: None: on this machine; ``"dask"``, ``"ray"``.
         timeout: Seconds that an episode may take, in a process of its own; one that takes longer is
             ended and counts as failed.
-        folder: A folder for finished episodes: the same call goes on there after an interruption. A
-            policy that is a function is known by its name alone.
+        folder: A folder for finished episodes: the same call goes on there after an interruption.
+            Another call is refused, as far as it is known to be one. A policy or a signal that is a
+            function is known by its name alone, and an environment that a function makes, or that
+            has no id, by its name and time limit; wrappers are not seen. Take another folder where
+            one of them changes. An environment of ``gym.make`` is known with its arguments.
         stop: When to stop an episode, see above and `simulate`.
         deterministic: Whether a model gives the action that it holds for best, or draws one.
         until_width: Stops once the interval of every rate is at most so wide.

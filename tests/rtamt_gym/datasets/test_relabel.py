@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from recordings import difference, monitored, record
 from replay import INF, Replay, X, shaping_options
 
+from rtamt import InputError
 from rtamt_gym import relabel
 from rtamt_gym.datasets import relabel as module
 from rtamt_gym.judges.costs import Cost
@@ -153,6 +154,12 @@ def test_the_infos_of_a_reset_are_read_where_they_are() -> None:
         raw["infos"] = {"s": np.array(entries)}
         (found,) = relabel([raw], "always(s > 0)", signals)
         assert found.infos["robustness"].tolist() == [first, 1.0, 1.0]
+        with pytest.raises(InputError) as refused:
+            relabel([raw], "always(s > 0)", {"s": "info['s']"})
+        assert str(refused.value) == (
+            "signal 's': info['s'] may have no value at reset; say what it is there: "
+            '"s": ("info[\'s\']", 0.0)'
+        )
 
 
 def test_details_are_those_of_every_specification() -> None:

@@ -139,8 +139,14 @@ def test_the_result_does_not_depend_on_how_episodes_are_played(tmp_path: Path) -
 def test_a_folder_is_of_one_time_limit_and_of_one_way_to_act(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def again(name: str, policy: Any, limit: int, **options: Any) -> Evaluation:  # noqa: ANN401
-        env = gym.make("Walk-v0", max_episode_steps=limit)
+    def again(
+        name: str,
+        policy: Any,  # noqa: ANN401
+        limit: int,
+        goal: float = 3.0,
+        **options: Any,  # noqa: ANN401
+    ) -> Evaluation:
+        env = gym.make("Walk-v0", max_episode_steps=limit, goal=goal)
         return evaluation(policy, env, folder=tmp_path / name, episodes=3, **options)
 
     monkeypatch.setitem(gym.registry, "Walk-v0", EnvSpec("Walk-v0", "tests.support.walks:Walk"))
@@ -151,6 +157,13 @@ def test_a_folder_is_of_one_time_limit_and_of_one_way_to_act(
         again("limit", "zero", 8)
     assert str(refused.value) == (
         f"{tmp_path / 'limit'} holds another campaign: its time limit is 2.0, not 4.0{way_out}"
+    )
+    again("arguments", "zero", 4, goal=2.0)
+    with pytest.raises(InputError) as refused:
+        again("arguments", "zero", 4, goal=3.0)
+    assert str(refused.value) == (
+        f"{tmp_path / 'arguments'} holds another campaign: its arguments of the system is "
+        f'{{"goal": 2.0}}, not {{"goal": 3.0}}{way_out}'
     )
     again("acting", Model(), 4)
     with pytest.raises(InputError) as refused:
