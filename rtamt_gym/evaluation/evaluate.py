@@ -73,7 +73,7 @@ def evaluate_policy(
 
     Episode i has the seed ``seed + i``: that of its reset, and of whatever is random in the policy.
     The result depends on nothing else: not on how many episodes run side by side, in which process,
-    or which is over first.
+    or which is over first; but see ``n_envs`` for networks.
 
     | policy | who acts |
     |---|---|
@@ -115,8 +115,8 @@ def evaluate_policy(
         episodes: How many episodes are played.
         seed: The seed of the first episode; each further one has one more.
         n_envs: How many episodes run side by side in a process: a model that gives the action that
-            it holds for best acts in all of them at once. A network may give other last bits for a
-            batch than for one observation.
+            it holds for best acts in all of them at once. A network may round otherwise for a batch
+            than for one observation; in a chaotic simulation that can change single verdicts.
         n_jobs: How many processes play episodes; -1: as many as there are cores. None: this one.
         backend: Where the processes run: None: on this machine; ``"dask"``, ``"ray"``.
         timeout: Seconds that an episode may take, in a process of its own; one that takes longer is
