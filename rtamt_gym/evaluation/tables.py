@@ -14,6 +14,7 @@ from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.evaluation.sentences import effect_sentence, p_text, points, short
 from rtamt_gym.search.runs.report import failures
+from rtamt_gym.search.runs.rows import open_at_stop
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
@@ -111,7 +112,9 @@ def _of_evaluation(evaluation: Any) -> Parts:  # noqa: ANN401
         [name for name, _, _ in shown],
         [(each.name, [_cell(cell(each), style) for _, cell, style in shown]) for each in results],
     )
-    yield _line("least, median: of the robustness")
+    stopped = {i for name in evaluation.requirements for i in open_at_stop(evaluation.record, name)}
+    at_stop = f" (at the stop in {counted(len(stopped), 'open episode')})" if stopped else ""
+    yield _line(f"least, median: of the robustness{at_stop}")
     yield ""
     for each in evaluation.requirements.values():
         yield _line(f"{each.name}: {each.formula}")

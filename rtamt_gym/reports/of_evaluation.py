@@ -13,7 +13,7 @@ from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
 from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.reports.episodes import WORDS, episode_of_run, in_words_of
 from rtamt_gym.reports.model import Episode, Fact, Frame, Requirement, Section, Trial
-from rtamt_gym.reports.rows import labelled, requirement_of, trials_of, worst_first
+from rtamt_gym.reports.rows import at_stop, labelled, requirement_of, trials_of, worst_first
 from rtamt_gym.reports.series import six
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
@@ -81,7 +81,9 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
         [_episode(evaluation, run, name, room, episodes) for run in runs],
         rate=result.rate,
         interval=result.interval,
-        note=_saved(evaluation, result),
+        note=" ".join(
+            filter(None, (_saved(evaluation, result), at_stop(evaluation.record, name, "episode")))
+        ),
     )
 
 

@@ -14,7 +14,7 @@ from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import Episode, Fact, Requirement, Section
-from rtamt_gym.reports.rows import cases_of, labelled, requirement_of, trials_of
+from rtamt_gym.reports.rows import at_stop, cases_of, labelled, requirement_of, trials_of
 from rtamt_gym.reports.series import rounded, six
 from rtamt_gym.reports.views import HeatMap
 from rtamt_gym.search.runs.record import Record
@@ -110,6 +110,7 @@ def requirements_of(
                 [_episode(record, run, name, room, episodes) for run in runs],
                 rate=None if rate is None else rate / len(trials),
                 interval=None if rate is None else wilson(rate, len(trials)),
+                note=at_stop(record, name, "simulation"),
             )
         )
     return tuple(found)

@@ -12,10 +12,12 @@ from rtamt_gym.reports.model import Counts, Episode, Requirement, Trial
 from rtamt_gym.reports.series import evenly, six
 from rtamt_gym.reports.views import Cases, Word
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.search.runs.rows import Row, open_at_stop
+from rtamt_gym.tables import counted
 
 __all__ = [
     "TRIALS",
+    "at_stop",
     "cases_of",
     "counts_of",
     "labelled",
@@ -121,6 +123,18 @@ def _by_end(trial: Trial) -> bool:
     """Whether it is violated by its end alone: its robustness, which says so else, is above."""
     height = trial.robustness
     return trial.verdict == "violated" and height is not None and height > 0
+
+
+def at_stop(record: Record, name: str, noun: str) -> str:
+    """The sentence on robustness that is that at an early stop; empty if there is none."""
+    count = len(open_at_stop(record, name))
+    if not count:
+        return ""
+    was, their = ("was", "its") if count == 1 else ("were", "their")
+    return (
+        f"{counted(count, f'undecided {noun}')} {was} stopped early: {their} robustness is that "
+        "at the stop."
+    )
 
 
 def cases_of(record: Record) -> Cases | None:

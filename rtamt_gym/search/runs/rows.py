@@ -9,10 +9,10 @@ from typing import Any, Final
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.simulation.record import RunEnd
+from rtamt_gym.simulation.record import STOPPED, RunEnd
 from rtamt_gym.simulation.run import Run
 
-__all__ = ["MEASURES", "OF_ROW", "Outcome", "Row", "seconds"]
+__all__ = ["MEASURES", "OF_ROW", "Outcome", "Row", "open_at_stop", "seconds"]
 
 MEASURES: Final = ("robustness", "lower", "upper", "verdict", "decided_at")
 """The columns of a requirement, written ``robustness(NAME)``."""
@@ -119,3 +119,17 @@ class Row:
 def seconds(sample: int, period: Fraction | None) -> float:
     """The time of a sample; its number if there is no period."""
     return float(sample * (period or 1))
+
+
+def open_at_stop(rows: Iterable[Row], name: str) -> list[int]:
+    """The places of rows that were stopped early and leave a requirement open.
+
+    Their robustness is that at the stop: had they gone on, it could be another.
+    """
+    return [
+        i
+        for i, row in enumerate(rows)
+        if row.ended in STOPPED
+        and name in row.outcomes
+        and row.outcomes[name].verdict is Verdict.UNDECIDED
+    ]

@@ -2,14 +2,17 @@
 
 import math
 from contextlib import redirect_stdout
+from dataclasses import replace
 from io import StringIO
 
+import pytest
 from evaluations import FAILED, evaluation_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtamt_gym import compare
 from rtamt_gym.evaluation.tables import evaluation_table, show
+from rtamt_gym.search.runs.record import Record
 
 LONG = "never_closer_than_the_braking_distance_allows_at_any_time"
 
@@ -58,6 +61,17 @@ def test_the_mean_return_leaves_out_episodes_that_failed() -> None:
     assert "return 20 on average, length 5 s on average" in evaluation_table(mixed).splitlines()
     failed = evaluation_of({"near": [FAILED, FAILED]}, rewards=[1.0, 2.0])
     assert "return" not in evaluation_table(failed)
+
+
+@pytest.mark.parametrize(
+    ("ended", "said"),
+    [("violation", " (at the stop in 2 open episodes)"), ("truncated", ""), ("duration", "")],
+)
+def test_robustness_at_an_early_stop_of_open_episodes_is_marked(ended: str, said: str) -> None:
+    made = evaluation_of({"near": [0.5, 2.0, 1.0], "slow": [0.5, 2.0, 1.0]}, undecided=[0, 2])
+    rows = [replace(row, ended=ended) for row in made.record]
+    stopped = replace(made, record=Record(rows, made.record.requirements, made.system))
+    assert f"least, median: of the robustness{said}" in str(stopped).splitlines()
 
 
 def test_an_evaluation_whose_episodes_all_failed_has_a_table() -> None:

@@ -11,6 +11,7 @@ from rtamt import Verdict, evaluate
 from rtamt_gym.reports.charts import charts_of
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.of_evaluation import of_evaluation
+from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.search.runs.rows import Outcome
 
@@ -123,3 +124,18 @@ def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], 
     for requirement in section.requirements:
         (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
         assert histogram.summary.startswith(words)
+
+
+def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:
+    ends = [(0.5, "violation"), (0.5, "violation"), (1.0, "violation"), (0.5, "truncated")]
+    rows = [
+        replace(row({"low": 1.0 if i else 0.5, "seen": seen}, seed=7 + i), ended=ended)
+        for i, (seen, ended) in enumerate(ends)
+    ]
+    low, seen, _ = of_evaluation(evaluation(rows, {}), ROOM).requirements
+    (again, _) = of_record(evaluation(rows, {}).record, ROOM).requirements
+    assert low.note == "1 undecided episode was stopped early: its robustness is that at the stop."
+    assert seen.note == (
+        "2 undecided episodes were stopped early: their robustness is that at the stop."
+    )
+    assert again.note == low.note.replace("episode", "simulation")
