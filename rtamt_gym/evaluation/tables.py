@@ -110,7 +110,14 @@ def _of_evaluation(evaluation: Any) -> Parts:  # noqa: ANN401
     shown = [column for column in columns if column[0] not in left_out]
     yield _table(
         [name for name, _, _ in shown],
-        [(each.name, [_cell(cell(each), style) for _, cell, style in shown]) for each in results],
+        [
+            # The name of all at once is short, so that it is never cut.
+            (
+                "all" if each is evaluation.success else each.name,
+                [_cell(cell(each), style) for _, cell, style in shown],
+            )
+            for each in results
+        ],
     )
     stopped = {i for name in evaluation.requirements for i in open_at_stop(evaluation.record, name)}
     at_stop = f" (at the stop in {counted(len(stopped), 'open episode')})" if stopped else ""

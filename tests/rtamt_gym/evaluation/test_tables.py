@@ -29,10 +29,10 @@ def test_an_evaluation_is_a_table_of_its_requirements() -> None:
         "Task-v0 under sb3:ppo.zip",
         "4 episodes, seeds 5 to 8",
         "",
-        "requirement       satisfied   95% interval  violated  least  median",
-        "near                  75.0%   30.1 to 95.4         1  -0.25     0.5",
-        "slow                 100.0%  51.0 to 100.0         0      1       2",
-        "all requirements      75.0%   30.1 to 95.4         1  -0.25     0.5",
+        "requirement  satisfied   95% interval  violated  least  median",
+        "near             75.0%   30.1 to 95.4         1  -0.25     0.5",
+        "slow            100.0%  51.0 to 100.0         0      1       2",
+        "all              75.0%   30.1 to 95.4         1  -0.25     0.5",
         "least, median: of the robustness",
         "",
         "near: always(near > 0)",
@@ -61,6 +61,15 @@ def test_the_mean_return_leaves_out_episodes_that_failed() -> None:
     assert "return 20 on average, length 5 s on average" in evaluation_table(mixed).splitlines()
     failed = evaluation_of({"near": [FAILED, FAILED]}, rewards=[1.0, 2.0])
     assert "return" not in evaluation_table(failed)
+
+
+def test_the_row_of_all_requirements_is_named_whole_beside_all_columns() -> None:
+    heights = [-1.23456e-7, FAILED, -123456.7]
+    mixed = evaluation_of({"near": heights, LONG: heights}, undecided=[2])
+    _, head, _, long, every = evaluation_table(mixed).splitlines()[2:7]
+    assert head.split()[-4:] == ["open", "failed", "least", "median"]
+    assert "\N{HORIZONTAL ELLIPSIS}" in long
+    assert every.startswith("all  ")
 
 
 @pytest.mark.parametrize(
