@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rtamt_gym import compare
 from rtamt_gym.evaluation.tables import evaluation_table, show
 from rtamt_gym.search.runs.record import Record
+from rtamt_gym.simulation.record import RunEnd
 
 LONG = "never_closer_than_the_braking_distance_allows_at_any_time"
 
@@ -76,7 +77,7 @@ def test_the_row_of_all_requirements_is_named_whole_beside_all_columns() -> None
     ("ended", "said"),
     [("violation", " (at the stop in 2 open episodes)"), ("truncated", ""), ("duration", "")],
 )
-def test_robustness_at_an_early_stop_of_open_episodes_is_marked(ended: str, said: str) -> None:
+def test_robustness_at_an_early_stop_of_open_episodes_is_marked(ended: RunEnd, said: str) -> None:
     made = evaluation_of({"near": [0.5, 2.0, 1.0], "slow": [0.5, 2.0, 1.0]}, undecided=[0, 2])
     rows = [replace(row, ended=ended) for row in made.record]
     stopped = replace(made, record=Record(rows, made.record.requirements, made.system))

@@ -14,6 +14,7 @@ from rtamt_gym.reports.of_evaluation import of_evaluation
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.series import ROOM
 from rtamt_gym.search.runs.rows import Outcome
+from rtamt_gym.simulation.record import RunEnd
 
 ROWS = [
     row({"low": 1.0, "seen": -1.0}, seed=7, at=1.0, reward=5.0),
@@ -127,7 +128,12 @@ def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], 
 
 
 def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:
-    ends = [(0.5, "violation"), (0.5, "violation"), (1.0, "violation"), (0.5, "truncated")]
+    ends: list[tuple[float, RunEnd]] = [
+        (0.5, "violation"),
+        (0.5, "violation"),
+        (1.0, "violation"),
+        (0.5, "truncated"),
+    ]
     rows = [
         replace(row({"low": 1.0 if i else 0.5, "seen": seen}, seed=7 + i), ended=ended)
         for i, (seen, ended) in enumerate(ends)
