@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import pickle
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ from rtamt import InputError
 from rtamt_gym.signals.spaces import described
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["WITHOUT_TRAINING", "Batch", "Model", "check_spaces"]
+__all__ = ["WITHOUT_TRAINING", "Batch", "Model", "Statistics", "check_spaces"]
 
 WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
     "buffer_size": 1,
@@ -43,13 +44,24 @@ class Model:
     Attributes:
         name: What it says that it is called, else the name of its class.
         deterministic: Whether it gives the action that it holds for best.
+
+    Args:
+        model: The model.
+        deterministic: As the attribute.
+        statistics: A ``VecNormalize`` that was saved apart from the model; None: its own.
     """
 
-    def __init__(self, model: Any, *, deterministic: bool = True) -> None:  # noqa: ANN401 - not imported
+    def __init__(
+        self,
+        model: Any,  # noqa: ANN401 - not imported
+        *,
+        deterministic: bool = True,
+        statistics: Statistics | None = None,
+    ) -> None:
         self.name = str(getattr(model, "name", type(model).__name__))
         self.deterministic = deterministic
         self._model = model
-        normalizer = getattr(model, "get_vec_normalize_env", lambda: None)()
+        normalizer = statistics or getattr(model, "get_vec_normalize_env", lambda: None)()
         self._shown = (lambda obs: obs) if normalizer is None else normalizer.normalize_obs
 
     def __call__(self, seed: int) -> Policy:
@@ -136,6 +148,25 @@ class Batch:
         actions, self._memory = self._predict(observations, self._memory, self._begins)
         self._begins = np.zeros_like(self._begins)
         return actions
+
+
+class Statistics:
+    """A ``VecNormalize`` as the bytes of the file that it saves, which workers load again.
+
+    Args:
+        held: The bytes.
+    """
+
+    def __init__(self, held: bytes) -> None:
+        self._held = held
+        self._normalize: Any = pickle.loads(held).normalize_obs  # noqa: S301 - as the model is
+
+    def normalize_obs(self, obs: Any) -> Any:  # noqa: ANN401
+        """An observation, or a batch of them, normalised."""
+        return self._normalize(obs)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Statistics, (self._held,)
 
 
 class _File:

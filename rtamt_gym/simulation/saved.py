@@ -20,7 +20,7 @@ import gymnasium as gym
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.simulation.imported import find_object
-from rtamt_gym.simulation.models import WITHOUT_TRAINING, Model, check_spaces
+from rtamt_gym.simulation.models import WITHOUT_TRAINING, Model, Statistics, check_spaces
 
 __all__ = ["ALGORITHMS", "algorithm_of", "load_policy"]
 
@@ -50,7 +50,8 @@ is a case: both act alike."""
 def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
     """Loads ``FILE.zip`` or ``ALGORITHM:FILE.zip``; the policy gives the deterministic action.
 
-    The file holds pickled Python objects, which can do anything when they are loaded.
+    Observations are normalised by the ``VecNormalize`` in ``FILE_vecnormalize.pkl``, if that lies
+    beside it. Both files hold pickled Python objects, which can do anything when they are loaded.
 
     Args:
         text: The path of the file; ahead of it, where the file does not tell the algorithm, its
@@ -61,8 +62,8 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
         What makes the policy of an episode.
 
     Raises:
-        InputError: If the file is no model, its algorithm is not known, it cannot be loaded, or it
-            was trained in other spaces.
+        InputError: If the file is no model, its algorithm is not known, it or the ``VecNormalize``
+            cannot be loaded, or it was trained in other spaces.
         OSError: If the file cannot be opened.
     """
     # A path may begin with the letter of a drive.
@@ -79,7 +80,22 @@ def load_policy(text: str, env: gym.Env[Any, Any]) -> Model:
         )
     model = _load(name, path, attributes, file)
     check_spaces(model, env, str(path))
-    return Model(model)
+    return Model(model, statistics=_statistics(path))
+
+
+def _statistics(path: Path) -> Statistics | None:
+    """The ``VecNormalize`` that lies beside a model; None if there is none."""
+    beside = path.with_name(f"{path.stem}_vecnormalize.pkl")
+    if not beside.exists():
+        return None
+    held = beside.read_bytes()
+    try:
+        return Statistics(held)
+    except Exception as error:  # whatever the pickled objects raise
+        raise InputError(
+            f"cannot load {beside} as the VecNormalize of {path.name}: {type(error).__name__}: "
+            f"{error}; expected the file that its save() writes, or none of this name"
+        ) from error
 
 
 def algorithm_of(attributes: Collection[str], policy_module: str) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -16,6 +17,7 @@ import pytest
 
 from rtamt import InputError
 from rtamt_gym.simulation import saved
+from rtamt_gym.simulation.models import Statistics
 from rtamt_gym.simulation.policies import policy_of
 
 # The arguments of the constructors, which the files hold, as the manuals list them.
@@ -249,4 +251,49 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     )
     assert refusal(f"sb3:{write('p.zip', CLIPPED)}") == (
         "a model of PPO needs stable-baselines3: pip install stable-baselines3"
+    )
+
+
+class Normalizer:
+    """Stands for a `VecNormalize`, which cannot be pickled again once it was loaded."""
+
+    shift = 0
+
+    def __init__(self, shift: int) -> None:
+        self.shift = shift
+        self.venv = "of the training"
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = {**self.__dict__}
+        del state["venv"]
+        return state
+
+    def normalize_obs(self, obs: Any) -> Any:  # noqa: ANN401
+        return obs + self.shift
+
+
+def test_the_statistics_that_lie_beside_a_model_normalise_what_it_sees() -> None:
+    write("best.zip", CLIPPED)
+    env, obs = cart_pole(), np.zeros(4)
+    assert policy_of("sb3:best.zip", env)(0)(obs) == 0
+    Path("best_vecnormalize.pkl").write_bytes(pickle.dumps(Normalizer(1)))
+    for text in ("sb3:best.zip", "sb3:best", f"sb3:PPO:{Path.cwd() / 'best.zip'}"):
+        made = policy_of(text, env)
+        act = made(0)
+        assert [int(act(obs)) for _ in range(3)] == [1, 0, 1]
+
+
+def test_statistics_that_were_loaded_go_to_workers() -> None:
+    held = pickle.dumps(Normalizer(2))
+    normalize = pickle.loads(pickle.dumps(Statistics(held).normalize_obs))
+    assert normalize(1) == 3
+
+
+def test_statistics_that_cannot_be_loaded_are_refused() -> None:
+    write("best.zip", CLIPPED)
+    Path("best_vecnormalize.pkl").write_bytes(pickle.dumps([1.0]))
+    assert refusal("sb3:best.zip") == (
+        "cannot load best_vecnormalize.pkl as the VecNormalize of best.zip: AttributeError: "
+        "'list' object has no attribute 'normalize_obs'; expected the file that its save() "
+        "writes, or none of this name"
     )
