@@ -63,6 +63,7 @@ class Model:
         self._model = model
         normalizer = statistics or getattr(model, "get_vec_normalize_env", lambda: None)()
         self._shown = (lambda obs: obs) if normalizer is None else normalizer.normalize_obs
+        self._statistics = _numbers(getattr(normalizer, "obs_rms", None))
 
     def __call__(self, seed: int) -> Policy:
         """The policy of an episode."""
@@ -88,14 +89,16 @@ class Model:
 
     @property
     def fingerprint(self) -> str:
-        """A text that only models with the same weights have; their name if there are none."""
+        """A text that only models with the same weights and statistics have; else their name."""
         network = getattr(self._model, "policy", None)
         state: Mapping[str, Any] = getattr(network, "state_dict", dict)()
         found = hashlib.sha256()
         for name, weights in state.items():
             found.update(name.encode())
             found.update(np.ascontiguousarray(weights.detach().cpu().numpy()).tobytes())
-        return f"{self.name} {found.hexdigest()[:32]}" if state else self.name
+        found.update(self._statistics)
+        known = state or self._statistics
+        return f"{self.name} {found.hexdigest()[:32]}" if known else self.name
 
     def _predict(self, obs: Any, memory: Any, begins: Any) -> tuple[Any, Any]:  # noqa: ANN401
         found: tuple[Any, Any] = self._model.predict(
@@ -159,7 +162,9 @@ class Statistics:
 
     def __init__(self, held: bytes) -> None:
         self._held = held
-        self._normalize: Any = pickle.loads(held).normalize_obs  # noqa: S301 - as the model is
+        loaded = pickle.loads(held)  # noqa: S301 - as the model is
+        self._normalize: Any = loaded.normalize_obs
+        self.obs_rms: Any = getattr(loaded, "obs_rms", None)
 
     def normalize_obs(self, obs: Any) -> Any:  # noqa: ANN401
         """An observation, or a batch of them, normalised."""
@@ -167,6 +172,15 @@ class Statistics:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Statistics, (self._held,)
+
+
+def _numbers(statistics: Any) -> bytes:  # noqa: ANN401 - of another package
+    """Mean and variance of what a ``VecNormalize`` has seen, as bytes; none without it."""
+    if statistics is None:
+        return b""
+    if isinstance(statistics, Mapping):
+        return b"".join(key.encode() + _numbers(each) for key, each in statistics.items())
+    return b"".join(np.asarray(each).tobytes() for each in (statistics.mean, statistics.var))
 
 
 class _File:

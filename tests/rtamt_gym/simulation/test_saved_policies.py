@@ -7,7 +7,7 @@ import pickle
 import sys
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 from zipfile import ZipFile
 
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from rtamt import InputError
-from rtamt_gym.simulation import saved
+from rtamt_gym.simulation import models, saved
 from rtamt_gym.simulation.models import Statistics
 from rtamt_gym.simulation.policies import policy_of
 
@@ -261,6 +261,7 @@ class Normalizer:
 
     def __init__(self, shift: int) -> None:
         self.shift = shift
+        self.obs_rms: Any = None
         self.venv = "of the training"
 
     def __getstate__(self) -> dict[str, Any]:
@@ -287,6 +288,20 @@ def test_statistics_that_were_loaded_go_to_workers() -> None:
     held = pickle.dumps(Normalizer(2))
     normalize = pickle.loads(pickle.dumps(Statistics(held).normalize_obs))
     assert normalize(1) == 3
+
+
+def test_models_with_other_statistics_are_told_apart() -> None:
+    def fingerprint(*means: float) -> str:
+        normalizer = Normalizer(1)
+        seen = {str(i): SimpleNamespace(mean=mean, var=1.0) for i, mean in enumerate(means)}
+        normalizer.obs_rms = seen if len(seen) > 1 else seen.get("0")
+        statistics = Statistics(pickle.dumps(normalizer))
+        return models.Model(SimpleNamespace(name="PPO"), statistics=statistics).fingerprint
+
+    found = [fingerprint(), fingerprint(0.0), fingerprint(0.5), fingerprint(0.5, 0.0)]
+    assert found[0] == "PPO"
+    assert len(set(found)) == 4
+    assert fingerprint(0.5, 0.0) == found[3]
 
 
 def test_statistics_that_cannot_be_loaded_are_refused() -> None:
