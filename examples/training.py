@@ -204,20 +204,23 @@ def printed(rows: Sequence[Sequence[str]]) -> str:
 
 def draw(task: Task, curves: Mapping[str, Curves], path: Path) -> None:
     """Draws the rates over the steps of training, with the intervals of their means."""
-    plt.style.use(Path(__file__).with_name("paper.mplstyle"))
-    figure, axes = plt.subplots(figsize=(4.6, 2.6))
-    for variant, style in zip(task.drawn, cycle(["-", "--"]), strict=False):  # one may hide another
-        if variant in curves:
-            steps, rates = curves[variant].steps[0] / 1000, 100 * curves[variant].rates
-            label = f"{variant}, {len(rates)} runs"
-            (line,) = axes.plot(steps, rates.mean(axis=0), style, marker=".", label=label)
-            if len(rates) > 1:
-                low, high = np.array([bootstrap(column) for column in rates.T]).T
-                axes.fill_between(steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0)
-    axes.set(ylim=(-3, 103), xlim=(0, None))
-    axes.set(xlabel="steps of training, in thousands", ylabel="satisfied, %")
-    figure.legend(loc="outside right upper")
-    figure.savefig(path)
+    with plt.style.context(Path(__file__).with_name("paper.mplstyle")):
+        figure, axes = plt.subplots(figsize=(4.6, 2.6))
+        styles = cycle(["-", "--"])  # one curve may hide another
+        for variant, style in zip(task.drawn, styles, strict=False):
+            if variant in curves:
+                steps, rates = curves[variant].steps[0] / 1000, 100 * curves[variant].rates
+                label = f"{variant}, {len(rates)} runs"
+                (line,) = axes.plot(steps, rates.mean(axis=0), style, marker=".", label=label)
+                if len(rates) > 1:
+                    low, high = np.array([bootstrap(column) for column in rates.T]).T
+                    axes.fill_between(
+                        steps, low, high, color=line.get_color(), alpha=0.2, linewidth=0
+                    )
+        axes.set(ylim=(-3, 103), xlim=(0, None))
+        axes.set(xlabel="steps of training, in thousands", ylabel="satisfied, %")
+        figure.legend(loc="outside right upper")
+        figure.savefig(path)
 
 
 def main(task: Task, about: str, argv: list[str] | None = None) -> None:

@@ -108,6 +108,19 @@ def bins(values: Sequence[float]) -> Bins:
     return found
 
 
+def _ended(requirement: Requirement, found: Bins) -> list[int]:
+    """How many of each interval are violated by how they ended; empty if none is."""
+    if not requirement.by_end:
+        return []
+    heights = [
+        trial.robustness
+        for trial in requirement.trials
+        if trial.verdict == "violated" and trial.robustness is not None
+    ]
+    places = Counter(_place(value, found.width) for value in heights if 0 < value <= _LARGEST)
+    return [min(places[found.first + i], count) for i, count in enumerate(found.counts)]
+
+
 def _place(value: float, width: float) -> int:
     if math.copysign(1.0, value) < 0:
         return min(math.floor(value / width + 1e-9), -1)
@@ -163,7 +176,7 @@ def _histogram(requirement: Requirement, noun: str) -> Chart:
         "Robustness",
         " ".join(parts),
         240,
-        {**plain(found), "noun": noun, "by_end": requirement.by_end},
+        {**plain(found), "noun": noun, "ended": _ended(requirement, found)},
         Table(("robustness", f"{noun}s"), tuple(rows)),
     )
 

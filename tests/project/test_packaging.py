@@ -120,6 +120,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "taliro",
         "report",
         "minari",
+        "video",
         "highway",
         "plot",
         "files",

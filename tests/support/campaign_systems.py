@@ -107,11 +107,15 @@ class Alive:
         return os.read(self._reader, 1)
 
 
+_INTERRUPTIBLE = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+"""What makes a program hear an interrupt where the tests run in the background, and ignore it."""
+
+
 @contextmanager
 def program(text: str, *arguments: object) -> Iterator[subprocess.Popen[str]]:
     """Runs a program that finds what the tests find; ends it."""
     running = subprocess.Popen(
-        [sys.executable, "-c", text, *map(str, arguments)],
+        [sys.executable, "-c", _INTERRUPTIBLE + text, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

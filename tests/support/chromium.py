@@ -1,15 +1,18 @@
 """Pages of reports in a headless Chromium, where every message and request is a failure."""
 
+from __future__ import annotations
+
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
-
-from playwright.sync_api import Browser, ConsoleMessage, Page, Request, sync_playwright
+from typing import TYPE_CHECKING, Any
 
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
+
+if TYPE_CHECKING:  # it is installed for the tests in the browser alone
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Request
 
 ARGUMENTS = (
     "--headless",
@@ -34,6 +37,8 @@ def executable() -> str:
 @contextmanager
 def launched() -> Iterator[Browser]:
     """A browser with a fresh profile, until the end of the block."""
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable(), args=list(ARGUMENTS))
         yield browser

@@ -44,13 +44,15 @@ function note(c, text, where) {
 
 function histogram(chart, c) {
   const places = chart.counts.map((_, i) => chart.first + i);
+  const ended = places.map((_, i) => chart.ended[i] ?? 0);
   const says = chart.counts.map(
-    (count, i) => `${show(places[i] * chart.width)} to ${show((places[i] + 1) * chart.width)}: ${countOf(count, chart.noun)}`,
+    (count, i) => `${show(places[i] * chart.width)} to ${show((places[i] + 1) * chart.width)}: ${countOf(count, chart.noun)}`
+      + (ended[i] ? `, ${ended[i]} violated by the end` : ""),
   );
-  const bars = (chosen, colour, shape) => ({
+  const bars = (chosen, colour, shape, counts) => ({
     type: "bar",
     x: chosen.map((place) => (place + 0.5) * chart.width),
-    y: chosen.map((place) => chart.counts[place - chart.first]),
+    y: chosen.map((place) => counts[place - chart.first]),
     width: chart.width,
     customdata: chosen.map((place) => says[place - chart.first]),
     hovertemplate: "%{customdata}<extra></extra>",
@@ -64,17 +66,23 @@ function histogram(chart, c) {
   const high = Math.max(chart.first + chart.counts.length, 0) * chart.width;
   const pad = (high - low || 2) * 0.04;
   const top = { yref: "paper", y: 1, yanchor: "bottom", xref: "x", x: 0 };
+  const right = places.filter((place) => place >= 0);
+  const satisfied = chart.counts.map((count, i) => count - ended[i]);
+  const holds = right.some((place) => satisfied[place - chart.first] > 0);
+  const above = [...(holds ? ["✓ satisfied"] : []), ...(ended.some(Boolean) ? ["✗ violated by the end"] : [])];
+  const ink = holds ? c["satisfied-ink"] : c["violated-ink"];
   const sides = [
     note(c, "✗ violated", { ...top, xanchor: "right", xshift: -6, font: { size: 11, color: c["violated-ink"] } }),
-    note(c, chart.by_end ? `✓ satisfied but ${chart.by_end}` : "✓ satisfied", { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: c["satisfied-ink"] } }),
+    note(c, above.join(", "), { ...top, xanchor: "left", xshift: 6, font: { size: 11, color: ink } }),
   ].filter((_, i) => (i === 0 ? low < 0 : high > 0));
   return {
     traces: [
-      bars(places.filter((place) => place < 0), c.violated, "/"),
-      bars(places.filter((place) => place >= 0), c.satisfied, ""),
+      bars(places.filter((place) => place < 0), c.violated, "/", chart.counts),
+      bars(right, c.satisfied, "", satisfied),
+      bars(right, c.violated, "/", ended),
     ],
     layout: frame(c, {
-      barmode: "overlay",
+      barmode: "stack",
       xaxis: axis(c, "robustness", { range: [low - pad, high + pad], showgrid: false }),
       yaxis: axis(c, `${chart.noun}s`, { rangemode: "tozero", tickformat: "d", nticks: 5, ...(Math.max(...chart.counts) < 5 && { dtick: 1 }) }),
       shapes: [zeroLine(c, "x")],

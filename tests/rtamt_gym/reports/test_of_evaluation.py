@@ -125,6 +125,12 @@ def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], 
     for requirement in section.requirements:
         (histogram,) = (c for c in charts_of(section, requirement) if c.kind == "histogram")
         assert histogram.summary.startswith(words)
+        above = [height for height in violated if 0 < height < math.inf]
+        assert sum(histogram.data["ended"]) == len(above)
+        assert all(
+            ended <= count
+            for ended, count in zip(histogram.data["ended"], histogram.data["counts"], strict=False)
+        )
 
 
 def test_robustness_at_an_early_stop_of_undecided_episodes_is_marked() -> None:
