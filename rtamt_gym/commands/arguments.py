@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 __all__ = [
     "add_align",
     "add_environment",
+    "add_max_steps",
     "add_output",
     "add_reading",
+    "add_spec",
     "add_workers",
     "check_outputs",
     "positive",
@@ -88,6 +90,28 @@ def _read_value(text: str) -> Any:  # noqa: ANN401 - what JSON holds
                 f"--env-kwarg: expected JSON, such as '{{\"duration\": 20}}', got {text!r}: {error}"
             ) from error
         return text
+
+
+def add_spec(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--spec``."""
+    parser.add_argument(
+        "--spec",
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="a formula, name = formula, the path of a .stl file, name=path, or the name of a "
+        "requirement of the scenario; may be repeated (default: all of the scenario)",
+    )
+
+
+def add_max_steps(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--max-steps``."""
+    parser.add_argument(
+        "--max-steps",
+        type=positive,
+        metavar="N",
+        help="time limit of an episode in steps (default: the environment's own)",
+    )
 
 
 def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:

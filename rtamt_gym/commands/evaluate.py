@@ -14,8 +14,10 @@ from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     add_align,
     add_environment,
+    add_max_steps,
     add_output,
     add_reading,
+    add_spec,
     add_workers,
     check_outputs,
     positive,
@@ -58,14 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "objects, so trust it), module:function, from observation to action, random, zero, or "
         "baseline (a scenario's own)",
     )
-    parser.add_argument(
-        "--spec",
-        action="append",
-        default=[],
-        metavar="SPEC",
-        help="a formula, name = formula, the path of a .stl file, name=path, or the name of a "
-        "requirement of the scenario; may be repeated (default: all of the scenario)",
-    )
+    add_spec(parser)
     parser.add_argument(
         "--signal",
         action="append",
@@ -113,12 +108,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="seed of the first episode, one more for each further one (default: 0)",
     )
-    parser.add_argument(
-        "--max-steps",
-        type=positive,
-        metavar="N",
-        help="time limit of an episode in steps (default: the environment's own)",
-    )
+    add_max_steps(parser)
     parser.add_argument(
         "--stop",
         choices=("end", "violation", "verdicts"),

@@ -8,8 +8,10 @@ from contextlib import closing
 from rtamt_gym.commands.arguments import (
     add_align,
     add_environment,
+    add_max_steps,
     add_output,
     add_reading,
+    add_spec,
     check_outputs,
     positive,
     read_options,
@@ -32,14 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--signal 'angle=obs[2]' --episodes 3"
     )
     add_environment(parser)
-    parser.add_argument(
-        "--spec",
-        action="append",
-        default=[],
-        metavar="SPEC",
-        help="a formula, name = formula, the path of a .stl file, name=path, or the name of a "
-        "requirement of the scenario; may be repeated (default: all of the scenario)",
-    )
+    add_spec(parser)
     parser.add_argument(
         "--signal",
         action="append",
@@ -74,12 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="seed of the first episode, one more for each further one (default: 0)",
     )
-    parser.add_argument(
-        "--max-steps",
-        type=positive,
-        metavar="N",
-        help="time limit of an episode in steps (default: the environment's own)",
-    )
+    add_max_steps(parser)
     parser.add_argument(
         "--substeps",
         action="store_true",

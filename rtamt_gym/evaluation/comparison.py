@@ -15,6 +15,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.evaluation.json_files import write_text
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.sentences import SUCCESS
@@ -93,10 +94,7 @@ class Comparison:
         Raises:
             InputError: If the name does not end in ``.json``.
         """
-        path = Path(path)
-        if path.suffix.lower() != ".json":
-            raise InputError(f"cannot write {path}: expected a name that ends in .json")
-        path.write_text(self.to_json() + "\n", encoding="utf-8")
+        write_text(self.to_json(), path)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Comparison:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields
@@ -10,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import rtamt
-from rtamt import InputError
 from rtamt_gym.evaluation.compared import Compared
+from rtamt_gym.evaluation.json_files import read_fields
 from rtamt_gym.evaluation.paired import Effect
 from rtamt_gym.search.runs.report import strict_json
 
@@ -47,29 +46,18 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         InputError: If the file does not hold a comparison.
     """
-    try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"cannot read {path}: it is no JSON: {error}") from error
-    if not isinstance(kept, dict) or kept.get("format") != FORMAT:
-        raise InputError(
-            f"{path} holds no comparison: expected the format {FORMAT!r}, as Comparison.save "
-            "writes it"
-        )
-    try:
-        requirements = [_read_compared(each) for each in kept["requirements"]]
-        return {name: kept[name] for name in ("system", "a", "b")} | {
-            "seeds": tuple(kept["seeds"]),
-            "requirements": {each.name: each for each in requirements},
-            "success": _read_compared(kept["success"]),
-            "returns": _read_effect(kept["returns"]),
-            "notes": tuple(kept["notes"]),
-        }
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"cannot read {path}: it is no comparison that Comparison.save has written: "
-            f"{type(error).__name__}: {error}"
-        ) from error
+    return read_fields(path, "comparison", FORMAT, _fields)
+
+
+def _fields(kept: Mapping[str, Any]) -> dict[str, Any]:
+    requirements = [_read_compared(each) for each in kept["requirements"]]
+    return {name: kept[name] for name in ("system", "a", "b")} | {
+        "seeds": tuple(kept["seeds"]),
+        "requirements": {each.name: each for each in requirements},
+        "success": _read_compared(kept["success"]),
+        "returns": _read_effect(kept["returns"]),
+        "notes": tuple(kept["notes"]),
+    }
 
 
 def _compared(compared: Compared) -> dict[str, Any]:

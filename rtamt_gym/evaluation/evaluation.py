@@ -19,6 +19,7 @@ from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.frames import Frame, played
 from rtamt_gym.evaluation.intervals import quantiles, wilson
+from rtamt_gym.evaluation.json_files import write_text
 from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.rows import Outcome, Row
@@ -227,10 +228,7 @@ class Evaluation:
         Raises:
             InputError: If the name does not end in ``.json``.
         """
-        path = Path(path)
-        if path.suffix.lower() != ".json":
-            raise InputError(f"cannot write {path}: expected a name that ends in .json")
-        path.write_text(self.to_json() + "\n", encoding="utf-8")
+        write_text(self.to_json(), path)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Evaluation:

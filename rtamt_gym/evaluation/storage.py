@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
@@ -13,8 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 import rtamt
-from rtamt import InputError, Verdict
+from rtamt import Verdict
 from rtamt_gym.evaluation.frames import Frame
+from rtamt_gym.evaluation.json_files import read_fields
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import strict_json
@@ -80,22 +80,7 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         InputError: If the file does not hold an evaluation.
     """
-    try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise InputError(f"cannot read {path}: it is no JSON: {error}") from error
-    if not isinstance(kept, dict) or kept.get("format") != _FORMAT:
-        raise InputError(
-            f"{path} holds no evaluation: expected the format {_FORMAT!r}, as Evaluation.save "
-            "writes it"
-        )
-    try:
-        return _fields(kept)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"cannot read {path}: it is no evaluation that Evaluation.save has written: "
-            f"{type(error).__name__}: {error}"
-        ) from error
+    return read_fields(path, "evaluation", _FORMAT, _fields)
 
 
 def _fields(kept: Mapping[str, Any]) -> dict[str, Any]:
