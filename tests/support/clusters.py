@@ -7,7 +7,7 @@ from typing import Any
 
 from campaign_systems import tank_runner, troubled
 
-from rtamt_gym import Parameter, falsify, sweep
+from rtamt_gym import Parameter, evaluate_policy, falsify, sweep
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.record import Record
 
@@ -41,6 +41,9 @@ def check(backend: Any, folder: Path) -> None:  # noqa: ANN401
     grants: Any = ("rtamt/RequestGrant-v0", "always(gnt < 3)", [Parameter("noise", 0.1, 1)])
     there = sweep(*grants, **options, batch=4, backend=backend)
     assert there.record == sweep(*grants, **options).record
+    played: Any = ("random", "rtamt/RequestGrant-v0", "always(gnt < 3)")
+    evaluation = evaluate_policy(*played, episodes=8, backend=backend)
+    assert evaluation == evaluate_policy(*played, episodes=8)
     search: Any = {"system": "rtamt/RequestGrant-v0", "space": [Parameter("noise", 0.1, 1)]}
     for requirement in ("always(gnt < 3)", "always(gnt < 30)"):
         found = falsify(requirements=requirement, budget=40, backend=backend, batch=4, **search)

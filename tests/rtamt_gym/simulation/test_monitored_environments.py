@@ -9,7 +9,7 @@ import pytest
 from walks import SIGNALS, SPECS, Walk, acts
 
 from rtamt import InputError
-from rtamt_gym import Parameter, StlMonitor, StlReward, simulate, sweep
+from rtamt_gym import Parameter, StlMonitor, StlReward, falsify, simulate, sweep
 
 ENDS: Any = {"at_termination": "cut", "at_truncation": "complete"}
 
@@ -83,3 +83,12 @@ def test_a_sweep_takes_a_monitored_environment() -> None:
         Walk(), SPECS, goals, samples=4, policy=lambda _: 2, signals=SIGNALS, progress=False, **ENDS
     )
     assert found.record == expected.record
+
+
+def test_a_search_takes_a_monitored_environment() -> None:
+    goals = [Parameter("env._goal", 0.5, 3)]
+    options: Any = {"space": goals, "budget": 20, "policy": lambda _: 2}
+    found = falsify(StlMonitor(Walk(), SPECS, SIGNALS, **ENDS), **options)
+    expected = falsify(Walk(), SPECS, signals=SIGNALS, **options, **ENDS)
+    assert found.record == expected.record
+    assert found.input == expected.input
