@@ -22,6 +22,7 @@ FLOORS = {
         ("inputs",),
         ("machines",),
         ("monitors",),
+        ("export",),
         ("__init__",),
         ("compat",),
     ),
@@ -37,6 +38,15 @@ FLOORS = {
         ("reports", "learners", "datasets"),
         ("demo",),
         ("commands",),
+        ("__init__", "__main__"),
+    ),
+    "rtamt_ros": (
+        ("middleware",),
+        ("core",),
+        ("node",),
+        ("ros1", "ros2"),
+        ("simulator",),
+        ("command",),
         ("__init__", "__main__"),
     ),
     "rtamt_gym.search": (

@@ -80,7 +80,7 @@ print(json.dumps([
     assert answers == [[3.0, 1.0, 1.0], [3.0, 1.0, 1.0], [1.0, 1.0, 2.0]]
 
 
-@pytest.mark.parametrize("package", ["rtamt", "rtamt_gym", "envs/rtamt_envs"])
+@pytest.mark.parametrize("package", ["rtamt", "rtamt_gym", "rtamt_ros", "envs/rtamt_envs"])
 def test_every_file_of_a_package_is_installed_but_the_native_sources(
     site: Path, package: str
 ) -> None:
@@ -126,6 +126,7 @@ def test_the_extras_are_the_promised_ones(distribution: importlib.metadata.Distr
         "files",
         "mdf",
         "pandas",
+        "bags",
         "fmi",
     }
     promised |= {"pytest", "test", "dev"}

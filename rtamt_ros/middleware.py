@@ -1,0 +1,95 @@
+"""What a node needs of ROS, in the same words for ROS 1 and ROS 2."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, Protocol
+
+__all__ = ["Handle", "Level", "Middleware"]
+
+
+class Level(IntEnum):
+    """How bad a state is; the numbers are those of ``diagnostic_msgs/DiagnosticStatus``."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+class Handle(Protocol):
+    """A subscription, a publisher or a timer, until it is closed."""
+
+    def close(self) -> None:
+        """Ends it; no callback begins after that."""
+        ...
+
+
+class Publisher(Handle, Protocol):
+    """Publishes messages of one class on one topic."""
+
+    message: type
+
+    def publish(self, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+        """Publishes a message, which must be of `message`."""
+        ...
+
+
+class Middleware(Protocol):
+    """A node of ROS 1 or ROS 2: what `rtamt_ros.ros1` and `rtamt_ros.ros2` offer.
+
+    Times are nanoseconds of the clock of ROS: the wall clock since 1970, or the simulated one of
+    ``/clock`` under ``use_sim_time``. Callbacks may run in several threads.
+
+    Attributes:
+        generation: 1 or 2.
+        name: The name of the node, with its namespace.
+    """
+
+    generation: int
+    name: str
+
+    def message_class(self, package: str, name: str) -> type:
+        """The class of messages ``package/name``: ``geometry_msgs``, ``Twist``.
+
+        Raises:
+            InputError: If it is not installed; the message says what to install.
+        """
+        ...
+
+    def now(self) -> int:
+        """The time of the clock of ROS; 0 before the first tick of a simulated one."""
+        ...
+
+    def stamp(self, message: Any) -> int | None:  # noqa: ANN401
+        """The time in a message's header; None without a header, or where it is not set."""
+        ...
+
+    def set_stamp(self, message: Any, time: int) -> None:  # noqa: ANN401
+        """Sets the time in a message's header; without one, does nothing."""
+        ...
+
+    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+        """Calls back with every message of a topic."""
+        ...
+
+    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+        """Publishes on a topic; a latched one gives its last message to who comes late."""
+        ...
+
+    def every(self, period: int, callback: Callable[[], None]) -> Handle:
+        """Calls back once a period of the clock of ROS; calls never overlap."""
+        ...
+
+    def log(self, level: Level, text: str) -> None:
+        """Writes a line to the log of the node."""
+        ...
+
+    def spin(self) -> None:
+        """Lets callbacks run until the node is told to end."""
+        ...
+
+    def close(self) -> None:
+        """Ends the node."""
+        ...
