@@ -28,6 +28,7 @@ from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
 from rtamt.language.scaling import predicates, scaled
 from rtamt.language.specification import Specification
+from rtamt.language.subscriptions import SubscribedField, Subscription, subscriptions
 from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
@@ -64,6 +65,8 @@ __all__ = [
     "Specification",
     "SpecificationError",
     "StateError",
+    "SubscribedField",
+    "Subscription",
     "Term",
     "VectorEpisodeMonitor",
     "VectorMonitor",
@@ -86,6 +89,7 @@ __all__ = [
     "parse",
     "predicates",
     "scaled",
+    "subscriptions",
     "unit_of_times",
     "variable",
 ]

@@ -1,0 +1,135 @@
+"""What a specification subscribes to, and what a reader reads of a message."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import rtamt
+from rtamt import SpecificationError, subscriptions
+from rtamt.language.subscriptions import SubscribedField
+
+PAPER = """
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rtamt_msgs.msg import FloatMessage
+
+input Twist cmd
+output Odometry odom
+output FloatMessage out
+
+@ topic(cmd, robot0/cmd_vel)
+@ topic(odom, /robot0/odom)
+@ topic(out, rtamt/c)
+
+out.value = always(cmd.linear.x - odom.twist.twist.linear.x <= 0.1 and cmd.angular.z < 1)
+"""
+
+
+def shown(text: str) -> list[tuple[str, str, str, str]]:
+    """Variable, class, topic, and the variables with their paths."""
+    return [
+        (
+            s.variable,
+            f"{s.package}/{s.message}",
+            s.topic,
+            ", ".join(f"{f.variable}: {'.'.join(map(str, f.path))}" for f in s.fields),
+        )
+        for s in subscriptions(text)
+    ]
+
+
+def test_a_text_of_the_paper_names_messages_topics_and_fields() -> None:
+    assert shown(PAPER) == [
+        (
+            "cmd",
+            "geometry_msgs/Twist",
+            "robot0/cmd_vel",
+            "cmd.linear.x: linear.x, cmd.angular.z: angular.z",
+        ),
+        (
+            "odom",
+            "nav_msgs/Odometry",
+            "/robot0/odom",
+            "odom.twist.twist.linear.x: twist.twist.linear.x",
+        ),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("bool", "Bool"),
+        ("int", "Int64"),
+        ("uint", "UInt64"),
+        ("long", "Int64"),
+        ("float", "Float64"),
+        ("double", "Float64"),
+        ("float32", "Float32"),
+        ("float64", "Float64"),
+        ("int8", "Int8"),
+        ("int16", "Int16"),
+        ("int32", "Int32"),
+        ("int64", "Int64"),
+        ("uint8", "UInt8"),
+        ("uint16", "UInt16"),
+        ("uint32", "UInt32"),
+        ("uint64", "UInt64"),
+    ],
+)
+def test_a_plain_variable_is_the_message_of_std_msgs_with_its_type(kind: str, message: str) -> None:
+    assert shown(f"input {kind} x; @ topic(x, /a/b); x > 0") == [
+        ("x", f"std_msgs/{message}", "/a/b", "x: data")
+    ]
+
+
+def test_what_is_not_declared_is_a_float_or_a_message_of_an_unknown_class() -> None:
+    assert shown("x > 0 and robot.pose.x < 1") == [
+        ("x", "std_msgs/Float64", "rtamt/x", "x: data"),
+        ("robot", "None/None", "rtamt/robot", "robot.pose.x: pose.x"),
+    ]
+
+
+def test_a_message_that_holds_a_number_may_stand_for_it() -> None:
+    text = "from std_msgs.msg import Float32; input Float32 x; x > 0 and x.data < 9"
+    assert shown(text) == [("x", "std_msgs/Float32", "rtamt/x", "x: data, x.data: data")]
+
+
+def test_a_message_that_holds_no_number_does_not_stand_for_one() -> None:
+    with pytest.raises(SpecificationError) as error:
+        subscriptions("from geometry_msgs.msg import Twist; input Twist cmd; cmd > 0")
+    assert str(error.value) == (
+        "expected a field of the message 'cmd', such as cmd.x, got 'cmd' as a number; "
+        "a geometry_msgs/Twist is none"
+    )
+
+
+def test_every_formula_of_a_text_is_subscribed_for_and_nothing_that_none_uses() -> None:
+    spec = rtamt.parse("float a; float b; float c; p = a > 0; q = always(b > 0)")
+    assert [s.variable for s in subscriptions(spec)] == ["a", "b"]
+    assert [s.variable for s in subscriptions(spec.requirements["q"])] == ["b"]
+    assert [s.variable for s in subscriptions(spec.formula)] == ["b"]
+
+
+MESSAGE = SimpleNamespace(
+    ranges=np.array([0.5, 1.5]), rows=[SimpleNamespace(x=[1, (2, 3)])], head=SimpleNamespace(x=4)
+)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [(("head", "x"), 4), (("ranges", 1), 1.5), (("rows", 0, "x", 1, 0), 2)],
+)
+def test_a_reader_follows_fields_and_elements(path: tuple[str | int, ...], value: float) -> None:
+    assert SubscribedField("x", path).read(MESSAGE) == value
+
+
+def test_a_reader_says_what_is_missing() -> None:
+    with pytest.raises(AttributeError, match="nothing"):
+        SubscribedField("x", ("head", "nothing")).read(MESSAGE)
+    with pytest.raises(IndexError):
+        SubscribedField("x", ("ranges", 2)).read(MESSAGE)
+    with pytest.raises(TypeError):
+        SubscribedField("x", ("head", 0)).read(MESSAGE)
