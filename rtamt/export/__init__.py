@@ -1,0 +1,1 @@
+"""Monitors for other tools: functional mock-up units (FMUs)."""
