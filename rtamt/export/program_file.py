@@ -1,0 +1,232 @@
+"""The file ``resources/program.rtamt`` of a functional mock-up unit: what its shared library runs.
+
+The library (`rtamt/native/fmu/`) is the same in every unit. This file holds what differs: programs
+as `rtamt.program.encoding` encodes them, the names behind the value references, and how constants
+follow from parameters. It is text, one record a line, with fields between single blanks; a field
+that is absent is ``-``. Numbers are written so that they read as the same double (``repr``).
+
+=========================================  =========================================================
+``rtamt-program 1``                        first line: the version of the format
+``token TOKEN``                            the guid (FMI 2) or instantiation token (FMI 3)
+``samples NUMERATOR DENOMINATOR``          the period in seconds, of programs on samples
+``ticks SCALE TICKS UNITS BOUNDS``         over dense time: ticks in a second, in the form of
+                                           `EncodedDense.clock`, and what the robustness says of the
+                                           bounds (below)
+``input NAME START``                       a variable, in the order of `Program.variables`
+``formula NAME``                           a named formula, in the order of the observed registers
+``parameter NAME START``                   a constant that may be set
+``fixed NAME VALUE``                       a constant that may be read alone
+``stop 0`` or ``stop 1``                   the start value of ``stop_on_violation``
+``derived FUNCTION A B``                   a number that follows from parameters; the i-th is ``$i``
+``episode``                                an `EncodedEpisode` begins: once, or twice: with neutral
+                                           predicates as -0.0 and as 0.0 (`rtamt.machines.neutral`)
+``sample-row`` and the fields of a row     `DiscreteRow`: terms of an episode, rows of a monitor
+``formula-row`` and the fields of a row    `FormulaRow`
+``initial R ...``, ``streams R ...``       registers of the episode
+``monitor TERMS``                          an `Encoded` program of named formulas begins
+``observed R LATENCY``                     the register of a named formula; over dense time without
+                                           the latency
+``dense TERMS RESULT``                     an `EncodedDense` program begins
+``dense-row`` and the fields of a row      `DenseRow`
+``end HASH``                               last line: FNV-1a, 64 bits, of all bytes before the line,
+                                           in 16 hexadecimal digits
+=========================================  =========================================================
+
+A number in a row, or an operand of ``derived``, is a literal, ``%k`` for the parameter k, or ``$i``
+for a derived number before it, both counted from 0. The library computes them when initialization
+ends; a function of one operand has it twice. They come from `Traced` numbers of a program.
+
+Value references are those of `rtamt.export.variables`: from 8 on the inputs, parameters, fixed
+constants and named formulas, in the order of their records.
+
+What the library does with it:
+
+- Samples are taken at the times start + k * period, the first at the start. ``doStep(t, h)`` takes
+  those of [t, t + h), which read the inputs that are set then: h = period takes the one at t, a
+  multiple takes several with inputs held, a step that is no multiple takes one when its time comes.
+  The inputs before the first step are therefore the first sample; after n steps of a period the
+  outputs are those of `EpisodeMonitor` (named formulas: `Monitor.values`) after n samples. Before
+  the first they are those of new monitors: robustness and named formulas nan.
+- Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
+  `DenseMonitor` has settled then. BOUNDS says what is known of the trace's begin: ``first``, its
+  first robustness is both bounds as soon as it is there; ``least`` and ``greatest``, the robustness
+  is the upper or the lower bound (a top-level ``always p`` or ``eventually p``); ``none``, nothing
+  (neutral predicates). Until then they are -inf and inf.
+- With ``stop_on_violation`` a step after which the verdict is -1 ends the simulation: FMI 2 gives
+  fmi2Discard and fmi2Terminated, whose fmi2LastSuccessfulTime is t + h; FMI 3 terminateSimulation.
+- Parameters may be set until initialization ends, inputs always (not after terminate).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from rtamt.language.traced import Traced
+from rtamt.program.encoding import Encoded, EncodedDense, EncodedEpisode
+
+__all__ = [
+    "Bounds",
+    "DenseFile",
+    "Named",
+    "ProgramFile",
+    "SampledFile",
+    "program_text",
+]
+
+Bounds = Literal["first", "least", "greatest", "none"]
+"""What the robustness over dense time says of the bounds of the episode."""
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A variable of the unit: its name and its start value."""
+
+    name: str
+    start: float
+
+
+@dataclass(frozen=True, slots=True)
+class SampledFile:
+    """The programs of a unit on samples.
+
+    Attributes:
+        period: Numerator and denominator of the seconds between samples.
+        episodes: The program of the episode; two if it has neutral predicates, with -0.0 first.
+        monitor: The program of the named formulas; None without them. It has the terms of the
+            episode too, so that it refuses every sample that the episode refuses.
+        observed: Register and latency of each named formula.
+    """
+
+    period: tuple[int, int]
+    episodes: Sequence[EncodedEpisode]
+    monitor: Encoded | None
+    observed: Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class DenseFile:
+    """The program of a unit over dense time.
+
+    Attributes:
+        program: The program, whose clock counts ticks in a second.
+        bounds: What the robustness says of the bounds.
+        observed: The register of each named formula.
+    """
+
+    program: EncodedDense
+    bounds: Bounds
+    observed: Sequence[int]
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramFile:
+    """What the file says.
+
+    Attributes:
+        token: The guid or instantiation token.
+        inputs: The variables, in the order of the programs.
+        formulas: Names of the named formulas.
+        parameters: The constants that may be set.
+        fixed: The constants that the shape of the program depends on.
+        stop: The start value of ``stop_on_violation``.
+        programs: The programs.
+    """
+
+    token: str
+    inputs: Sequence[Named]
+    formulas: Sequence[str]
+    parameters: Sequence[Named]
+    fixed: Sequence[Named]
+    stop: bool
+    programs: SampledFile | DenseFile
+
+
+def program_text(file: ProgramFile) -> str:
+    """The text of a file, which is written in UTF-8 with the line ends of Unix."""
+    writer = _Writer([each.name for each in file.parameters])
+    writer.add("rtamt-program", 1)
+    writer.add("token", file.token)
+    match file.programs:
+        case SampledFile(period):
+            writer.add("samples", *period)
+        case DenseFile(program, bounds):
+            writer.add("ticks", *program.clock, bounds)
+    for each in file.inputs:
+        writer.add("input", each.name, float(each.start))
+    for name in file.formulas:
+        writer.add("formula", name)
+    for each in file.parameters:
+        writer.add("parameter", each.name, float(each.start))
+    for each in file.fixed:
+        writer.add("fixed", each.name, float(each.start))
+    writer.add("stop", int(file.stop))
+    match file.programs:
+        case SampledFile():
+            _sampled(writer, file.programs)
+        case DenseFile():
+            _dense(writer, file.programs)
+    text = "".join(writer.lines)
+    return f"{text}end {_hash(text.encode()):016x}\n"
+
+
+def _sampled(writer: _Writer, programs: SampledFile) -> None:
+    for episode in programs.episodes:
+        writer.add("episode")
+        writer.rows("sample-row", episode.terms)
+        writer.rows("formula-row", episode.formulas)
+        writer.add("initial", *episode.initial)
+        writer.add("streams", *episode.streams)
+    if programs.monitor is not None:
+        writer.add("monitor", programs.monitor.terms)
+        writer.rows("sample-row", programs.monitor.rows)
+        writer.rows("observed", programs.observed)
+
+
+def _dense(writer: _Writer, programs: DenseFile) -> None:
+    writer.add("dense", programs.program.terms, programs.program.result)
+    writer.rows("dense-row", programs.program.rows)
+    writer.rows("observed", ((register,) for register in programs.observed))
+
+
+class _Writer:
+    """Lines, and the derived numbers that were written."""
+
+    def __init__(self, parameters: Sequence[str]) -> None:
+        self.lines: list[str] = []
+        self._known = {name: f"%{i}" for i, name in enumerate(parameters)}
+        self._derived = 0
+
+    def add(self, *fields: str | float | None) -> None:
+        line = " ".join([self._field(field) for field in fields])
+        self.lines.append(f"{line}\n")
+
+    def rows(self, kind: str, rows: Iterable[tuple[str | float | None, ...]]) -> None:
+        for row in rows:
+            self.add(kind, *row)
+
+    def _field(self, field: str | float | None) -> str:
+        if isinstance(field, Traced):
+            return self._number(field)
+        if isinstance(field, str):
+            return field or "-"
+        return "-" if field is None else repr(field)
+
+    def _number(self, number: Traced) -> str:
+        """Write how the number is computed, before the line that names it."""
+        if not number.operands:
+            return self._known.get(number.source) or repr(float(number))
+        if number.text not in self._known:
+            operands = [self._field(operand) for operand in number.operands]
+            self.lines.append(f"derived {number.source} {operands[0]} {operands[-1]}\n")
+            self._known[number.text] = f"${self._derived}"
+            self._derived += 1
+        return self._known[number.text]
+
+
+def _hash(data: bytes) -> int:
+    value = 0xCBF29CE484222325
+    for byte in data:
+        value = ((value ^ byte) * 0x100000001B3) % 2**64
+    return value
