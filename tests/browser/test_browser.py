@@ -156,20 +156,25 @@ LOOK = """() => [
 
 
 def test_dark_changes_page_and_charts_and_the_switch_changes_back(page: Page) -> None:
+    def wait_for(look: object) -> None:  # charts are drawn again when the browser says so, later
+        page.wait_for_function(f"look => `${{({LOOK})()}}` === `${{look}}`", arg=look)
+
     light = page.evaluate(LOOK)
     page.emulate_media(color_scheme="dark", reduced_motion="reduce")
+    page.wait_for_function(
+        f"light => ({LOOK})().every((each, at) => each !== light[at])", arg=light
+    )
     dark = page.evaluate(LOOK)
-    assert [a != b for a, b in zip(light, dark, strict=True)] == [True] * 4
     button = page.locator("#theme")
     assert button.get_attribute("aria-pressed") == "true"
     button.click()
-    assert page.evaluate(LOOK) == light
+    wait_for(light)
     assert button.get_attribute("aria-pressed") == "false"
     page.emulate_media(color_scheme="light", reduced_motion="reduce")
     button.click()
-    assert page.evaluate(LOOK) == dark
+    wait_for(dark)
     button.click()
-    assert page.evaluate(LOOK) == light
+    wait_for(light)
 
 
 def test_paper_is_light_and_hides_nothing(browser: Browser, example: Path) -> None:
