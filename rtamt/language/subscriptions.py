@@ -102,8 +102,8 @@ def subscriptions(specification: str | Formula | Specification) -> tuple[Subscri
         )
     made = []
     for name, found in fields.items():
-        package, message = _class(spec, name, found)
-        made.append(Subscription(name, package, message, _topic(spec, name), tuple(found)))
+        package, kind = _class(spec, name, found) or (None, None)
+        made.append(Subscription(name, package, kind, _topic(spec, name), tuple(found)))
     return tuple(made)
 
 
@@ -145,13 +145,11 @@ def _whole(spec: Specification, name: str) -> tuple[Step, ...]:
     )
 
 
-def _class(
-    spec: Specification, name: str, fields: list[SubscribedField]
-) -> tuple[str, str] | tuple[None, None]:
+def _class(spec: Specification, name: str, fields: list[SubscribedField]) -> tuple[str, str] | None:
     declared = spec.declarations.get(name)
     if declared is None:
         plain = any(f.variable == name for f in fields)
-        return ("std_msgs", "Float64") if plain else (None, None)
+        return ("std_msgs", "Float64") if plain else None
     return _declared(spec, name) or ("std_msgs", _STD[declared.type])
 
 

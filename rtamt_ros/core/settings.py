@@ -1,0 +1,65 @@
+"""How a node samples, and when an input is stale."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rtamt import InputError
+
+__all__ = ["Settings"]
+
+_SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How a node samples, and when an input is stale.
+
+    Attributes:
+        period: Nanoseconds between samples. In dense time, those between looks for stale inputs.
+        dense: Whether to monitor in dense time: a message is an event at its time, and nothing is
+            sampled.
+        stamps: Whether the time of a message is the one in its header, where it has one that is
+            set; else it is the time at which it came.
+        stale: Seconds without a message after which an input is stale; inf: never. None: five
+            periods, and at least half a second.
+        stale_of: The same for single topics, named as in the specification.
+        semantics: As for `rtamt.Monitor`.
+        record: A CSV file for times, variables and robustness of every sample. The first run of the
+            monitor goes to the file itself, the one after the n-th restart to ``NAME-n.csv``.
+
+    Raises:
+        InputError: On a period or a time that is not positive.
+    """
+
+    period: int = 100_000_000
+    dense: bool = False
+    stamps: bool = False
+    stale: float | None = None
+    stale_of: Mapping[str, float] = field(default_factory=dict)
+    semantics: str = "standard"
+    record: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.period <= 0 or self.period != int(self.period):
+            raise InputError(
+                f"expected a whole number of nanoseconds as the period, got {self.period}"
+            )
+        for topic, seconds in {"": self.stale, **self.stale_of}.items():
+            if seconds is not None and not seconds > 0:
+                of = f" of {topic}" if topic else ""
+                raise InputError(
+                    f"expected seconds until an input is stale{of}, more than 0, got {seconds}; "
+                    "inf is never"
+                )
+
+    def stale_after(self, topic: str) -> float:
+        """Nanoseconds without a message after which an input is stale; inf: never."""
+        seconds = self.stale_of.get(topic, self.stale)
+        if seconds is None:
+            return max(5 * self.period, _SECOND // 2)
+        return seconds if math.isinf(seconds) else round(seconds * _SECOND)
