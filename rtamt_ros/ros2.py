@@ -1,0 +1,275 @@
+"""The middleware of ROS 2, on rclpy.
+
+It and `rtamt_ros.ros2_lifecycle` are the only modules that import rclpy and messages of ROS 2.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any, Literal
+
+import rclpy
+from rclpy.context import Context
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.type_support import check_for_type_support
+
+from rtamt import InputError
+from rtamt.errors import nearest
+from rtamt_ros.middleware import Handle, Level, Publisher
+
+__all__ = ["DEPTH", "QOS", "Qos", "Ros2"]
+
+Qos = Literal["best_effort", "reliable"]
+
+QOS: dict[Qos, ReliabilityPolicy] = {
+    "best_effort": ReliabilityPolicy.BEST_EFFORT,
+    "reliable": ReliabilityPolicy.RELIABLE,
+}
+DEPTH = 100  # 0.1 s of a topic of 1 kHz
+_SECOND = 1_000_000_000
+
+
+class Ros2:
+    """A node of ROS 2, as `rtamt_ros.middleware.Middleware` describes it.
+
+    Callbacks run in one thread. What is published is reliable, which every subscription may ask
+    for.
+
+    Args:
+        name: The name of the node, unless ``-r __node:=NAME`` in the arguments gives another.
+        arguments: Such as ``--ros-args -r odom:=robot1/odom -p use_sim_time:=true``.
+        make: Makes the node of rclpy from its name and a context.
+
+    Attributes:
+        node: The node of rclpy.
+        qos: Of the subscriptions to come. ``"best_effort"`` hears every publisher, also those of
+            sensor data; ``"reliable"`` hears reliable ones only, which send again what was lost.
+        depth: How many messages of a topic wait for their callback before the oldest is dropped.
+    """
+
+    generation = 2
+
+    def __init__(
+        self, name: str, arguments: Sequence[str] = (), *, make: Callable[..., Node] = Node
+    ) -> None:
+        context = Context()
+        # rclpy takes the first argument for the program's name. Its handlers of signals would end
+        # ROS while callbacks run: `spin` has its own.
+        rclpy.init(
+            args=[name, *arguments],
+            context=context,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self.node = make(name, context=context)
+        self.name: str = self.node.get_fully_qualified_name()
+        self.qos: Qos = "best_effort"
+        self.depth = DEPTH
+        self._clock = self.node.get_clock()
+        self._spinning = threading.Lock()
+        self._runner: threading.Thread | None = None
+        self._ended = threading.Event()
+        self._closing = False
+
+    def message_class(self, package: str, name: str) -> type:
+        try:
+            module = import_module(f"{package}.msg")
+        except ImportError as error:
+            raise InputError(_not_installed(package)) from error
+        found = getattr(module, name, None)
+        if not isinstance(found, type):
+            raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")
+        try:
+            check_for_type_support(found)
+        except AttributeError as error:
+            raise InputError(
+                f"expected {package} of ROS 2, found that of ROS 1 in {module.__file__}: start "
+                "from a terminal where only ROS 2 is set up"
+            ) from error
+        return found
+
+    def now(self) -> int:
+        time: int = self._clock.now().nanoseconds
+        return time
+
+    def stamp(self, message: Any) -> int | None:
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        return stamp and (stamp.sec * _SECOND + stamp.nanosec or None)
+
+    def set_stamp(self, message: Any, time: int) -> None:
+        if hasattr(message, "header"):
+            stamp = message.header.stamp
+            stamp.sec, stamp.nanosec = divmod(time, _SECOND)
+
+    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+        handle = _Handle(self, self.node.destroy_subscription, callback)
+        qos = self.qos
+
+        def cannot_hear(_event: object) -> None:
+            self.log(
+                Level.ERROR,
+                f"a publisher of {topic} is not {qos}: none of its messages come; "
+                "set qos to best_effort",
+            )
+
+        def heard(message: Any) -> None:
+            handle.call(message)
+
+        with _topic_errors(topic):
+            handle.entity = self.node.create_subscription(
+                message,
+                topic,
+                heard,
+                QoSProfile(depth=self.depth, reliability=QOS[qos]),
+                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=cannot_hear),
+            )
+        return handle
+
+    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+        if latched:  # who comes late gets all that is kept: the last
+            qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        else:
+            qos = QoSProfile(depth=DEPTH)
+        with _topic_errors(topic):
+            return _Publisher(self.node, self.node.create_publisher(message, topic, qos), message)
+
+    def every(self, period: int, callback: Callable[[], None]) -> Handle:
+        handle = _Handle(self, self.node.destroy_timer, callback)
+
+        def due() -> None:
+            handle.call()
+
+        handle.entity = self.node.create_timer(period / _SECOND, due)
+        return handle
+
+    def log(self, level: Level, text: str) -> None:
+        logger = self.node.get_logger()
+        # rclpy holds every line of a program to one level.
+        if level is Level.OK:
+            logger.info(text)
+        elif level is Level.ERROR:
+            logger.error(text)
+        else:
+            logger.warning(text)
+
+    def spin(self) -> None:
+        """Lets callbacks run until `close`, SIGINT or SIGTERM; no callback runs when it returns."""
+        raised: list[BaseException] = []
+        with self._spinning:
+            executor = SingleThreadedExecutor(context=self.node.context)
+            executor.add_node(self.node)
+
+            def run() -> None:
+                try:
+                    executor.spin()
+                except (ExternalShutdownException, ShutdownException):
+                    pass
+                except BaseException as error:  # noqa: BLE001 - raised below
+                    raised.append(error)
+                finally:
+                    self._ended.set()
+
+            # The wait of rclpy does not return for a signal, that of an event does.
+            self._runner = threading.Thread(target=run, name=self.name)
+            self._runner.start()
+            with _signals(self._ended):
+                self._ended.wait()
+            executor.shutdown()
+            self._runner.join()  # a callback that runs while ROS ends aborts the process
+        if self._closing:
+            self.close()
+        if raised:
+            raise raised[0]
+
+    def close(self) -> None:
+        """Ends the node. In a callback it returns at once, and `spin` does the rest."""
+        self._closing = True
+        self._ended.set()
+        if threading.current_thread() is self._runner:
+            return
+        with self._spinning:
+            if self.node.context.ok():
+                self.node.destroy_node()
+                self.node.context.shutdown()
+
+
+class _Handle:
+    """A subscription or a timer until it is closed; an exception ends one call only."""
+
+    def __init__(
+        self, ros: Ros2, destroy: Callable[[Any], object], callback: Callable[..., None]
+    ) -> None:
+        self.entity: object = None
+        self._ros = ros
+        self._destroy = destroy
+        self._callback: Callable[..., None] | None = callback
+
+    def call(self, *arguments: object) -> None:
+        callback = self._callback
+        if callback is not None:  # it may have been closed since the message came
+            try:
+                callback(*arguments)
+            except Exception:  # noqa: BLE001 - the node would end
+                self._ros.log(Level.ERROR, traceback.format_exc())
+
+    def close(self) -> None:
+        if self._callback is not None:
+            self._callback = None
+            self._destroy(self.entity)
+
+
+class _Publisher:
+    """A publisher until it is closed; who comes late gets nothing any more."""
+
+    def __init__(self, node: Node, entity: Any, message: type) -> None:
+        self.message = message
+        self.publish: Callable[[Any], None] = entity.publish
+        self.close = lambda: node.destroy_publisher(entity)
+
+
+@contextmanager
+def _topic_errors(topic: str) -> Iterator[None]:
+    """Says what is wrong with the name of a topic."""
+    try:
+        yield
+    except InvalidTopicNameException as error:
+        raise InputError(f"topic {topic!r}: {str(error).splitlines()[0].rstrip(':. ')}") from error
+
+
+@contextmanager
+def _signals(ended: threading.Event) -> Iterator[None]:
+    """Sets an event when the process is asked to end; Python allows it in the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: ended.set()) for number in asked]
+    try:
+        yield
+    finally:
+        for number, handler in zip(asked, before, strict=True):
+            signal.signal(number, handler)
+
+
+def _not_installed(package: str) -> str:
+    """Says how the messages of a package come to be installed."""
+    if package == "rtamt_msgs":
+        return (
+            "the messages of rtamt_msgs are not installed: build the package rtamt_msgs with "
+            "colcon and source its setup file, or publish std_msgs/Float64"
+        )
+    debian = f"ros-{os.environ.get('ROS_DISTRO', 'DISTRO')}-{package.replace('_', '-')}"
+    return (
+        f"the messages of {package} are not installed: apt-get install {debian}, or source the "
+        "setup file of a workspace that has them"
+    )
