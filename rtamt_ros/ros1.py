@@ -1,0 +1,265 @@
+"""The middleware of ROS 1, on rospy.
+
+It is the only module that imports rospy and messages of ROS 1. rospy makes one node in a process,
+once: there is one `Ros1` in the life of a process.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib import import_module
+from queue import SimpleQueue
+from types import FrameType
+from typing import Any
+
+import genpy.dynamic
+import rosgraph.names
+import rospy
+import std_msgs.msg
+
+from rtamt import InputError
+from rtamt_ros.middleware import Handle, Level, Publisher
+
+__all__ = ["Ros1"]
+
+# The messages of the package rtamt_msgs, which few have installed: they are made at run time.
+_STAMPED = ("FloatStamped", "FloatMessage")
+_LOGS = {
+    Level.OK: rospy.loginfo,
+    Level.WARN: rospy.logwarn,
+    Level.ERROR: rospy.logerr,
+    Level.STALE: rospy.logwarn,
+}
+# What rospy sends to a subscriber that is slower than its topic waits in a queue this long.
+_QUEUE = 100
+
+
+class Ros1:
+    """A node of ROS 1, as `rtamt_ros.middleware.Middleware` describes it.
+
+    Made in the main thread, it ends on SIGINT and SIGTERM: `spin` returns. `rosnode kill` does the
+    same. Without a master it waits for one and says so, as every node of ROS 1 does.
+
+    Args:
+        name: The name of the node. What is illegal in names of ROS becomes ``_``, and a number is
+            added: of two nodes with one name the master ends the first. ``__name:=NAME`` among the
+            arguments gives the very name.
+        arguments: Remappings and private parameters, such as ``odom:=robot1/odom``.
+    """
+
+    generation = 1
+
+    def __init__(self, name: str, arguments: Sequence[str] = ()) -> None:
+        # rospy takes remappings from `arguments`, but the namespace from `sys.argv` alone.
+        namespace = rosgraph.names.get_ros_namespace(argv=arguments)
+        rospy.names._set_caller_id(f"{namespace}unnamed")  # noqa: SLF001
+        rospy.init_node(_legal(name), list(arguments), anonymous=True, disable_signals=True)
+        self.name: str = rospy.get_name()
+        self._timers: list[_Timer] = []
+        self._ended: SimpleQueue[None] = SimpleQueue()  # whose `put` may interrupt its `get`
+        rospy.on_shutdown(lambda: self._ended.put(None))
+        self._signals: dict[int, Any] = {}
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._signals[number] = signal.signal(number, self._on_signal)
+        self._refusals = _Refusals()
+        logging.getLogger("rospy.internal").addHandler(self._refusals)
+
+    def message_class(self, package: str, name: str) -> type:
+        try:
+            module = import_module(f"{package}.msg")
+        except ModuleNotFoundError as error:
+            if package == "rtamt_msgs" and name in _STAMPED:
+                return _stamped(name)
+            missing = (error.name or package).partition(".")[0]
+            dashed = missing.replace("_", "-")
+            raise InputError(
+                f"the messages of {missing} are not installed: apt-get install python3-{dashed} "
+                f"(Debian), ros-noetic-{dashed} (Ubuntu), or source the setup.bash of a workspace "
+                "that has them"
+            ) from None
+        found: type | None = getattr(module, name, None)
+        if found is None:
+            raise InputError(f"{package} has no message {name}")
+        return found
+
+    def now(self) -> int:
+        return _now()
+
+    def stamp(self, message: Any) -> int | None:  # noqa: ANN401
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        return (stamp and int(stamp.to_nsec())) or None
+
+    def set_stamp(self, message: Any, time: int) -> None:  # noqa: ANN401
+        if hasattr(message, "header"):
+            message.header.stamp = rospy.Time(*divmod(time, 1_000_000_000))
+
+    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+        return _Subscription(topic, message, callback)
+
+    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+        return _Publisher(topic, message, latched=latched)
+
+    def every(self, period: int, callback: Callable[[], None]) -> Handle:
+        timer = _Timer(period, callback)
+        self._timers.append(timer)
+        return timer
+
+    def log(self, level: Level, text: str) -> None:
+        _LOGS[level](text)
+
+    def spin(self) -> None:
+        if not rospy.is_shutdown():
+            self._ended.get()
+
+    def close(self) -> None:
+        for timer in self._timers:
+            timer.close()
+        for number, handler in self._signals.items():
+            signal.signal(number, handler)
+        self._signals.clear()
+        logging.getLogger("rospy.internal").removeHandler(self._refusals)
+        rospy.signal_shutdown("closed")
+
+    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
+        self._ended.put(None)
+
+
+def _legal(name: str) -> str:
+    """The nearest name that ROS allows: letters of ASCII, digits and ``_``, a letter first."""
+    words = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
+    return words if words[:1].isalpha() else f"monitor_{words}".rstrip("_")
+
+
+def _now() -> int:
+    """The time of the clock of ROS in nanoseconds; 0 before the first tick of a simulated one."""
+    # rospy reads the wall clock as a float, which is exact to a quarter of a microsecond only.
+    if rospy.rostime.is_wallclock():
+        return time.time_ns()
+    return int(rospy.get_rostime().to_nsec())
+
+
+@cache
+def _stamped(name: str) -> type:
+    """The class of a number with a header, wire-compatible to that of the package rtamt_msgs."""
+    header = std_msgs.msg.Header
+    text = f"Header header\nfloat64 value\n{'=' * 80}\nMSG: {header._type}\n{header._full_text}"  # noqa: SLF001
+    made: type = genpy.dynamic.generate_dynamic(f"rtamt_msgs/{name}", text)[f"rtamt_msgs/{name}"]
+    made.__name__ = made.__qualname__ = name
+    return made
+
+
+class _Callback:
+    """A callback until it is closed; calls never overlap, and an exception ends one call only."""
+
+    def __init__(self, callback: Callable[..., None]) -> None:
+        self._callback: Callable[..., None] | None = callback
+        self._lock = threading.RLock()  # a callback may close itself
+
+    def __call__(self, *arguments: object) -> None:
+        with self._lock:
+            if self._callback is not None:
+                try:
+                    self._callback(*arguments)
+                except Exception:  # noqa: BLE001 - the thread of a timer would end
+                    rospy.logerr(traceback.format_exc())
+
+    def close(self) -> None:
+        with self._lock:
+            self._callback = None
+
+
+class _Subscription:
+    def __init__(self, topic: str, message: type, callback: Callable[[Any], None]) -> None:
+        self._callback = _Callback(callback)
+        self._subscriber = rospy.Subscriber(topic, message, self._callback, tcp_nodelay=True)
+        # rospy has one class for a topic, that of the first, and hands its messages to all.
+        first = self._subscriber.impl.data_class
+        if first is not message:
+            self.close()
+            raise InputError(
+                f"expected one type of messages on {topic}, got {first._type} and {message._type}"  # type: ignore[attr-defined] # noqa: SLF001
+            )
+
+    def close(self) -> None:
+        self._callback.close()
+        self._subscriber.unregister()
+
+
+class _Publisher:
+    def __init__(self, topic: str, message: type, *, latched: bool) -> None:
+        self.message = message
+        self._publisher = rospy.Publisher(
+            topic, message, latch=latched, queue_size=_QUEUE, tcp_nodelay=True
+        )
+        self.publish: Callable[[Any], None] = self._publisher.publish
+
+    def close(self) -> None:
+        self._publisher.unregister()
+
+
+class _Timer(threading.Thread):
+    """Calls back on a grid of the clock of ROS, which stays where it is when the clock jumps.
+
+    A call that comes late is one call, however many points of the grid have passed. `rospy.Timer`
+    moves its grid by every delay, rounds its period, and ends with the first exception.
+    """
+
+    def __init__(self, period: int, callback: Callable[[], None]) -> None:
+        super().__init__(daemon=True)
+        self._period = period
+        self._callback = _Callback(callback)
+        self._closed = threading.Event()
+        self.start()
+
+    def run(self) -> None:
+        while not (start := _now()) and not self._closed.is_set():
+            self._wait(start, 0)
+        due = start + self._period
+        while not self._closed.is_set():
+            now = _now()
+            if due - self._period <= now < due:
+                self._wait(now, due - now)
+                continue
+            if now >= due:
+                self._callback()
+                now = _now()
+            due = now + self._period - (now - start) % self._period
+
+    def _wait(self, now: int, duration: int) -> None:
+        """Waits for a duration of the wall clock, or for another time of the simulated one."""
+        if rospy.rostime.is_wallclock():
+            self._closed.wait(duration / 1e9)
+            return
+        ticked = rospy.rostime.get_rostime_cond()
+        with ticked:
+            if _now() == now:
+                ticked.wait(0.5)  # then sees whether it is closed
+
+    def close(self) -> None:
+        self._callback.close()
+        self._closed.set()
+
+
+class _Refusals(logging.Handler):
+    """Tells the log of the node, once, why a publisher refuses it: rospy tells its file alone."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self._said: set[tuple[str, str]] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Logs why a thread of rospy, which has the name of the topic, could not connect."""
+        if not str(record.msg).startswith("unable to create subscriber transport"):
+            return
+        topic, reason = str(record.threadName), str(record.args[0] if record.args else "")
+        if (topic, reason) not in self._said:
+            self._said.add((topic, reason))
+            rospy.logerr(f"no messages come from a publisher of {topic}: {reason}")
