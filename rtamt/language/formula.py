@@ -284,8 +284,8 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
         args = tuple(part for arg in args for part in (arg.args if arg.op is op else (arg,)))
     elif op.grouping == "left-flat" and args[0].op is op:
         args = args[0].args + args[1:]
-    elif name == "neg" and args[0].op is None and isinstance(args[0].leaf, float):
-        return number(-args[0].leaf)
+    elif name == "neg" and args[0].op is None and type(args[0].leaf) is float:
+        return number(-args[0].leaf)  # that of a traced one is computed by the program
     least, most = op.arity
     if len(args) < least or (most is not None and len(args) > most):
         expected = f"{least}" if most == least else f"{least} or more"

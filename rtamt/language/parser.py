@@ -17,7 +17,7 @@ from rtamt.language.formula import Formula, Term, variable
 from rtamt.language.interval import UNITS, Exact, exact, no_unit
 from rtamt.language.specification import Specification
 
-__all__ = ["MAX_TEXT", "as_specification", "load", "parse", "parse_as"]
+__all__ = ["MAX_TEXT", "as_specification", "load", "parse", "parse_as", "traced"]
 
 MAX_TEXT = 150_000
 """The most characters of a text."""
@@ -183,6 +183,19 @@ def as_specification(spec: str | Formula | Specification) -> Specification:
         return parse(spec)
     msg = f"expected a specification as text, Formula or Specification, got {type(spec).__name__}"
     raise InputTypeError(msg)
+
+
+def traced(spec: Specification) -> Specification:
+    """The specification with `Traced` numbers in place of its text's constants in terms.
+
+    One that was made in Python has no constants, so nothing is traced.
+    """
+    from rtamt.language.grammar.statements import read_specification
+
+    whole = read_specification(
+        spec.text, spec.unit, spec.given, None, chains=spec.chains, traced=True
+    )
+    return whole if spec.requirement is None else whole.requirements[spec.requirement]
 
 
 # A pickle is the text: it is short, and equal trees stay one object. It is registered here because

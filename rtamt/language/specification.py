@@ -74,6 +74,7 @@ class Specification:
             under ``""``.
         requirement: The name under which this is one of several `requirements` of the text; None
             if it is the whole.
+        bounding: Names of the constants that are bounds of intervals.
     """
 
     text: str
@@ -91,6 +92,7 @@ class Specification:
     positions: Mapping[Node, tuple[int, int]] = field(default_factory=dict)
     uses: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     requirement: str | None = None
+    bounding: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         """Make the mappings read-only."""

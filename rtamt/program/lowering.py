@@ -11,6 +11,7 @@ from rtamt.language.formula import Term
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Meaning
+from rtamt.language.traced import applied
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.interface import STANDARD, Interface
 from rtamt.program.program import (
@@ -134,7 +135,7 @@ class ProgramBuilder:
         operands = [self.instructions[a] for a in args]
         values = [i.value for i in operands if isinstance(i, Const) and not i.neutral]
         if len(values) == len(args):
-            value = FUNCTIONS[function].apply(*values)
+            value = applied(function, FUNCTIONS[function].apply, *values)
             if value != value:  # noqa: PLR0124 - nan
                 raise self.specification.error(self.node, f"{self.node} is not a number")
             return self.constant(value)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import assert_never
 
-from rtamt.program.algebra import FOLDS
+from rtamt.language.traced import applied
+from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.program import Const, Instruction, Map, Program, Window, latencies_of
 
 __all__ = ["positive"]
@@ -72,7 +73,8 @@ class _Writer:
             if isinstance(instruction, Const) and instruction.neutral:
                 return register
             if isinstance(instruction, Const):
-                return self._emit(Const(-instruction.value), register, term=True)
+                value = applied("neg", FUNCTIONS["neg"].apply, instruction.value)
+                return self._emit(Const(value), register, term=True)
             return self._emit(Map("neg", (register,)), register, term=True)
         args = tuple(self.known[need] for need in self._needs(register, negated))
         match self.program.formula(register):

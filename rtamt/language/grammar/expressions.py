@@ -59,6 +59,7 @@ class TreeBuilder:
 
     Attributes:
         positions: Line and column of each node's interval, operator or name.
+        bounding: Names of constants that were bounds of intervals.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class TreeBuilder:
         self.resolve = resolve
         self.chains = chains
         self.positions: dict[Node, tuple[int, int]] = {}
+        self.bounding: set[str] = set()
         self._values: list[Node] = []
         self._frames: list[_Frame] = []
         self._operands = 0
@@ -266,6 +268,7 @@ class TreeBuilder:
             return exact_number(self.text, token, token.text, "bound")
         name = token.text
         if name in self.constants:
+            self.bounding.add(name)
             return self.constants[name]
         if name == "nan":
             reason = "expected a number as the bound of an interval, got nan"

@@ -18,9 +18,10 @@ from rtamt.language.grammar.diagnosis import (
 )
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.tokens import Part, Statement, Statements, read
-from rtamt.language.node import Node
+from rtamt.language.node import Node, interned
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES, Declaration, Specification
+from rtamt.language.traced import Traced
 
 __all__ = ["read_specification"]
 
@@ -34,14 +35,18 @@ def read_specification(
     modules: Mapping[str, object] | None,
     *,
     chains: bool,
+    traced: bool = False,
 ) -> Specification:
     """The specification of a text; the arguments are those of `parse_as`, checked.
+
+    With ``traced``, its constants are `Traced` numbers where they stand in terms.
 
     Raises:
         ParseError: If the text is not a specification.
     """
     statements, tokens = read(text)
-    return _Reader(text, tokens, given, modules, chains=chains).specification(statements, unit)
+    reader = _Reader(text, tokens, given, modules, chains=chains, traced=traced)
+    return reader.specification(statements, unit)
 
 
 class _Reader:
@@ -53,8 +58,10 @@ class _Reader:
         modules: Mapping[str, object] | None,
         *,
         chains: bool,
+        traced: bool,
     ) -> None:
         self.text = text
+        self.traced = traced
         self.tokens = tokens
         names = {token.text for token in tokens}
         self.given = {name: value for name, value in given.items() if name in names}
@@ -119,6 +126,7 @@ class _Reader:
             chains=self.builder.chains,
             positions=self.builder.positions,
             uses=self.uses,
+            bounding=frozenset(self.builder.bounding),
         )
 
     def _import(self, statement: Statement) -> None:
@@ -213,7 +221,8 @@ class _Reader:
             self.named[name] = None
             return self.formulas[name]
         if name in self.constants:
-            return number(float(self.constants[name]))
+            value = float(self.constants[name])
+            return interned(Term, None, leaf=Traced(value, name)) if self.traced else number(value)
         if name not in self.used:
             self._check_declared(token)
             self.used.add(name)
