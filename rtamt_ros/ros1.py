@@ -93,11 +93,11 @@ class Ros1:
     def now(self) -> int:
         return _now()
 
-    def stamp(self, message: Any) -> int | None:  # noqa: ANN401
+    def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         return (stamp and int(stamp.to_nsec())) or None
 
-    def set_stamp(self, message: Any, time: int) -> None:  # noqa: ANN401
+    def set_stamp(self, message: Any, time: int) -> None:
         if hasattr(message, "header"):
             message.header.stamp = rospy.Time(*divmod(time, 1_000_000_000))
 

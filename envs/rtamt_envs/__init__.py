@@ -1,6 +1,7 @@
 """Scenarios: models with requirements, as environments of Gymnasium.
 
-Importing the package registers them, as ``rtamt/NAME-v0``:
+Importing the package registers them, as ``rtamt/NAME-v0``. Without Gymnasium there is nothing to
+register them with; `scenario_of` finds them all the same.
 
     >>> import gymnasium as gym, rtamt_envs
     >>> env = gym.make("rtamt/ChasingCars-v0")
@@ -11,9 +12,8 @@ Importing the package registers them, as ``rtamt/NAME-v0``:
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
-
-import gymnasium as gym
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
@@ -51,13 +51,16 @@ def scenario_of(name: str) -> Scenario:
     return found
 
 
-for _name, (_, _steps) in SCENARIOS.items():
-    if f"rtamt/{_name}-v0" not in gym.registry:
-        gym.register(
-            f"rtamt/{_name}-v0",
-            entry_point="rtamt_envs.environment:ScenarioEnv",
-            vector_entry_point="rtamt_envs.vector:ScenarioVectorEnv",
-            kwargs={"scenario": _name},
-            max_episode_steps=_steps,
-            disable_env_checker=True,  # an error of the first reset would leave it unusable
-        )
+if find_spec("gymnasium") is not None:
+    import gymnasium as gym
+
+    for _name, (_, _steps) in SCENARIOS.items():
+        if f"rtamt/{_name}-v0" not in gym.registry:
+            gym.register(
+                f"rtamt/{_name}-v0",
+                entry_point="rtamt_envs.environment:ScenarioEnv",
+                vector_entry_point="rtamt_envs.vector:ScenarioVectorEnv",
+                kwargs={"scenario": _name},
+                max_episode_steps=_steps,
+                disable_env_checker=True,  # an error of the first reset would leave it unusable
+            )

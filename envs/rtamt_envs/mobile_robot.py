@@ -13,7 +13,8 @@ other requirements and the baseline, which drives through the door to a desk and
 made up here. No robot and no run of STDR were compared with it; its noise is that of the usual
 velocity model (S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005) without cross terms.
 
-:func:`unicycle` and :func:`clearance` are the model without its bookkeeping.
+:func:`unicycle`, :func:`clearance`, :func:`next_point` and :func:`drive` are the model and the
+baseline without their bookkeeping; `rtamt_ros.simulator` runs both as nodes of ROS.
 
 Sources: D. Nickovic, T. Yamaguchi: RTAMT: Online Robustness Monitors from STL, ATVA 2020; the
 motion controller of the STDR simulator, 0.3.2.
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-__all__ = ["SCENARIO", "clearance", "unicycle"]
+__all__ = ["ROUTE", "SCENARIO", "clearance", "drive", "next_point", "unicycle"]
 
 PERIOD = 0.1
 RADIUS = 0.2
@@ -110,6 +111,14 @@ def clearance(x: float, y: float) -> float:
 
 
 @compiled
+def next_point(x: float, y: float, point: int) -> int:
+    """Which point of `ROUTE` is next: once (x, y) has reached this one, the one after it if any."""
+    ahead, left = ROUTE[point, 0] - x, ROUTE[point, 1] - y
+    reached = ahead * ahead + left * left <= REACHED * REACHED
+    return point + 1 if reached and point < ROUTE.shape[0] - 1 else point
+
+
+@compiled
 def _observe(v: float, w: float, state: Array, observation: Array) -> None:
     """Odometry, clearance, and the point that is next."""
     observation[0] = state[X]
@@ -150,28 +159,34 @@ def _step(action: Array, parameters: Array, noise: Array, state: Array, observat
         state[X] = x
         state[Y] = y
         state[TURNED] = heading
-    point = int(state[POINT])
-    ahead, left = ROUTE[point, 0] - state[X], ROUTE[point, 1] - state[Y]
-    if ahead * ahead + left * left <= REACHED * REACHED and point < ROUTE.shape[0] - 1:
-        state[POINT] = point + 1
+    state[POINT] = next_point(state[X], state[Y], int(state[POINT]))
     observation[5] = action[0]
     observation[6] = action[1]
     _observe(v, w, state, observation)
 
 
 @compiled
-def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
-    """Turns to the next point and drives there, slower where it has to turn."""
-    ahead, left = observation[8] - observation[0], observation[9] - observation[1]
+def drive(x: float, y: float, heading: float, goal_x: float, goal_y: float) -> tuple[float, float]:
+    """Turns to a goal and drives there, slower where the robot has to turn; stands when there.
+
+    Returns:
+        The command: speed ahead in m/s, turn rate in rad/s.
+    """
+    ahead, left = goal_x - x, goal_y - y
     distance = math.sqrt(ahead * ahead + left * left)
     if distance <= REACHED:
-        action[0] = 0.0
-        action[1] = 0.0
-    else:
-        error = math.atan2(left, ahead) - observation[2]
-        error = math.atan2(math.sin(error), math.cos(error))
-        action[0] = 0.8 * max(0.0, math.cos(error)) * min(1.0, distance)
-        action[1] = max(-1.5, min(1.5, 2.0 * error))
+        return 0.0, 0.0
+    error = math.atan2(left, ahead) - heading
+    error = math.atan2(math.sin(error), math.cos(error))
+    return 0.8 * max(0.0, math.cos(error)) * min(1.0, distance), max(-1.5, min(1.5, 2.0 * error))
+
+
+@compiled
+def _baseline(time: float, observation: Array, parameters: Array, action: Array) -> None:  # noqa: ARG001 - it reacts to what it observes
+    """Drives to the point that is next."""
+    action[0], action[1] = drive(
+        observation[0], observation[1], observation[2], observation[8], observation[9]
+    )
 
 
 def _draw(figure: Figure, episode: Episode) -> None:

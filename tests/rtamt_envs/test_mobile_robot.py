@@ -2,6 +2,8 @@
 
 import cmath
 import math
+import subprocess
+import sys
 from itertools import product
 from typing import Any
 
@@ -14,9 +16,12 @@ from rtamt_envs.mobile_robot import (
     HEIGHT,
     OBSTACLES,
     RADIUS,
+    ROUTE,
     SCENARIO,
     WIDTH,
     clearance,
+    drive,
+    next_point,
     unicycle,
 )
 from scenario_courses import course, made, random_actions
@@ -162,3 +167,23 @@ def test_the_model_runs_on_plain_arrays() -> None:
         SCENARIO.step(np.array([0.5, 0.2]), given_, row, state, seen)
     env = made("MobileRobot", parameters=QUIET)
     np.testing.assert_array_equal(seen, course(env, np.tile([0.5, 0.2], (30, 1)))[-1])
+
+
+def test_the_model_is_there_without_gymnasium() -> None:
+    code = "import sys; sys.modules['gymnasium'] = None\n"
+    code += "from rtamt_envs import scenario_of; print(scenario_of('MobileRobot').id)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "rtamt/MobileRobot-v0\n"
+
+
+def test_whoever_drives_to_the_next_point_drives_as_the_baseline() -> None:
+    env = made("MobileRobot", parameters=QUIET)
+    inner: Any = env.unwrapped
+    seen, _ = env.reset(seed=0)
+    point = 0
+    for _ in range(400):
+        point = next_point(seen[0], seen[1], point)
+        command = drive(*seen[:3], *ROUTE[point])
+        np.testing.assert_array_equal(command, inner.baseline(seen))
+        seen, *_ = env.step(np.array(command))
+    assert point == len(ROUTE) - 1

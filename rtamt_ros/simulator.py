@@ -1,0 +1,280 @@
+"""A robot and its controller as nodes, to try a monitor on: ``python -m rtamt_ros.simulator``.
+
+The robot is that of the scenario ``MobileRobot`` of `rtamt_envs`, on the topics of the simulator
+STDR: it takes ``robot0/cmd_vel`` (``geometry_msgs/Twist``), moves ten times a second and publishes
+``robot0/odom`` (``nav_msgs/Odometry``): the pose, and the twist with noise. The twist follows the
+command at once or with a lag; the pose stays where a wall is. The controller reads the odometry
+and drives through the door to the desk and on to the dock, as the baseline of the scenario does.
+Both take a fault, so that a requirement breaks when it is told to.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from rtamt_envs.mobile_robot import ROUTE, SCENARIO, drive, next_point
+
+from rtamt import InputError
+from rtamt_ros.middleware import Level, Middleware
+
+__all__ = ["Controller", "Robot", "Stuck", "Surge"]
+
+PERIOD = round(SCENARIO.period * 1e9)
+"""Nanoseconds between odometry, and between commands."""
+
+
+class Stuck(NamedTuple):
+    """A fault of the robot: its wheels are blocked, whatever is commanded.
+
+    Attributes:
+        begin: Seconds from the start of the robot.
+        duration: Seconds that it lasts.
+    """
+
+    begin: float
+    duration: float
+
+
+class Surge(NamedTuple):
+    """A fault of the controller: it commands one speed straight ahead.
+
+    Attributes:
+        begin: Seconds from its first odometry.
+        duration: Seconds that it lasts.
+        speed: The speed in m/s.
+    """
+
+    begin: float
+    duration: float
+    speed: float
+
+
+def _lasts(fault: Stuck | Surge, steps: int) -> bool:
+    """Whether a fault lasts over the step that comes after this many."""
+    begin = round(fault.begin / SCENARIO.period)
+    return begin <= steps < begin + round(fault.duration / SCENARIO.period)
+
+
+class Robot:
+    """A robot that subscribes to ``NAME/cmd_vel`` and publishes ``NAME/odom``.
+
+    Args:
+        node: The node that it runs in.
+        name: The namespace of its topics, and of its frames.
+        parameters: Parameters of the scenario by name: ``lag`` in seconds, ``noise`` as a fraction
+            of the twist, and where it starts.
+        seed: The seed of the noise.
+        stuck: When its wheels are blocked.
+
+    Raises:
+        InputError: If a parameter has no such name, or a value is not in its range.
+    """
+
+    def __init__(
+        self,
+        node: Middleware,
+        name: str = "robot0",
+        *,
+        parameters: Mapping[str, float] | None = None,
+        seed: int = 0,
+        stuck: Stuck | None = None,
+    ) -> None:
+        given = dict(parameters or {})
+        self._parameters = SCENARIO.parameter_row(given, SCENARIO.defaults)
+        for each in SCENARIO.parameters:
+            if each.name in given and not each.low <= given[each.name] <= each.high:
+                raise InputError(
+                    f"expected {each.name} from {each.low:g} to {each.high:g}, "
+                    f"got {given[each.name]:g}"
+                )
+        self._at_once = SCENARIO.parameter_row({"lag": 0.0}, self._parameters)
+        self._random = np.random.default_rng(seed)
+        self._stuck = stuck
+        self._steps = 0
+        self._command = np.zeros(len(SCENARIO.actions))
+        self._state = np.zeros(SCENARIO.state)
+        self._seen = np.zeros(len(SCENARIO.observations))
+        SCENARIO.start(self._parameters, np.zeros(SCENARIO.noise), self._state, self._seen)
+        self._node = node
+        self._name = name
+        self._message = node.message_class("nav_msgs", "Odometry")
+        twist = node.message_class("geometry_msgs", "Twist")
+        self._odometry = node.publisher(f"{name}/odom", self._message, latched=False)
+        node.subscribe(f"{name}/cmd_vel", twist, self._take)
+        node.every(PERIOD, self._step)
+
+    def _take(self, twist: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+        command = np.array([twist.linear.x, twist.angular.z])
+        low, high = np.array([each[2:] for each in SCENARIO.actions]).T
+        self._command = np.clip(command, low, high)
+
+    def _step(self) -> None:
+        """Moves for a period and says where the robot is then."""
+        command, parameters = self._command, self._parameters
+        if self._stuck is not None and _lasts(self._stuck, self._steps):
+            if not _lasts(self._stuck, self._steps - 1):
+                self._node.log(Level.WARN, "the wheels are blocked")
+            command, parameters = np.zeros_like(command), self._at_once
+        self._steps += 1
+        noise = self._random.standard_normal(SCENARIO.noise)
+        SCENARIO.step(command, parameters, noise, self._state, self._seen)
+        x, y, heading, v, w = map(float, self._seen[:5])
+        message = self._message()
+        self._node.set_stamp(message, self._node.now())
+        message.header.frame_id = f"{self._name}/odom"
+        message.child_frame_id = f"{self._name}/base_link"
+        message.pose.pose.position.x = x
+        message.pose.pose.position.y = y
+        message.pose.pose.orientation.z = math.sin(heading / 2)
+        message.pose.pose.orientation.w = math.cos(heading / 2)
+        message.twist.twist.linear.x = v
+        message.twist.twist.angular.z = w
+        self._odometry.publish(message)
+
+
+class Controller:
+    """A controller that subscribes to ``NAME/odom`` and publishes ``NAME/cmd_vel``.
+
+    It commands ten times a second from its first odometry on, also when no more odometry comes.
+
+    Args:
+        node: The node that it runs in.
+        name: The namespace of the topics of its robot.
+        surge: When it commands one speed instead.
+    """
+
+    def __init__(
+        self, node: Middleware, name: str = "robot0", *, surge: Surge | None = None
+    ) -> None:
+        self._surge = surge
+        self._steps = 0
+        self._point = 0
+        self._pose: tuple[float, float, float] | None = None
+        self._node = node
+        self._message = node.message_class("geometry_msgs", "Twist")
+        odometry = node.message_class("nav_msgs", "Odometry")
+        self._command = node.publisher(f"{name}/cmd_vel", self._message, latched=False)
+        node.subscribe(f"{name}/odom", odometry, self._take)
+        node.every(PERIOD, self._step)
+
+    def _take(self, odometry: Any) -> None:  # noqa: ANN401
+        pose = odometry.pose.pose
+        heading = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
+        self._pose = pose.position.x, pose.position.y, heading
+        self._point = next_point(pose.position.x, pose.position.y, self._point)
+
+    def _step(self) -> None:
+        """Commands what the baseline of the scenario does, or the fault."""
+        if self._pose is None:
+            return
+        speed, turn = drive(*self._pose, *ROUTE[self._point])
+        surge = self._surge
+        if surge is not None and _lasts(surge, self._steps):
+            if not _lasts(surge, self._steps - 1):
+                self._node.log(Level.WARN, f"{surge.speed:g} m/s are commanded")
+            speed, turn = surge.speed, 0.0
+        self._steps += 1
+        message = self._message()
+        message.linear.x, message.angular.z = float(speed), float(turn)
+        self._command.publish(message)
+
+
+def open_node(generation: int | None, name: str, arguments: Sequence[str]) -> Middleware:
+    if generation == 1:
+        from rtamt_ros.ros1 import Ros1
+
+        return Ros1(name, arguments)
+    from rtamt_ros.ros2 import Ros2
+
+    return Ros2(name, arguments)
+
+
+def _stuck(text: str) -> Stuck:
+    """Reads ``BEGIN:DURATION``."""
+    try:
+        begin, duration = map(float, text.split(":"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"expected seconds BEGIN:DURATION, such as 5:1, got {text!r}"
+        ) from None
+    return Stuck(begin, duration)
+
+
+def _surge(text: str) -> Surge:
+    """Reads ``BEGIN:DURATION:SPEED``."""
+    try:
+        begin, duration, speed = map(float, text.split(":"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"expected seconds and m/s BEGIN:DURATION:SPEED, such as 5:1:1, got {text!r}"
+        ) from None
+    return Surge(begin, duration, speed)
+
+
+def _parser() -> argparse.ArgumentParser:
+    """The command line; ROS gets what it does not know."""
+    parser = argparse.ArgumentParser(
+        prog="python -m rtamt_ros.simulator",
+        description="A robot that drives through two rooms, and its controller, as a node of ROS. "
+        "It runs until Ctrl-C. Other arguments, such as remappings, go to ROS.",
+    )
+    parser.add_argument(
+        "part", nargs="?", choices=("robot", "controller"), help="one of both alone"
+    )
+    parser.add_argument("--ros", type=int, choices=(1, 2), help="ROS 1 or ROS 2")
+    parser.add_argument(
+        "--name", default="robot0", help="namespace of the topics (default: robot0)"
+    )
+    for each in SCENARIO.parameters:
+        unit = f" in {each.unit}" if each.unit else ""
+        parser.add_argument(
+            f"--{each.name.replace('_', '-')}",
+            type=float,
+            default=each.default,
+            metavar="X",
+            help=f"{each.about}{unit} (default: {each.default:g})",
+        )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the noise")
+    parser.add_argument(
+        "--stuck",
+        type=_stuck,
+        metavar="BEGIN:DURATION",
+        help="seconds from the start after which the wheels are blocked, and for how many",
+    )
+    parser.add_argument(
+        "--surge",
+        type=_surge,
+        metavar="BEGIN:DURATION:SPEED",
+        help="seconds from the first odometry after which this speed in m/s is commanded, and for "
+        "how many",
+    )
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the robot, the controller or both until the node is told to end.
+
+    Args:
+        arguments: Those of the command line; None: those of the program.
+    """
+    parser = _parser()
+    options, others = parser.parse_known_args(arguments)
+    parameters = {each.name: getattr(options, each.name) for each in SCENARIO.parameters}
+    try:
+        node = open_node(options.ros, options.part or "simulator", others)
+        if options.part != "controller":
+            Robot(node, options.name, parameters=parameters, seed=options.seed, stuck=options.stuck)
+        if options.part != "robot":
+            Controller(node, options.name, surge=options.surge)
+    except InputError as error:
+        parser.error(str(error))
+    node.spin()
+    node.close()
+
+
+if __name__ == "__main__":
+    main()
