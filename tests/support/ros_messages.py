@@ -1,0 +1,139 @@
+"""What a probe hears, as objects, as a trace, and as bags."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ros_processes import Ros
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+STORES = {1: get_typestore(Stores.ROS1_NOETIC), 2: get_typestore(Stores.ROS2_JAZZY)}
+for _store in STORES.values():
+    _store.register(
+        get_types_from_msg("std_msgs/Header header\nfloat64 value", "rtamt_msgs/msg/FloatStamped")
+    )
+
+
+class Heard(NamedTuple):
+    """A message as it came.
+
+    Attributes:
+        topic: The topic as the probe was asked for it.
+        kind: The type: ``nav_msgs/Odometry``.
+        time: When it came, in nanoseconds of the clock of ROS.
+        data: The bytes.
+        md5: That of the type on ROS 1.
+        generation: 1 or 2.
+    """
+
+    topic: str
+    kind: str
+    time: int
+    data: bytes
+    md5: str | None
+    generation: int
+
+    @property
+    def type_name(self) -> str:
+        """The type as `rosbags` calls it."""
+        return self.kind.replace("/", "/msg/")
+
+    @property
+    def message(self) -> Any:  # noqa: ANN401 - its class is made by rosbags
+        """The message, read without ROS."""
+        store = STORES[self.generation]
+        read = store.deserialize_ros1 if self.generation == 1 else store.deserialize_cdr
+        return read(self.data, self.type_name)
+
+
+class Probe:
+    """A process that listens to topics; see `ros_probe`."""
+
+    def __init__(self, ros: Ros, process: subprocess.Popen[str]) -> None:
+        self._generation = ros.generation
+        self._process = process
+        self._heard: list[Heard] = []
+        self._changed = threading.Condition()
+        assert process.stdout is not None
+        assert process.stdout.readline() == "null\n"
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        for line in self._process.stdout or ():
+            said = json.loads(line)
+            data = bytes.fromhex(said.pop("data"))
+            with self._changed:
+                self._heard.append(Heard(data=data, generation=self._generation, **said))
+                self._changed.notify_all()
+
+    def heard(self, topic: str) -> list[Heard]:
+        """What came on a topic up to now."""
+        with self._changed:
+            return [each for each in self._heard if each.topic == topic]
+
+    def values(self, topic: str) -> list[float]:
+        """The numbers that came on a topic of Float64 up to now."""
+        return [each.message.data for each in self.heard(topic)]
+
+    def wait(self, met: Callable[[], bool], what: str, seconds: float = 15.0) -> None:
+        """Waits until something holds of what was heard; asked again with every message."""
+        with self._changed:
+            assert self._changed.wait_for(met, seconds), f"expected {what} within {seconds:g} s"
+
+
+@contextmanager
+def probe(ros: Ros, *topics: str) -> Iterator[Probe]:
+    """Listens to topics, ``TOPIC=PACKAGE/NAME`` each, until the end of the block."""
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            str(Path(__file__).with_name("ros_probe.py")),
+            str(ros.generation),
+            *topics,
+        ],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=ros.environment,
+        cwd=ros.folder,
+    )
+    try:
+        yield Probe(ros, process)
+    finally:
+        process.kill()
+        process.wait(10)
+
+
+def write_mcap(heard: list[Heard], folder: Path) -> Path:
+    """Writes messages as a bag of ROS 2 in MCAP; the folder of the bag."""
+    with Writer2(folder, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        connections = {
+            each.topic: bag.add_connection(f"/{each.topic}", each.type_name, typestore=STORES[2])
+            for each in {each.topic: each for each in heard}.values()
+        }
+        for each in heard:
+            data = STORES[2].serialize_cdr(each.message, each.type_name)
+            bag.write(connections[each.topic], each.time, data)
+    return folder
+
+
+def write_bag(heard: list[Heard], path: Path) -> Path:
+    """Writes messages of ROS 1 as a bag of ROS 1."""
+    with Writer1(path) as bag:
+        connections = {
+            each.topic: bag.add_connection(f"/{each.topic}", each.type_name, typestore=STORES[1])
+            for each in {each.topic: each for each in heard}.values()
+        }
+        for each in heard:
+            bag.write(connections[each.topic], each.time, each.data)
+    return path

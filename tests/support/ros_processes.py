@@ -1,0 +1,201 @@
+"""Nodes as processes on middleware of their own: a master or a domain, on the loopback interface.
+
+Everything ends with its block: a process is told to, and killed if it does not.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import random
+import socket
+import subprocess
+import sys
+import threading
+import xmlrpc.client
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+
+ROSMASTER = Path("/usr/bin/rosmaster")
+INSTALL = {
+    1: "expected rospy and rosmaster, which are not installed; on Debian, bash .ci/run ros ros1 "
+    "installs both and runs these tests",
+    2: "expected rclpy, which is not installed; bash .ci/run ros ros2 makes an environment that "
+    "has it and runs these tests there",
+}
+"""What is said where a generation is missing."""
+
+PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <transport_descriptors>
+    <transport_descriptor>
+      <transport_id>loopback</transport_id>
+      <type>UDPv4</type>
+      <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
+    </transport_descriptor>
+  </transport_descriptors>
+  <participant profile_name="loopback" is_default_profile="true">
+    <rtps>
+      <useBuiltinTransports>false</useBuiltinTransports>
+      <userTransports><transport_id>loopback</transport_id></userTransports>
+    </rtps>
+  </participant>
+</profiles>
+"""
+"""Fast DDS on the loopback interface alone: no shared memory, nothing bound to other addresses."""
+
+BOOTSTRAP = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""What the wheels of ROS 2 set for their own environment: another environment must not have it."""
+
+
+def free_port() -> int:
+    """A TCP port that nobody listens on."""
+    with closing(socket.socket()) as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def ports_of(domain: int) -> range:
+    """The UDP ports of a domain of DDS."""
+    return range(7400 + 250 * domain, 7400 + 250 * (domain + 1))
+
+
+def free_domain() -> int:
+    """A domain that nobody is in; those above 100 share ports with what the kernel hands out."""
+    while True:
+        domain = random.randrange(1, 101)
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as found:
+            try:
+                found.bind(("127.0.0.1", ports_of(domain)[0]))
+            except OSError:
+                continue
+            return domain
+
+
+class Process:
+    """A process with its output in a file; it ends at the latest with the `Ros` it is of.
+
+    Attributes:
+        pid: Its number.
+    """
+
+    def __init__(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> None:
+        self._log = log
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=environment,
+                cwd=log.parent,
+            )
+        self.pid = self._process.pid
+
+    @property
+    def output(self) -> str:
+        """What it has written up to now."""
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    def runs(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    def kill(self) -> None:
+        """Ends it as a crash does."""
+        self._process.kill()
+        self._process.wait(10)
+
+    def ask_to_end(self) -> None:
+        """Tells it to end, as a service manager does."""
+        self._process.terminate()
+
+    def ended(self) -> int:
+        """Waits until it has ended, and kills it if that takes 10 seconds; its exit code."""
+        try:
+            return self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return self._process.returncode
+
+
+class Ros:
+    """A master of ROS 1 or a domain of ROS 2 that nobody else is in, with its processes.
+
+    Attributes:
+        generation: 1 or 2.
+        folder: Where logs and records are.
+        environment: The environment variables of its processes.
+        processes: What was started, with the master first.
+        domain: The domain of ROS 2.
+    """
+
+    def __init__(self, generation: int, folder: Path) -> None:
+        self.generation = generation
+        self.folder = folder
+        self.processes: list[Process] = []
+        self.domain = free_domain()
+        self._port = free_port()
+        self.environment = {
+            **{name: value for name, value in os.environ.items() if name not in BOOTSTRAP},
+            "PYTHONUNBUFFERED": "1",
+            "ROS_HOME": str(folder / "home"),
+            "ROS_LOG_DIR": str(folder / "home"),
+        }
+        if generation == 1:
+            self.environment |= {
+                "ROS_MASTER_URI": f"http://127.0.0.1:{self._port}",
+                "ROS_IP": "127.0.0.1",
+            }
+        else:
+            profile = folder / "loopback.xml"
+            profile.write_text(PROFILE, encoding="utf-8")
+            self.environment |= {
+                "ROS_DOMAIN_ID": str(self.domain),
+                "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+                "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
+            }
+
+    def start(self, *arguments: str | Path, name: str) -> Process:
+        """Starts Python with these arguments; its output goes to ``NAME.log``."""
+        command = [sys.executable, *map(str, arguments)]
+        process = Process(command, self.environment, self.folder / f"{name}.log")
+        self.processes.append(process)
+        return process
+
+    def start_master(self) -> None:
+        """Starts a master and waits until it answers."""
+        command = [str(ROSMASTER), "--core", "-p", str(self._port)]
+        master = Process(command, self.environment, self.folder / "master.log")
+        self.processes.append(master)
+        asked = xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"])
+        for _ in range(500):
+            with suppress(ConnectionError):
+                asked.getPid("/tests")
+                return
+            assert master.runs(), master.output
+            threading.Event().wait(0.02)
+        raise AssertionError(f"the master does not answer: {master.output}")
+
+    def end(self) -> None:
+        """Ends every process, the master last."""
+        for process in reversed(self.processes):
+            process.ask_to_end()
+        for process in reversed(self.processes):
+            process.ended()
+
+
+@contextmanager
+def ros(generation: int, folder: Path) -> Iterator[Ros]:
+    """A master or a domain of its own, until the end of the block; fails where ROS is missing."""
+    library = importlib.util.find_spec({1: "rospy", 2: "rclpy"}[generation])
+    assert library is not None, INSTALL[generation]
+    assert generation == 2 or ROSMASTER.exists(), INSTALL[generation]
+    found = Ros(generation, folder)
+    try:
+        if generation == 1:
+            found.start_master()
+        yield found
+    finally:
+        found.end()
