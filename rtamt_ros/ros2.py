@@ -18,7 +18,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
@@ -164,20 +164,18 @@ class Ros2:
 
     def spin(self) -> None:
         """Lets callbacks run until `close`, SIGINT or SIGTERM; no callback runs when it returns."""
-        raised: list[BaseException] = []
         with self._spinning:
             executor = SingleThreadedExecutor(context=self.node.context)
             executor.add_node(self.node)
 
             def run() -> None:
-                try:
-                    executor.spin()
-                except (ExternalShutdownException, ShutdownException):
-                    pass
-                except BaseException as error:  # noqa: BLE001 - raised below
-                    raised.append(error)
-                finally:
-                    self._ended.set()
+                while not self._ended.is_set():
+                    try:
+                        executor.spin()
+                    except ExternalShutdownException:
+                        self._ended.set()
+                    except Exception:  # noqa: BLE001 - of a service that rclpy offers
+                        self.log(Level.ERROR, traceback.format_exc())
 
             # The wait of rclpy does not return for a signal, that of an event does.
             self._runner = threading.Thread(target=run, name=self.name)
@@ -188,8 +186,6 @@ class Ros2:
             self._runner.join()  # a callback that runs while ROS ends aborts the process
         if self._closing:
             self.close()
-        if raised:
-            raise raised[0]
 
     def close(self) -> None:
         """Ends the node. In a callback it returns at once, and `spin` does the rest."""

@@ -45,6 +45,7 @@ FLOORS = {
         ("core",),
         ("node",),
         ("ros1", "ros2"),
+        ("ros2_lifecycle",),
         ("simulator",),
         ("command",),
         ("__init__", "__main__"),

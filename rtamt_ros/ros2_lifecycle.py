@@ -1,0 +1,287 @@
+"""The monitor as a lifecycle node of ROS 2 that parameters set."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.context import Context
+from rclpy.exceptions import ParameterException
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+import rtamt
+from rtamt import InputError, RtamtError, Specification
+from rtamt.errors import alternatives, brief, is_one_of, nearest
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode, Settings
+from rtamt_ros.ros2 import DEPTH, QOS, Ros2
+
+__all__ = ["PARAMETERS", "StlMonitor", "run"]
+
+PARAMETERS: dict[str, tuple[object, str]] = {
+    "spec": ("", "a specification, or a list of them"),
+    "spec_file": (
+        "",
+        "a file with a specification, or a list of files; set again, it is read again",
+    ),
+    "period": (100, "the time between samples, in `unit`"),
+    "unit": ("ms", "of `period`: s, ms, us or ns"),
+    "dense": (False, "whether to monitor in dense time: a message is an event at its time"),
+    "stamps": (False, "whether the time of a message is the one in its header"),
+    "stale": (
+        None,
+        "seconds without a message after which an input is stale, or a list of TOPIC=SECONDS",
+    ),
+    "semantics": ("standard", "the robustness of inputs and outputs"),
+    "record": ("", "a CSV file for the samples and their robustness"),
+    "qos": (
+        "best_effort",
+        "of subscriptions: best_effort or reliable; not while the node is active",
+    ),
+    "depth": (DEPTH, "how many messages of a topic wait; not while the node is active"),
+    "autostart": (True, "whether the node configures and activates itself; at the start only"),
+}
+"""Name, default and meaning of every parameter."""
+
+_SEVERAL_TYPES = ("spec", "spec_file", "period", "stale")
+_UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+
+
+class StlMonitor:
+    """A monitor as a lifecycle node.
+
+    To configure it reads the parameters and the specifications; active, it subscribes, samples
+    and publishes; inactive, it does nothing and its topics have no value. Parameters that are set
+    at run time begin the monitors anew; one that cannot be is refused with the reason, and the
+    monitors go on with what they had.
+
+    Args:
+        name: The name of the node, unless the arguments give another.
+        arguments: As for `Ros2`.
+        parameters: Values of `PARAMETERS`, which prevail over those in the arguments.
+
+    Raises:
+        InputError: On a parameter of another type.
+
+    Attributes:
+        ros: The middleware.
+        refused: Why the last transition failed; None if it did not.
+    """
+
+    def __init__(
+        self,
+        name: str = "stl_monitor",
+        arguments: Sequence[str] = (),
+        parameters: Mapping[str, object] | None = None,
+    ) -> None:
+        self._monitor: MonitorNode | None = None
+        self.refused: RtamtError | None = None
+        self.ros = Ros2(name, arguments, make=partial(_Node, self, parameters or {}))
+        self.node: LifecycleNode = self.ros.node
+
+    def autostart(self) -> bool:
+        """Configures and activates the node; whether both went well."""
+        transitions = self.node.trigger_configure, self.node.trigger_activate
+        return all(each() == TransitionCallbackReturn.SUCCESS for each in transitions)
+
+    def configure(self) -> None:
+        """Reads parameters and specifications."""
+        values = self._values()
+        specifications, settings = _read(values)
+        self._monitor = MonitorNode(self.ros, _some(specifications), settings)
+        self._hear(values)
+
+    def activate(self) -> None:
+        """Subscribes and publishes; the monitors begin anew."""
+        if self._monitor is not None:
+            self._monitor.start()
+
+    def deactivate(self) -> None:
+        """Closes subscriptions and publishers."""
+        if self._monitor is not None:
+            self._monitor.stop()
+
+    def clean_up(self) -> None:
+        """Forgets the specifications too."""
+        self.deactivate()
+        self._monitor = None
+
+    def transition(self, act: Callable[[], None]) -> TransitionCallbackReturn:
+        """Does what a transition asks for; what it refuses is logged, and kept in `refused`."""
+        try:
+            act()
+        except RtamtError as error:
+            self.refused = error
+            self.ros.log(Level.ERROR, _text(error))
+            return TransitionCallbackReturn.FAILURE
+        self.refused = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Takes parameters at run time, or says why not."""
+        given = {each.name: each.value for each in parameters if each.name in PARAMETERS}
+        try:
+            if given:
+                self._change(given)
+        except RtamtError as error:
+            return SetParametersResult(successful=False, reason=_text(error))
+        return SetParametersResult(successful=True)
+
+    def _change(self, given: Mapping[str, object]) -> None:
+        values = {**self._values(), **given}
+        specifications, settings = _read(values)
+        if self._monitor is None:
+            return
+        for name in ("qos", "depth"):
+            if name in given and self._monitor.running:
+                raise InputError(f"{name} is of subscriptions: deactivate the node, then set it")
+        self._monitor.replace(_some(specifications), settings)
+        self._hear(values)
+
+    def _hear(self, values: Mapping[str, Any]) -> None:
+        self.ros.qos, self.ros.depth = values["qos"], values["depth"]
+
+    def _values(self) -> dict[str, Any]:
+        return {name: self.node.get_parameter(name).value for name in PARAMETERS}
+
+
+class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
+    """The node of rclpy, which leaves everything to its monitor."""
+
+    def __init__(
+        self,
+        monitor: StlMonitor,
+        parameters: Mapping[str, object],
+        name: str,
+        *,
+        context: Context,
+    ) -> None:
+        given = [Parameter(each, value=value) for each, value in parameters.items()]
+        super().__init__(name, context=context, parameter_overrides=given)
+        for each, (default, meaning) in PARAMETERS.items():
+            how = ParameterDescriptor(
+                description=meaning,
+                dynamic_typing=each in _SEVERAL_TYPES,
+                read_only=each == "autostart",
+            )
+            try:
+                self.declare_parameter(each, default, how)
+            except ParameterException as error:
+                raise InputError(f"parameter {each}: {error}") from error
+        for each in self._parameter_overrides:  # rclpy says nothing of those that nobody declares
+            if not self.has_parameter(each) and not each.startswith("qos_overrides."):
+                self.get_logger().warning(f"no parameter {each}{nearest(each, PARAMETERS)}")
+        self.add_on_set_parameters_callback(monitor.set)
+        self._monitor = monitor
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._monitor.transition(self._monitor.configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._monitor.transition(self._monitor.activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._monitor.transition(self._monitor.deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:  # noqa: ARG002
+        return self._monitor.transition(self._monitor.clean_up)
+
+    # After both the node is as good as new, and a shutdown says so by its name alone.
+    on_shutdown = on_cleanup
+    on_error = on_cleanup
+
+
+def run(
+    name: str = "stl_monitor",
+    arguments: Sequence[str] = (),
+    parameters: Mapping[str, object] | None = None,
+) -> int:
+    """Runs a `StlMonitor` until SIGINT or SIGTERM.
+
+    Returns:
+        0, or 2 if the node could not start itself; the log says why.
+    """
+    monitor = StlMonitor(name, arguments, parameters)
+    try:
+        if monitor.node.get_parameter("autostart").value and not monitor.autostart():
+            return 2
+        monitor.ros.spin()
+        monitor.clean_up()
+    finally:
+        monitor.ros.close()
+    return 0
+
+
+def _read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:
+    """What parameters say to monitor, and how."""
+    for name, known in (("unit", _UNITS), ("qos", QOS)):
+        if not is_one_of(values[name], known):
+            raise InputError(f"{name}: expected {alternatives(known)}, got {brief(values[name])}")
+    if values["depth"] < 1:
+        raise InputError(f"depth: expected 1 message or more, got {values['depth']}")
+    specifications = []
+    for path in _texts(values, "spec_file"):
+        try:
+            specifications.append(rtamt.load(path))
+        except OSError as error:
+            raise InputError(f"spec_file: cannot read {path}: {error.strerror}") from error
+    specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
+    stale, stale_of = _stale(values["stale"])
+    settings = Settings(
+        period=_period(values["period"], values["unit"]),
+        dense=values["dense"],
+        stamps=values["stamps"],
+        stale=stale,
+        stale_of=stale_of,
+        semantics=values["semantics"],
+        record=Path(values["record"]) if values["record"] else None,
+    )
+    return specifications, settings
+
+
+def _some(specifications: list[Specification]) -> list[Specification]:
+    if not specifications:
+        raise InputError("nothing to monitor: set the parameter spec or spec_file")
+    return specifications
+
+
+def _texts(values: Mapping[str, Any], name: str) -> list[str]:
+    """The texts of a parameter that is one or a list; an empty one is none."""
+    value = values[name]
+    texts = [value] if isinstance(value, str) else value
+    if not isinstance(texts, Sequence) or not all(isinstance(each, str) for each in texts):
+        raise InputError(f"{name}: expected a text or a list of texts, got {brief(value)}")
+    return [each for each in texts if each]
+
+
+def _period(value: object, unit: str) -> int:
+    """Nanoseconds of a period."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise InputError(f"period: expected a number above 0, got {brief(value)}")
+    return round(value * _UNITS[unit])
+
+
+def _stale(value: object) -> tuple[float | None, dict[str, float]]:
+    """Seconds for all topics, and those for single ones."""
+    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+        return value, {}
+    of: dict[str, float] = {}
+    try:
+        for each in [value] if isinstance(value, str) else value:  # type: ignore[attr-defined]
+            topic, _, seconds = each.rpartition("=")
+            of[topic] = float(seconds)
+    except (AttributeError, TypeError, ValueError):
+        raise InputError(
+            f"stale: expected seconds, or a list of TOPIC=SECONDS, got {brief(value)}"
+        ) from None
+    return of.pop("", None), of
+
+
+def _text(error: RtamtError) -> str:
+    """The text of an error, with its notes."""
+    return "\n".join([str(error), *getattr(error, "__notes__", ())])
