@@ -12,11 +12,11 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from queue import SimpleQueue
-from types import FrameType
 from typing import Any
 
 import genpy.dynamic
@@ -25,6 +25,7 @@ import rospy
 import std_msgs.msg
 
 from rtamt import InputError
+from rtamt.errors import nearest
 from rtamt_ros.middleware import Handle, Level, Publisher
 
 __all__ = ["Ros1"]
@@ -65,10 +66,6 @@ class Ros1:
         self._timers: list[_Timer] = []
         self._ended: SimpleQueue[None] = SimpleQueue()  # whose `put` may interrupt its `get`
         rospy.on_shutdown(lambda: self._ended.put(None))
-        self._signals: dict[int, Any] = {}
-        if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                self._signals[number] = signal.signal(number, self._on_signal)
         self._refusals = _Refusals()
         logging.getLogger("rospy.internal").addHandler(self._refusals)
 
@@ -78,16 +75,15 @@ class Ros1:
         except ModuleNotFoundError as error:
             if package == "rtamt_msgs" and name in _STAMPED:
                 return _stamped(name)
-            missing = (error.name or package).partition(".")[0]
-            dashed = missing.replace("_", "-")
+            raise InputError(_not_installed(package)) from error
+        found = getattr(module, name, None)
+        if not isinstance(found, type):
+            raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")
+        if not issubclass(found, genpy.Message):
             raise InputError(
-                f"the messages of {missing} are not installed: apt-get install python3-{dashed} "
-                f"(Debian), ros-noetic-{dashed} (Ubuntu), or source the setup.bash of a workspace "
-                "that has them"
-            ) from None
-        found: type | None = getattr(module, name, None)
-        if found is None:
-            raise InputError(f"{package} has no message {name}")
+                f"expected {package} of ROS 1, found that of ROS 2 in {module.__file__}: start "
+                "from a terminal where only ROS 1 is set up"
+            )
         return found
 
     def now(self) -> int:
@@ -116,20 +112,29 @@ class Ros1:
         _LOGS[level](text)
 
     def spin(self) -> None:
-        if not rospy.is_shutdown():
+        with _signals(lambda: self._ended.put(None)):
             self._ended.get()
 
     def close(self) -> None:
         for timer in self._timers:
             timer.close()
-        for number, handler in self._signals.items():
-            signal.signal(number, handler)
-        self._signals.clear()
         logging.getLogger("rospy.internal").removeHandler(self._refusals)
         rospy.signal_shutdown("closed")
 
-    def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        self._ended.put(None)
+
+@contextmanager
+def _signals(end: Callable[[], None]) -> Iterator[None]:
+    """Calls back when the process is asked to end; Python allows it in the main thread only."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    asked = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: end()) for number in asked]
+    try:
+        yield
+    finally:
+        for number, handler in zip(asked, before, strict=True):
+            signal.signal(number, handler)
 
 
 def _legal(name: str) -> str:
@@ -253,13 +258,23 @@ class _Refusals(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
-        self._said: set[tuple[str, str]] = set()
+        self._said: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Logs why a thread of rospy, which has the name of the topic, could not connect."""
-        if not str(record.msg).startswith("unable to create subscriber transport"):
+        why = re.match(r"unable to create subscriber transport: (.*)\.  ", record.getMessage())
+        if why is None:
             return
-        topic, reason = str(record.threadName), str(record.args[0] if record.args else "")
-        if (topic, reason) not in self._said:
-            self._said.add((topic, reason))
-            rospy.logerr(f"no messages come from a publisher of {topic}: {reason}")
+        text = f"no messages come from a publisher of {record.threadName}: {why[1]}"
+        if text not in self._said:
+            self._said.add(text)
+            rospy.logerr(text)
+
+
+def _not_installed(package: str) -> str:
+    """Says how the messages of a package come to be installed."""
+    debian = package.replace("_", "-")
+    return (
+        f"the messages of {package} are not installed: apt-get install python3-{debian} (Debian) "
+        f"or ros-noetic-{debian}, or source the setup file of a workspace that has them"
+    )

@@ -169,13 +169,13 @@ class Ros:
         command = [str(ROSMASTER), "--core", "-p", str(self._port)]
         master = Process(command, self.environment, self.folder / "master.log")
         self.processes.append(master)
-        asked = xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"])
-        for _ in range(500):
-            with suppress(ConnectionError):
-                asked.getPid("/tests")
-                return
-            assert master.runs(), master.output
-            threading.Event().wait(0.02)
+        with xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"]) as asked:
+            for _ in range(500):
+                with suppress(ConnectionError):
+                    asked.getPid("/tests")
+                    return
+                assert master.runs(), master.output
+                threading.Event().wait(0.02)
         raise AssertionError(f"the master does not answer: {master.output}")
 
     def end(self) -> None:

@@ -1,0 +1,352 @@
+"""What every middleware of `rtamt_ros.middleware` owes, on real processes of ROS 1 and ROS 2.
+
+A test file of a generation subclasses `MiddlewareContract` and gives it a `World`.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import pytest
+from ros_peer import PATIENCE, Peer
+from ros_processes import Ros
+
+__all__ = ["MiddlewareContract", "World", "meet"]
+
+MS = 1_000_000
+SECOND = 1_000_000_000
+FLOAT = ("std_msgs", "Float64")
+PROBE = -1.0
+
+
+class World:
+    """Makes nodes in processes of their own, and ends them.
+
+    Args:
+        ros: The master or domain of the nodes.
+        simulated: That of nodes with a simulated clock; it may be the same.
+        simulating: Their arguments, beside remappings.
+    """
+
+    def __init__(self, ros: Ros, simulated: Ros, simulating: Sequence[str] = ()) -> None:
+        self.ros = ros
+        self._simulated = simulated
+        self._simulating = simulating
+        self._peers: list[Peer] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for peer in self._peers:  # all at once: each takes half a second to end
+            peer.process.terminate()
+        for peer in self._peers:
+            peer.end()
+
+    @cached_property
+    def talker(self) -> Peer:
+        """A node that lives as long as the tests."""
+        return self.peer("talker")
+
+    @cached_property
+    def listener(self) -> Peer:
+        """Another."""
+        return self.peer("listener")
+
+    @cached_property
+    def clock(self) -> Peer:
+        """A node that publishes the simulated clock."""
+        clock = self.peer("clock", ticking=True)
+        clock.ask("publisher", "clock", "/clock", "rosgraph_msgs", "Clock")
+        return clock
+
+    @cached_property
+    def simulated(self) -> Peer:
+        """A node that lives by it."""
+        return self.peer("simulated", simulated=True)
+
+    def peer(
+        self,
+        name: str,
+        remappings: Mapping[str, str] | None = None,
+        *,
+        simulated: bool = False,
+        ticking: bool = False,
+    ) -> Peer:
+        """A node.
+
+        Args:
+            name: Its name.
+            remappings: Of names.
+            simulated: Whether its clock is simulated.
+            ticking: Whether it publishes the clock of those.
+        """
+        ros = self._simulated if simulated or ticking else self.ros
+        arguments = [f"{name}:={other}" for name, other in (remappings or {}).items()]
+        if ros.generation == 2:
+            arguments = [word for each in arguments for word in ("-r", each)]
+            arguments = ["--ros-args", *arguments, *(self._simulating if simulated else ())]
+        peer = Peer(ros, name, arguments, len(self._peers))
+        self._peers.append(peer)
+        return peer
+
+
+def meet(talker: Peer, publisher: str, listener: Peer, subscription: str, field: str) -> None:
+    """Publishes until messages arrive; `heard` leaves these out."""
+    for _ in range(round(PATIENCE / 0.05)):
+        talker.ask("publish", publisher, {field: PROBE})
+        if listener.ask("kept", subscription, 1, 0.05):
+            return
+    raise AssertionError(f"nothing arrives; the logs:\n{talker.log()}\n{listener.log()}")
+
+
+def heard(listener: Peer, key: str, count: int, patience: float = PATIENCE) -> list[Any]:
+    """The first field of messages, without probes, as soon as there are so many."""
+    probes = sum(value == PROBE for _, value, *_ in listener.ask("kept", key))
+    for extra in range(1000):  # probes may still be on their way
+        kept = listener.ask("kept", key, count + probes + extra, patience)
+        found = [value for _, value, *_ in kept if value != PROBE]
+        if len(found) >= count or len(kept) < count + probes + extra:
+            return found
+    raise AssertionError("too many probes")
+
+
+def of_runs(calls: Sequence[int], ticks: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+    """The ticks without jumps in them, with the calls at those times."""
+    runs: list[list[int]] = [[ticks[0]]]
+    for before, tick in pairwise(ticks):
+        if 0 < tick - before < SECOND:
+            runs[-1].append(tick)
+        else:
+            runs.append([tick])
+    return [([call for call in calls if call in run], run) for run in runs]
+
+
+class MiddlewareContract:
+    """The properties; a subclass has a fixture `world`."""
+
+    @pytest.fixture
+    def talker(self, world: World) -> Peer:
+        """A node that lives as long as the tests."""
+        return world.talker
+
+    @pytest.fixture
+    def listener(self, world: World) -> Peer:
+        """Another."""
+        return world.listener
+
+    @pytest.fixture
+    def topic(self, request: pytest.FixtureRequest) -> str:
+        """A topic of the test's own."""
+        return f"/contract/{request.node.originalname}"
+
+    def test_classes_of_messages_have_their_fields(self, talker: Peer) -> None:
+        twist = talker.ask("fields", "geometry_msgs", "Twist", ["linear.x", "angular.z"])
+        assert twist == [0.0, 0.0]
+
+    def test_a_message_that_is_not_there_is_an_input_error_that_names_it(
+        self, talker: Peer
+    ) -> None:
+        missing = talker.ask("refusal", "absent_msgs", "Twist")
+        assert missing.startswith("InputError: the messages of absent_msgs are not installed: ")
+        assert talker.ask("refusal", "geometry_msgs", "Twst") == (
+            "InputError: geometry_msgs has no message Twst; did you mean 'Twist'?"
+        )
+
+    def test_the_clock_counts_nanoseconds_since_1970(self, talker: Peer, tmp_path: Path) -> None:
+        (tmp_path / "before").touch()
+        now = talker.ask("now")
+        (tmp_path / "after").touch()
+        before, after = ((tmp_path / n).stat().st_mtime_ns for n in ("before", "after"))
+        assert before <= now <= after + 20 * MS  # files have the time of the last tick of Linux
+
+    @pytest.mark.parametrize("time", [1, 999_999_999, SECOND, 1_790_000_000_123_456_789])
+    def test_a_stamp_is_what_was_set(self, talker: Peer, time: int) -> None:
+        assert talker.ask("stamped", "nav_msgs", "Odometry", time) == time
+
+    def test_a_stamp_of_0_is_none_and_so_is_that_without_a_header(self, talker: Peer) -> None:
+        assert talker.ask("stamped", "nav_msgs", "Odometry", None) is None
+        assert talker.ask("stamped", "nav_msgs", "Odometry", 0) is None
+        assert talker.ask("stamped", "geometry_msgs", "Twist", 5) is None
+
+    def test_messages_arrive_as_they_were_sent_and_in_order(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        field, lateral = "twist.twist.linear.x", "pose.pose.position.y"
+        listener.ask("subscribe", topic, topic, "nav_msgs", "Odometry", [field, lateral])
+        talker.ask("publisher", topic, topic, "nav_msgs", "Odometry")
+        meet(talker, topic, listener, topic, field)
+        sent = [(1_790_000_000_000_000_001 + i, i / 3, -i / 7) for i in range(50)]
+        for time, x, y in sent:
+            talker.ask("publish", topic, {field: x, lateral: y}, time)
+        heard(listener, topic, 50)
+        assert [tuple(m) for m in listener.ask("kept", topic) if m[1] != PROBE] == sent
+
+    def test_who_comes_late_gets_the_last_message_of_a_latched_topic(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        talker.ask("publisher", topic, topic, *FLOAT, latched=True)
+        for value in (1.0, 2.0, 3.0):
+            talker.ask("publish", topic, {"data": value})
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"], late=True)
+        assert heard(listener, topic, 1) == [3.0]
+        talker.ask("publish", topic, {"data": 4.0})
+        assert heard(listener, topic, 2) == [3.0, 4.0]
+
+    def test_who_comes_late_gets_nothing_old_of_another_topic(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        talker.ask("publisher", topic, topic, *FLOAT)
+        talker.ask("publish", topic, {"data": 1.0})
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"])
+        meet(talker, topic, listener, topic, "data")
+        talker.ask("publish", topic, {"data": 2.0})
+        assert heard(listener, topic, 1) == [2.0]
+
+    def test_a_closed_subscription_hears_nothing_more_and_another_does(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        talker.ask("publisher", topic, topic, *FLOAT)
+        for key in ("closed", "open"):
+            listener.ask("subscribe", key, topic, *FLOAT, ["data"])
+            meet(talker, topic, listener, key, "data")
+        talker.ask("publish", topic, {"data": 1.0})
+        assert heard(listener, "closed", 1) == heard(listener, "open", 1) == [1.0]
+        listener.ask("close", "closed")
+        talker.ask("publish", topic, {"data": 2.0})
+        assert heard(listener, "open", 2) == [1.0, 2.0]
+        assert heard(listener, "closed", 2, 0.05) == [1.0]
+
+    def test_a_closed_publisher_may_be_made_again(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        talker.ask("publisher", topic, topic, *FLOAT, latched=True)
+        talker.ask("publish", topic, {"data": 1.0})
+        talker.ask("close", topic)
+        talker.ask("publisher", topic, topic, *FLOAT, latched=True)
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"], late=True)
+        talker.ask("publish", topic, {"data": 2.0})
+        assert heard(listener, topic, 1) == [2.0]
+
+    def test_an_error_of_a_callback_is_logged_and_the_next_message_comes(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        talker.ask("publisher", topic, topic, *FLOAT)
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"], 5.0)
+        meet(talker, topic, listener, topic, "data")
+        for value in (5.0, 6.0):
+            talker.ask("publish", topic, {"data": value})
+        assert heard(listener, topic, 1) == [6.0]
+        assert "ArithmeticError: a callback that fails" in listener.log()
+
+    def test_relative_topics_follow_the_namespace_and_remappings(
+        self, world: World, listener: Peer, topic: str
+    ) -> None:
+        robot = world.peer("robot", {"__ns": "/robot7", "odom": "wheels"})
+        assert robot.ask("name").startswith("/robot7/robot")
+        for key, at in {"x": "/robot7/x", "odom": "/robot7/wheels", topic: topic}.items():
+            robot.ask("publisher", key, key, *FLOAT, latched=True)
+            robot.ask("publish", key, {"data": 3.0})
+            listener.ask("subscribe", at, at, *FLOAT, ["data"], late=True)
+            assert heard(listener, at, 1) == [3.0]
+
+    def test_nodes_of_one_name_live_together(self, world: World, listener: Peer) -> None:
+        twin = world.peer("listener")
+        assert twin.ask("name").startswith("/listener")
+        assert listener.process.poll() is None
+        assert listener.ask("name").startswith("/listener")
+
+    def test_lines_of_the_log_are_written(self, talker: Peer) -> None:
+        for level in range(4):
+            talker.ask("log", level, f"100% of level {level}")
+        talker.ask("name")
+        for level in range(4):
+            assert f"100% of level {level}" in talker.log()
+
+    def test_a_timer_keeps_its_grid_and_survives_errors_and_long_calls(self, world: World) -> None:
+        period, count = 40 * MS, 30
+        ticker = world.peer("ticker")
+        ticker.ask("every", "long", period, lasts=0.6 * period / SECOND)
+        ticker.ask("every", "short", period)
+        for key in ("long", "short"):
+            calls = ticker.ask("kept", key, count)
+            assert {inside for _, inside in calls} == {1}
+            times = [time for time, _ in calls[:count]]
+            assert times[-1] - times[0] > (count - 2) * period
+            phases = sorted((time - times[0] + period // 2) % period for time in times[10:])
+            assert abs(phases[len(phases) // 2] - period // 2) < period // 4
+        assert ticker.log().count("ArithmeticError: a timer that fails") == 2
+        ticker.ask("close", "short")
+        kept = len(ticker.ask("kept", "short"))
+        assert len(ticker.ask("kept", "short", kept + 1, 3 * period / SECOND)) == kept
+
+    def test_a_simulated_clock_is_0_and_then_what_it_is_told(self, world: World) -> None:
+        clock, node = world.clock, world.simulated
+        assert node.ask("now") == 0
+        for time in (5 * SECOND + 1, 6 * SECOND, 2 * SECOND):
+            self.tick(clock, node, time)
+            assert node.ask("now") == time
+
+    def test_a_timer_follows_the_simulated_clock_over_its_jumps(self, world: World) -> None:
+        clock, node = world.clock, world.simulated
+        period, step = 100 * MS, 25 * MS
+        begin = 100 * SECOND
+        self.tick(clock, node, begin)
+        node.ask("every", "jumps", period)
+        ticks = [
+            start + i * step for start in (begin, 9000 * SECOND, 50 * SECOND) for i in range(21)
+        ]
+        for time in ticks:
+            self.tick(clock, node, time)
+            threading.Event().wait(0.01)
+        calls = [time for time, _ in node.ask("kept", "jumps")]
+        assert set(calls) <= set(ticks), "a call between two ticks"
+        for inside, run in of_runs(calls, ticks):
+            assert 4 <= len(inside) <= 6
+            assert inside[0] <= run[0] + period + step
+            for before, after in pairwise(inside[1:]):
+                assert period - step <= after - before <= period + step
+        node.ask("close", "jumps")
+
+    def test_a_simulated_clock_that_stands_calls_no_timer(self, world: World) -> None:
+        clock, node = world.clock, world.simulated
+        self.tick(clock, node, 200 * SECOND)
+        node.ask("every", "stands", 10 * MS)
+        assert len(node.ask("kept", "stands", 2, 0.1)) <= 1
+
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+    def test_a_signal_ends_spin_and_the_process_in_good_order(
+        self, world: World, number: signal.Signals
+    ) -> None:
+        node = world.peer("ending")
+        node.ask("every", "timer", 10 * MS)
+        node.ask("kept", "timer", 2)
+        node.process.send_signal(number)
+        assert node.process.wait(PATIENCE) == 0
+        assert node.log().endswith("closed\n")
+
+    def test_close_from_another_thread_ends_spin(self, world: World) -> None:
+        node = world.peer("ending")
+        node.ask("end")
+        assert node.process.wait(PATIENCE) == 0
+        assert node.log().endswith("closed\n")
+
+    def tick(self, clock: Peer, node: Peer, time: int) -> None:
+        """Sets the simulated clock; publishes until the node has heard."""
+        for _ in range(round(PATIENCE / 0.2)):
+            clock.ask("tick", "clock", time)
+            if node.ask("wait_until", time, 0.2):
+                return
+        raise AssertionError(f"the clock never shows {time}; the log:\n{node.log()}")

@@ -1,0 +1,270 @@
+"""A process with a node of ROS 1 or ROS 2, which a test drives: its program, and its driver.
+
+What the node receives and when its timers call is kept in the process and asked for by name.
+"""
+
+from __future__ import annotations
+
+import operator
+import subprocess
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from multiprocessing.connection import Connection, Pipe
+from typing import Any
+
+from ros_processes import Ros
+
+from rtamt_ros.middleware import Level, Middleware
+
+__all__ = ["Peer", "connect"]
+
+PATIENCE = 10.0  # seconds; nothing that a test waits for takes so long unless it is broken
+
+
+def connect(generation: int, name: str, arguments: Sequence[str] = ()) -> Middleware:
+    """Makes a node of ROS 1 or ROS 2 in this process."""
+    module = import_module(f"rtamt_ros.ros{generation}")
+    node: Middleware = getattr(module, f"Ros{generation}")(name, arguments)
+    return node
+
+
+class Peer:
+    """A process with a node; `ask` calls a method of its `Desk`.
+
+    Args:
+        ros: The master or domain.
+        name: The name of the node.
+        arguments: Those of the node, such as remappings.
+        number: Tells its log from others.
+    """
+
+    def __init__(self, ros: Ros, name: str, arguments: Sequence[str], number: int) -> None:
+        self._log = ros.folder / f"{name}-{number}.log"
+        self._connection, other = Pipe()
+        command = [sys.executable, __file__, str(other.fileno()), str(ros.generation), name]
+        with other, self._log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [*command, *arguments],
+                env=ros.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                pass_fds=[other.fileno()],
+            )
+
+    def ask(self, method: str, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401
+        """Calls a method of the desk; an error of it fails the test."""
+        try:
+            self._connection.send((method, arguments, options))
+            assert self._connection.poll(2 * PATIENCE), "it does not answer"
+            good, answer = self._connection.recv()
+            assert good, answer
+        except (AssertionError, OSError, EOFError) as error:
+            raise AssertionError(f"{method}{arguments}: {error}; its log:\n{self.log()}") from error
+        return answer
+
+    def log(self) -> str:
+        """What the process has written."""
+        return self._log.read_text()
+
+    def end(self) -> int:
+        """Asks the process to end, and waits; returns its exit code."""
+        if self.process.poll() is None:
+            self.process.terminate()
+        try:
+            return self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+        finally:
+            self._connection.close()
+
+
+class Desk:
+    """What a test asks of a node in another process; each thing has a key."""
+
+    def __init__(self, node: Middleware) -> None:
+        self.node = node
+        self._handles: dict[str, Any] = {}
+        self._kept: dict[str, list[Any]] = {}
+        self._news = threading.Condition()
+
+    def name(self) -> str:
+        """The name of the node."""
+        return self.node.name
+
+    def now(self) -> int:
+        """The time of the clock of ROS."""
+        return self.node.now()
+
+    def fields(self, package: str, name: str, fields: Sequence[str]) -> list[Any]:
+        """The values of fields of a new message."""
+        return _read(self.node.message_class(package, name)(), fields)
+
+    def refusal(self, package: str, name: str) -> str:
+        """The class and the text of the error for a message that is not there."""
+        try:
+            self.node.message_class(package, name)
+        except Exception as error:  # noqa: BLE001 - it is what the test looks at
+            return f"{type(error).__name__}: {error}"
+        return "none"
+
+    def stamped(self, package: str, name: str, time: int | None) -> int | None:
+        """The stamp of a new message, set to a time."""
+        message = self.node.message_class(package, name)()
+        if time is not None:
+            self.node.set_stamp(message, time)
+        return self.node.stamp(message)
+
+    def subscribe(
+        self,
+        key: str,
+        topic: str,
+        package: str,
+        name: str,
+        fields: Sequence[str],
+        fail: float | None = None,
+        *,
+        late: bool = False,
+    ) -> None:
+        """Keeps the stamp and the fields of every message; may fail where the first has a value.
+
+        With `late` it asks for what a latched topic said last, which a plain subscription of ROS 2
+        does not.
+        """
+
+        def keep(message: Any) -> None:  # noqa: ANN401
+            values = _read(message, fields)
+            if values[0] == fail:
+                raise ArithmeticError("a callback that fails")
+            self._keep(key, (self.node.stamp(message), *values))
+
+        message = self.node.message_class(package, name)
+        if late and self.node.generation == 2:
+            self._handles[key] = _durable(self.node, topic, message, keep)
+        else:
+            self._handles[key] = self.node.subscribe(topic, message, keep)
+
+    def every(self, key: str, period: int, lasts: float = 0.0) -> None:
+        """Keeps the time of every call of a timer, and whether it overlaps one; the third fails.
+
+        Args:
+            key: Its name.
+            period: In nanoseconds.
+            lasts: Seconds that each call lasts.
+        """
+        inside: list[None] = []
+
+        def call() -> None:
+            inside.append(None)
+            self._keep(key, (self.node.now(), len(inside)))
+            if lasts:
+                threading.Event().wait(lasts)
+            inside.pop()
+            if len(self._kept[key]) == 3:
+                raise ArithmeticError("a timer that fails")
+
+        self._handles[key] = self.node.every(period, call)
+
+    def publisher(
+        self, key: str, topic: str, package: str, name: str, *, latched: bool = False
+    ) -> None:
+        """Makes a publisher."""
+        message = self.node.message_class(package, name)
+        self._handles[key] = self.node.publisher(topic, message, latched=latched)
+
+    def publish(self, key: str, values: Mapping[str, Any], stamp: int | None = None) -> None:
+        """Publishes a message with these values of fields."""
+        publisher = self._handles[key]
+        message = publisher.message()
+        for field, value in values.items():
+            *path, last = field.split(".")
+            setattr(operator.attrgetter(".".join(path))(message) if path else message, last, value)
+        if stamp is not None:
+            self.node.set_stamp(message, stamp)
+        publisher.publish(message)
+
+    def tick(self, key: str, time: int) -> None:
+        """Publishes a time of the clock."""
+        publisher = self._handles[key]
+        message = publisher.message()
+        for part, value in zip(type(message.clock).__slots__, divmod(time, 10**9), strict=False):
+            setattr(message.clock, part.lstrip("_"), value)
+        publisher.publish(message)
+
+    def wait_until(self, time: int, patience: float) -> bool:
+        """Whether the clock shows a time before the patience is over."""
+        for _ in range(round(patience / 0.001)):
+            if self.node.now() == time:
+                return True
+            threading.Event().wait(0.001)
+        return False
+
+    def kept(self, key: str, count: int = 0, patience: float = PATIENCE) -> list[Any]:
+        """What is kept under a key, as soon as there are so many, or the patience is over."""
+        with self._news:
+            self._news.wait_for(lambda: len(self._kept.get(key, ())) >= count, patience)
+            return list(self._kept.get(key, ()))
+
+    def close(self, key: str) -> None:
+        """Closes what has a key."""
+        self._handles.pop(key).close()
+
+    def log(self, level: int, text: str) -> None:
+        """Writes to the log of the node."""
+        self.node.log(Level(level), text)
+
+    def end(self) -> None:
+        """Ends the node from another thread than that of `spin`, after the answer."""
+        threading.Timer(0.05, self.node.close).start()
+
+    def _keep(self, key: str, value: tuple[Any, ...]) -> None:
+        with self._news:
+            self._kept.setdefault(key, []).append(value)
+            self._news.notify_all()
+
+
+def _read(message: Any, fields: Sequence[str]) -> list[Any]:  # noqa: ANN401
+    return [operator.attrgetter(field)(message) for field in fields]
+
+
+def _durable(
+    node: Any,  # noqa: ANN401
+    topic: str,
+    message: type,
+    callback: Callable[[Any], None],
+) -> object:
+    """A subscription of ROS 2 that gets what a latched topic said last."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    profile = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return node.node.create_subscription(message, topic, callback, profile)
+
+
+def _serve(connection: Connection, desk: Desk) -> None:
+    while True:
+        try:
+            method, arguments, options = connection.recv()
+        except (EOFError, OSError):
+            return
+        try:
+            answer = True, getattr(desk, method)(*arguments, **options)
+        except Exception:  # noqa: BLE001 - it is told to the test
+            answer = False, traceback.format_exc()
+        connection.send(answer)
+
+
+def _main(handle: str, generation: str, name: str, *arguments: str) -> None:
+    with Connection(int(handle)) as connection:
+        node = connect(int(generation), name, arguments)
+        threading.Thread(target=_serve, args=(connection, Desk(node)), daemon=True).start()
+        node.spin()
+        node.close()
+        print("closed", flush=True)  # noqa: T201
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
