@@ -14,6 +14,7 @@ from rtamt.compat.tree import ParsedFormulas
 from rtamt.compat.undeclared import check_declared
 from rtamt.errors import InputError, ParseError, SpecificationError, StateError, nearest
 from rtamt.language.interval import Exact
+from rtamt.language.names import steps
 from rtamt.language.parser import parse_as
 from rtamt.language.specification import PRIMITIVES, Specification
 from rtamt.monitors.dense import DenseMonitor
@@ -312,7 +313,7 @@ class AbstractSpecification:
 
     def _source(self, variable: str) -> str:
         """The name by which users hand in a variable: that of its declared message, or its own."""
-        message = variable.partition(".")[0]
+        message = str(steps(variable)[0])
         return message if message in self._types else variable
 
     def _sources(self) -> tuple[str, ...]:

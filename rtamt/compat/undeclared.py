@@ -6,6 +6,7 @@ import logging
 from collections.abc import Collection, Iterable
 
 from rtamt.errors import nearest
+from rtamt.language.names import steps
 from rtamt.language.specification import Specification
 
 __all__ = ["check_declared", "warn_of_unknown"]
@@ -52,4 +53,4 @@ def warn_of_unknown(names: Iterable[object], unread: Collection[str]) -> None:
 
 
 def _head(name: str) -> str:
-    return name.partition(".")[0]
+    return str(steps(name)[0])

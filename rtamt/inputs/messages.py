@@ -1,17 +1,29 @@
 """Variables that are fields of messages: read from the messages of a caller, and written to them.
 
-``cmd.linear.x`` is the field ``x`` of the field ``linear`` of the message ``cmd``. A message is any
-object with attributes, or a mapping; the fields of one may be the other.
+``cmd.linear.x`` is the field ``x`` of the field ``linear`` of the message ``cmd``, and
+``scan.ranges[0]`` the first element of a field that is a list. A message is any object with
+attributes, or a mapping; the fields of one may be the other.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, MutableMapping
+from collections.abc import (
+    Callable,
+    Collection,
+    Iterable,
+    Iterator,
+    Mapping,
+    MutableMapping,
+    Sequence,
+    Sized,
+)
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from rtamt.errors import InputError, InputTypeError, name_text, nearest
+from rtamt.language.names import Step, is_field, joined, lineage, steps
 from rtamt.language.specification import Specification
 
 __all__ = ["Field", "Messages", "write_fields"]
@@ -26,13 +38,13 @@ class Field:
     Attributes:
         variable: Its dotted name.
         message: The first part of the name: the message.
-        path: The other parts: the fields that lead to the value.
+        path: The other parts: the fields and elements that lead to the value.
         type: The class that the message must have; None: any. A mapping may stand for it.
     """
 
     variable: str
     message: str
-    path: tuple[str, ...]
+    path: tuple[Step, ...]
     type: type | None
 
     def of(self, message: object, place: object, unit: str = "sample") -> Any:  # noqa: ANN401
@@ -53,27 +65,56 @@ class Field:
         """
         *path, last = self.path
         holder = self._follow(message, path, "")
-        if not isinstance(holder, MutableMapping) and not hasattr(holder, last):
+        if not isinstance(holder, MutableMapping) and not hasattr(holder, str(last)):
             raise self._absent(holder, len(path), "")
         return holder
 
-    def _follow(self, message: object, path: Iterable[str], where: str) -> object:
+    def column(self, message: Mapping[str, object], sample: int) -> object:
+        """The values of the field in a message whose fields are columns.
+
+        The column of a list has a list for every sample: an array of shape (n, elements), or n
+        sequences. Errors name the sample; that of the first row is given.
+
+        Raises:
+            InputError: If there is no such field or element.
+        """
+        at = next((i for i, step in enumerate(self.path) if isinstance(step, int)), len(self.path))
+        where = f" at sample {sample}"
+        column = self._follow(message, self.path[:at], where)
+        if at == len(self.path):
+            return column
+        if isinstance(column, str | bytes) or not isinstance(column, Iterable):
+            return self._follow(column, self.path[at:], where, at)
+        return [
+            self._follow(each, self.path[at:], f" at sample {i}", at)
+            for i, each in enumerate(column, sample)
+        ]
+
+    def _follow(self, message: object, path: Iterable[Step], where: str, begin: int = 0) -> object:
         value = message
         mapping = isinstance(value, Mapping)
-        if self.type is not None and not mapping and not isinstance(value, self.type):
+        if not begin and self.type is not None and not mapping and not isinstance(value, self.type):
             raise InputTypeError(
                 f"expected a {self.type.__name__} or a mapping for '{self.message}'{where}, "
                 f"got {type(value).__name__}"
             )
-        for depth, step in enumerate(path):
+        for depth, step in enumerate(path, begin):
             try:
-                value = value[step] if isinstance(value, Mapping) else getattr(value, step)
-            except (KeyError, AttributeError):
+                if isinstance(step, int):
+                    value = cast("Sequence[object]", value)[step]
+                else:
+                    value = value[step] if isinstance(value, Mapping) else getattr(value, step)
+            except (KeyError, AttributeError, IndexError, TypeError):
                 raise self._absent(value, depth, where) from None
         return value
 
     def _absent(self, holder: object, depth: int, where: str) -> InputError:
-        name, step = ".".join((self.message, *self.path[:depth])), self.path[depth]
+        name, step = joined((self.message, *self.path[:depth])), self.path[depth]
+        if isinstance(step, int):
+            kind = f"'{name}'{where} ({type(holder).__name__})"
+            if isinstance(holder, Sized) and hasattr(holder, "__getitem__"):
+                return InputError(f"{kind} has {_elements(len(holder))}, none of them [{step}]")
+            return InputError(f"{kind} has no elements, expected a list with [{step}]")
         known: list[str] = []
         if isinstance(holder, Mapping):
             known = [name_text(key) for key in holder]
@@ -90,18 +131,24 @@ class Field:
 _LONG = 60
 
 
+def _elements(count: int) -> str:
+    return f"{count} element{'' if count == 1 else 's'}"
+
+
 class Messages:
     """The fields of messages among names, such as the variables of a specification.
 
     Attributes:
         names: The messages that a caller can hand in: ``cmd.linear`` and ``cmd`` for
-            ``cmd.linear.x``, unless they are variables themselves.
+            ``cmd.linear.x``, unless they are variables themselves; a list too.
     """
 
     __slots__ = ("_fields", "names")
 
     def __init__(self, specification: Specification, names: Collection[str]) -> None:
-        self._fields = {name: tuple(_fields(name, specification)) for name in names if "." in name}
+        self._fields = {
+            name: tuple(_fields(name, specification)) for name in names if is_field(name)
+        }
         self.names: frozenset[str] = frozenset()
         if self._fields:
             messages = {f.message for fields in self._fields.values() for f in fields}
@@ -134,12 +181,11 @@ class Messages:
 
 def _fields(variable: str, specification: Specification) -> Iterator[Field]:
     """A variable as a field of each of its messages, innermost first."""
-    steps = variable.split(".")
-    for depth in range(len(steps) - 1, 0, -1):
-        message = ".".join(steps[:depth])
+    path = steps(variable)
+    for message in itertools.islice(lineage(variable), 1, None):
         declared = specification.declarations.get(message)
         cls = None if declared is None else specification.types.get(declared.type)
-        yield Field(variable, message, tuple(steps[depth:]), cls)
+        yield Field(variable, message, path[len(steps(message)) :], cls)
 
 
 def write_fields(
@@ -186,7 +232,7 @@ def write_fields(
             if isinstance(holder, MutableMapping):
                 holder[field.path[-1]] = values[field.variable]
             else:
-                setattr(holder, field.path[-1], values[field.variable])
+                setattr(holder, str(field.path[-1]), values[field.variable])
         except (AttributeError, TypeError) as error:
             raise InputTypeError(f"'{field.variable}' cannot be set: {error}") from error
     return not any(math.isnan(values[field.variable]) for field, _ in targets)

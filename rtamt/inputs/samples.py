@@ -229,7 +229,7 @@ class SampleReader:
 
         def column(field: Field, messages: object) -> object:
             if isinstance(messages, Mapping):  # a message of columns
-                return field.of(messages, sample)
+                return field.column(messages, sample)
             several = isinstance(messages, Iterable) and not isinstance(messages, str | bytes)
             if not several or getattr(messages, "ndim", 1) == 0:
                 got = kind_of(messages)

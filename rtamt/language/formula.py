@@ -12,6 +12,7 @@ from typing import cast
 
 from rtamt.errors import InputTypeError, SpecificationError, brief
 from rtamt.language.interval import Exact, Interval
+from rtamt.language.names import is_name
 from rtamt.language.node import Node, interned, too_long
 from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text
@@ -213,7 +214,7 @@ class Formula(Node):
 
 
 def variable(name: str) -> Term:
-    """The term of a variable: a name, or dotted names for the fields of a message.
+    """The term of a variable: a name, or that of a field of a message, ``scan.ranges[0]``.
 
     Raises:
         SpecificationError: If it is not such a name, or a reserved word such as ``always``. The
@@ -224,10 +225,10 @@ def variable(name: str) -> Term:
         raise InputTypeError(msg)
     if msg := too_long(name):
         raise SpecificationError(msg)
-    if not all(part.isidentifier() and part.isascii() for part in name.split(".")):
+    if not is_name(name):
         msg = f"expected a name of letters, digits, '_' and dots, got '{name}'"
         raise SpecificationError(msg)
-    if msg := OPERATORS.refusal(name):
+    if msg := OPERATORS.refusal(name.partition("[")[0]):
         raise SpecificationError(msg)
     return interned(Term, None, leaf=name)
 

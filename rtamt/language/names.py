@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
-__all__ = ["Step", "is_field", "joined", "owner", "owners", "steps"]
+__all__ = ["Step", "is_field", "is_name", "joined", "lineage", "steps"]
 
 Step = str | int
 """The name of a field, or the number of an element, from 0."""
 
+_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[(0|[1-9]\d*)\])*", re.ASCII)
 _STEP = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
+
+
+def is_name(text: str) -> bool:
+    """Whether a text is the name of a variable, but for the words of the language."""
+    return _NAME.fullmatch(text) is not None
 
 
 def steps(name: str) -> tuple[Step, ...]:
@@ -25,21 +31,17 @@ def steps(name: str) -> tuple[Step, ...]:
     return tuple(field or int(element) for field, element in _STEP.findall(name))
 
 
-def joined(path: Iterator[Step] | tuple[Step, ...]) -> str:
+def joined(path: Iterable[Step]) -> str:
     """The name of which these are the `steps`."""
     text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
     return text.removeprefix(".")
 
 
-def owner(name: str) -> str:
-    """What a field or element belongs to, ``scan.ranges`` for ``scan.ranges[0]``; else ``""``."""
-    return name[: max(name.rfind("."), name.rfind("["), 0)]
-
-
-def owners(name: str) -> Iterator[str]:
-    """What a name belongs to, innermost first."""
-    while name := owner(name):
+def lineage(name: str) -> Iterator[str]:
+    """A name and what it belongs to, innermost first: ``a.b[0]``, ``a.b``, ``a``."""
+    while name:
         yield name
+        name = name[: max(name.rfind("."), name.rfind("["), 0)]
 
 
 def is_field(name: str) -> bool:

@@ -46,7 +46,7 @@ MAX_NAME = 255
 
 def too_long(name: str) -> str:
     """The reason to refuse a name for its length or its parts; nothing if it has none."""
-    parts = name.count(".") + 1
+    parts = name.count(".") + name.count("[") + 1
     if parts > MAX_PARTS:
         return f"a dotted name has {parts} parts; the limit is {MAX_PARTS}"
     if len(name) > MAX_NAME:

@@ -18,6 +18,7 @@ from typing import Literal, cast
 from rtamt.errors import ParseError, SpecificationError
 from rtamt.language.formula import Formula, make
 from rtamt.language.interval import UNITS, Interval
+from rtamt.language.names import lineage
 from rtamt.language.node import Node
 from rtamt.language.operators import OPERATORS
 from rtamt.language.printing import node_text, number_text
@@ -339,9 +340,8 @@ class Specification:
         )
 
     def _declared(self, variable: str) -> str:
-        while variable not in self.declarations and "." in variable:
-            variable = variable.rpartition(".")[0]
-        return variable
+        names = [*lineage(variable)]
+        return next((name for name in names if name in self.declarations), names[-1])
 
     def _declared_as(self, io: str) -> tuple[str, ...]:
         return tuple(v for v in self.variables if (d := self.declaration(v)) and d.io == io)

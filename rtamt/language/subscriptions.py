@@ -9,7 +9,7 @@ from typing import Any
 
 from rtamt.errors import SpecificationError
 from rtamt.language.formula import Formula
-from rtamt.language.names import Step, joined, owners, steps
+from rtamt.language.names import Step, joined, lineage, steps
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import PRIMITIVES, Specification
 
@@ -122,7 +122,7 @@ _DATA = ("data",)
 
 def _message(spec: Specification, variable: str) -> str:
     """The declared message or variable that a name belongs to; without one, its first step."""
-    names = [variable, *owners(variable)]
+    names = [*lineage(variable)]
     return next((name for name in names if name in spec.declarations), names[-1])
 
 

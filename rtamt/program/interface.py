@@ -24,11 +24,12 @@ Under the semantics ``boolean`` every predicate is +inf or -inf, whatever its va
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 from rtamt.errors import InputError, InputTypeError, alternatives, brief, is_one_of, nearest
+from rtamt.language.names import lineage
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
@@ -73,7 +74,7 @@ class Interface:
 
     def role(self, variable: str) -> Role | None:
         """The role of a variable; that of a field decides before that of its message."""
-        for name in _with_messages(variable):
+        for name in lineage(variable):
             if name in self.inputs:
                 return "input"
             if name in self.outputs:
@@ -162,7 +163,7 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
         msg = f"expected names of variables as {argument}, got {brief(given)}"
         hint = f"; write {argument}=('{given}',)" if isinstance(given, str) else ""
         raise InputTypeError(msg + hint)
-    known = {n for v in spec.variables for n in _with_messages(v)}
+    known = {n for v in spec.variables for n in lineage(v)}
     known |= spec.declarations.keys() - spec.formulas.keys()
     try:
         checked = tuple(given)
@@ -182,11 +183,3 @@ def _checked(spec: Specification, argument: str, names: Names) -> tuple[str, ...
             msg = f"'{name}' in {argument} {what}{nearest(name, known) or listed}"
             raise InputError(msg)
     return tuple(dict.fromkeys(checked))
-
-
-def _with_messages(variable: str) -> Iterator[str]:
-    """A variable, and the messages that it is a field of, from the innermost."""
-    yield variable
-    while "." in variable:
-        variable = variable.rpartition(".")[0]
-        yield variable

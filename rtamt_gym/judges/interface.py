@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypedDict
@@ -142,5 +143,5 @@ def _chosen(
 def _known(spec: rtamt.Specification) -> frozenset[str]:
     """The variables of a specification, declared ones too, and the messages they are fields of."""
     names = {*spec.variables, *spec.declarations} - {*spec.formulas}
-    parts = (name.split(".") for name in names)
-    return frozenset(".".join(p[:end]) for p in parts for end in range(1, len(p) + 1))
+    ends = ((name, each.start()) for name in names for each in re.finditer(r"[.\[]|$", name))
+    return frozenset(name[:end] for name, end in ends)

@@ -50,6 +50,7 @@ expression : operand ((BINDING interval? | INFIX | '-' | '/') operand)* ;
 operand
     : (TEMPORAL interval? | PREFIX | '-')*
       ( NAME
+      | ELEMENT
       | NUMBER
       | TRUTH
       | '(' expression ')'
@@ -81,6 +82,10 @@ MINUS : '-' ;
 SLASH : '/' ;
 
 NAME : WORD ('.' WORD)* ;
+
+// An element of a list in a message: scan.ranges[0]. After a word of the language, as in always[5], the
+// scanner makes an interval of it.
+ELEMENT : NAME INDEX (INDEX | '.' WORD)* ;
 NUMBER : (DIGIT+ ('.' DIGIT*)? | '.' DIGIT+) ([eE] [+-]? DIGIT+)? ;
 
 EQUALS : '=' ;
@@ -102,3 +107,4 @@ ILLEGAL : . ;
 
 fragment WORD : [A-Za-z_] [A-Za-z_0-9]* ;
 fragment DIGIT : [0-9] ;
+fragment INDEX : '[' ('0' | [1-9] DIGIT*) ']' ;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
 from fractions import Fraction
@@ -60,7 +61,9 @@ def similar_name(name: str, names: Iterable[str], declaration: str) -> str:
     return f"did you mean '{close[0]}'? If not, {declare}" if close else declare
 
 
-_OPERANDS = frozenset({StlParser.NAME, StlParser.NUMBER, StlParser.TRUTH, StlParser.CLOSE})
+_OPERANDS = frozenset(
+    {StlParser.NAME, StlParser.ELEMENT, StlParser.NUMBER, StlParser.TRUTH, StlParser.CLOSE}
+)
 _CLOSERS = frozenset({StlParser.CLOSE, StlParser.CLOSE_INTERVAL})
 _HEADS = {
     StlParser.SPECIFICATION: "write specification NAME",
@@ -71,6 +74,7 @@ _HEADS = {
     StlParser.OUTPUT: "write output float NAME",
 }
 _LONG = 60
+_INDEX = re.compile(r"\[\s*-?\d+\s*\]")
 _ASCII = "names have letters, digits, '_' and dots; operators are as in: not (x >= 3) -> y < 2"
 _PRINTED = "≥≤≠¬∧∨→⇒↔⇔□◇"  # noqa: RUF001 - as formulas are printed in papers
 _SPELT = (">=", "<=", "!=", "not", "and", "or", "->", "->", "<->", "<->", "always", "eventually")
@@ -231,6 +235,8 @@ def _no_operand(text: str, before: Token, token: Token) -> ParseError:
 
 def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> ParseError:
     reason = f"expected an operator, got {_got(token)}"
+    if before.type == StlParser.ELEMENT and (error := _misread(text, before, token)):
+        return error
     if token.type == StlParser.EQUALS:
         implied = text[token.stop + 1 : token.stop + 2] == ">"
         meant = "implication is written '->'" if implied else "equality is written '=='"
@@ -240,6 +246,8 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
     hint = "write an operator there" + ("" if bracketed else ", or ';' between two statements")
     if token.type == StlParser.OPEN_INTERVAL:
         hint = _where_intervals_stand()
+        if before.type in (StlParser.NAME, StlParser.ELEMENT) and _INDEX.match(text, token.start):
+            hint = f"an element is written in one piece, counted from 0: {before.text}[0]"
     elif before.type == StlParser.NUMBER and token.start == before.stop + 1:
         hint = f"write {before.text} * {token.text}"
         if token.text in UNITS:
@@ -250,6 +258,22 @@ def _no_operator(text: str, before: Token, token: Token, *, bracketed: bool) -> 
         prefix = similar(before.text, _words("prefix")) if before.type == StlParser.NAME else ""
         hint = similar(token.text, _words("infix")) or prefix or hint
     return fail(text, token, reason, hint)
+
+
+def _misread(text: str, before: Token, token: Token) -> ParseError | None:
+    """The error if the element before the refused token is meant as an operator or a formula."""
+    word, index = before.text.split("[", 1)
+    bounds = f"[0:{index}"
+    if token.type == StlParser.EQUALS:
+        hint = f"formulas have plain names: {word} = ..."
+        return fail(text, token, f"'{before.text}' is an element and cannot name a formula", hint)
+    timed = [s for s in (*_words("prefix"), *_words("infix")) if OPERATORS.words[s].timed]
+    meant = _ELSEWHERE.get(word.lower()) or next(
+        iter(difflib.get_close_matches(word, timed, 1)), ""
+    )
+    if meant and token.type in _OPERANDS | {StlParser.OPEN}:
+        return fail(text, before, f"unknown operator '{word}'", f"write {meant}{bounds}")
+    return None
 
 
 def _misnamed(text: str, before: Token, token: Token) -> ParseError | None:

@@ -25,7 +25,7 @@ from rtamt.language.table import Operator
 
 __all__ = ["TreeBuilder"]
 
-_LEAVES = (StlParser.NAME, StlParser.NUMBER, StlParser.TRUTH)
+_LEAVES = (StlParser.NAME, StlParser.ELEMENT, StlParser.NUMBER, StlParser.TRUTH)
 _CLOSING = (StlParser.CLOSE, StlParser.CLOSE_INTERVAL)
 
 _BACK = "bounds count away from now; once, historically and since look back"
@@ -172,7 +172,7 @@ class TreeBuilder:
         return node
 
     def _leaf(self, token: Token) -> Node:
-        if token.type == StlParser.NAME:
+        if token.type in (StlParser.NAME, StlParser.ELEMENT):
             return self._place(self.resolve(token), token)
         if token.type == StlParser.TRUTH:
             return make(OPERATORS.words[token.text].name, ())

@@ -18,6 +18,7 @@ from rtamt.language.grammar.diagnosis import (
 )
 from rtamt.language.grammar.expressions import TreeBuilder
 from rtamt.language.grammar.tokens import Part, Statement, Statements, read
+from rtamt.language.names import lineage
 from rtamt.language.node import Node, interned
 from rtamt.language.operators import OPERATORS
 from rtamt.language.specification import PRIMITIVES, Declaration, Specification
@@ -236,15 +237,15 @@ class _Reader:
 
     def _check_field(self, token: Token) -> str:
         """The declared message that a name is a field of; if there is none, its first part."""
-        message = token.text
-        while message not in self.declared and "." in message:
-            message = message.rpartition(".")[0]
+        names = [*lineage(token.text)]
+        message = next((name for name in names if name in self.declared), names[-1])
         if message in self.declared and message != token.text:
             kind = self.declarations[message].type
             if kind in PRIMITIVES:
-                field = token.text[len(message) + 1 :]
-                reason = f"'{message}' is a {kind} and has no field '{field}'"
-                hint = f"only variables of imported types have fields; '{message}' is the whole"
+                rest = token.text[len(message) :]
+                what = "element" if rest[0] == "[" else "field"
+                reason = f"'{message}' is a {kind} and has no {what} '{rest.removeprefix('.')}'"
+                hint = f"only variables of imported types have {what}s; '{message}' is the whole"
                 raise self._fail(token, reason, hint)
         return message
 

@@ -69,11 +69,13 @@ _TYPES: Mapping[tuple[Notation, bool], int] = {
     ("atom", False): StlParser.TRUTH,
     ("call", False): StlParser.NAME,  # until a bracket follows
 }
-_SPELT = frozenset({StlParser.NAME, StlParser.SYMBOL})
+_SPELT = frozenset({StlParser.NAME, StlParser.ELEMENT, StlParser.SYMBOL})
 _PREFIX = frozenset({StlParser.TEMPORAL, StlParser.PREFIX, StlParser.MINUS})
 _INFIX = frozenset({StlParser.BINDING, StlParser.INFIX, StlParser.MINUS, StlParser.SLASH})
 # A newline after one of these ends no statement.
 _UNFINISHED = _PREFIX | _INFIX | {StlParser.EQUALS}
+_NAMES = (StlParser.NAME, StlParser.ELEMENT)
+_KEYWORDS = {text.strip("'"): kind for kind, text in enumerate(StlParser.literalNames)}
 # What follows one of these is the name of something, which calls no function.
 _NAMING = frozenset({StlParser.NAME, StlParser.SPECIFICATION, StlParser.IMPORT})
 _OPEN_ENDS = frozenset({StlParser.COLON, StlParser.COMMA, StlParser.INF})
@@ -116,6 +118,8 @@ class _Scanner:
                 if not (self.unfinished or self.brackets or self.newline):
                     self.newline = token
                 continue
+            if token.type == StlParser.ELEMENT:
+                self._split(lexer, token)
             if token.type in _SPELT:
                 token.type = self._type(token)
             elif token.type == StlParser.OPEN and self._calls():
@@ -133,9 +137,19 @@ class _Scanner:
             raise self._unclosed()
         return self._finish(lexer, token)
 
+    def _split(self, lexer: StlLexer, token: Token) -> None:
+        """Take the element for a word and a bracket if the word is one of the language."""
+        word = token.text.partition("[")[0]
+        if word in OPERATORS.reserved:
+            token.stop = token.start + len(word) - 1
+            token.type = _KEYWORDS.get(word, StlParser.NAME)
+            lexer.inputStream.seek(token.stop + 1)
+            lexer._hitEOF = False  # noqa: SLF001 - ANTLR has no other way to go back
+            lexer.column = token.column + len(word)
+
     def _type(self, token: Token) -> int:
         text = self.text[token.start : token.stop + 1]
-        if token.type == StlParser.NAME:
+        if token.type in _NAMES:
             if reason := too_long(text):
                 raise fail(self.text, token, reason, "write a shorter name")
             row = OPERATORS.words.get(text)

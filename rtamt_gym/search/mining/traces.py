@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -194,7 +195,7 @@ def _listed(traces: Any) -> list[Any]:  # noqa: ANN401
 
 def _check_columns(name: str, given: object, spec: rtamt.Specification) -> None:
     """Refuses a mapping without a variable, such as one of traces by name."""
-    variables = {each.partition(".")[0] for each in spec.variables} | {*spec.variables}
+    variables = {re.split(r"[.\[]", each)[0] for each in spec.variables} | {*spec.variables}
     if not isinstance(given, Mapping) or not variables or variables & given.keys():
         return
     several = any(isinstance(each, Mapping) or hasattr(each, "columns") for each in given.values())

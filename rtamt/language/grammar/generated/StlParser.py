@@ -10,7 +10,7 @@ else:
 
 def serializedATN():
     return [
-        4,1,31,177,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
+        4,1,32,178,2,0,7,0,2,1,7,1,2,2,7,2,2,3,7,3,2,4,7,4,2,5,7,5,2,6,7,
         6,2,7,7,7,2,8,7,8,2,9,7,9,2,10,7,10,2,11,7,11,2,12,7,12,1,0,5,0,
         28,8,0,10,0,12,0,31,9,0,1,0,1,0,1,0,4,0,36,8,0,11,0,12,0,37,3,0,
         40,8,0,1,0,1,0,1,0,1,0,1,0,3,0,47,8,0,1,0,4,0,50,8,0,11,0,12,0,51,
@@ -21,58 +21,59 @@ def serializedATN():
         8,8,1,8,1,8,1,9,1,9,1,9,3,9,116,8,9,1,9,1,9,1,9,3,9,121,8,9,1,9,
         5,9,124,8,9,10,9,12,9,127,9,9,1,10,1,10,3,10,131,8,10,1,10,1,10,
         5,10,135,8,10,10,10,12,10,138,9,10,1,10,1,10,1,10,1,10,1,10,1,10,
-        1,10,1,10,1,10,1,10,1,10,1,10,5,10,152,8,10,10,10,12,10,155,9,10,
-        1,10,1,10,3,10,159,8,10,1,11,1,11,1,11,1,11,1,11,1,11,1,11,3,11,
-        168,8,11,1,12,3,12,171,8,12,1,12,1,12,3,12,175,8,12,1,12,0,0,13,
-        0,2,4,6,8,10,12,14,16,18,20,22,24,0,5,3,0,1,7,11,12,26,31,1,0,5,
-        6,1,0,14,15,2,0,18,18,20,20,2,0,7,7,11,12,195,0,29,1,0,0,0,2,60,
-        1,0,0,0,4,65,1,0,0,0,6,74,1,0,0,0,8,84,1,0,0,0,10,86,1,0,0,0,12,
-        93,1,0,0,0,14,102,1,0,0,0,16,108,1,0,0,0,18,112,1,0,0,0,20,136,1,
-        0,0,0,22,160,1,0,0,0,24,170,1,0,0,0,26,28,5,21,0,0,27,26,1,0,0,0,
-        28,31,1,0,0,0,29,27,1,0,0,0,29,30,1,0,0,0,30,39,1,0,0,0,31,29,1,
-        0,0,0,32,33,5,1,0,0,33,35,5,11,0,0,34,36,5,21,0,0,35,34,1,0,0,0,
-        36,37,1,0,0,0,37,35,1,0,0,0,37,38,1,0,0,0,38,40,1,0,0,0,39,32,1,
-        0,0,0,39,40,1,0,0,0,40,55,1,0,0,0,41,47,3,2,1,0,42,47,3,4,2,0,43,
-        47,3,10,5,0,44,47,3,12,6,0,45,47,3,16,8,0,46,41,1,0,0,0,46,42,1,
-        0,0,0,46,43,1,0,0,0,46,44,1,0,0,0,46,45,1,0,0,0,47,49,1,0,0,0,48,
-        50,5,21,0,0,49,48,1,0,0,0,50,51,1,0,0,0,51,49,1,0,0,0,51,52,1,0,
-        0,0,52,54,1,0,0,0,53,46,1,0,0,0,54,57,1,0,0,0,55,53,1,0,0,0,55,56,
-        1,0,0,0,56,58,1,0,0,0,57,55,1,0,0,0,58,59,5,0,0,1,59,1,1,0,0,0,60,
-        61,5,2,0,0,61,62,5,11,0,0,62,63,5,3,0,0,63,64,5,11,0,0,64,3,1,0,
-        0,0,65,66,5,16,0,0,66,67,5,11,0,0,67,68,5,17,0,0,68,69,5,11,0,0,
-        69,70,5,15,0,0,70,71,3,6,3,0,71,72,5,18,0,0,72,5,1,0,0,0,73,75,5,
-        10,0,0,74,73,1,0,0,0,74,75,1,0,0,0,75,76,1,0,0,0,76,81,3,8,4,0,77,
-        78,5,10,0,0,78,80,3,8,4,0,79,77,1,0,0,0,80,83,1,0,0,0,81,79,1,0,
-        0,0,81,82,1,0,0,0,82,7,1,0,0,0,83,81,1,0,0,0,84,85,7,0,0,0,85,9,
-        1,0,0,0,86,87,5,4,0,0,87,88,5,11,0,0,88,89,5,11,0,0,89,90,5,13,0,
-        0,90,91,3,14,7,0,91,11,1,0,0,0,92,94,7,1,0,0,93,92,1,0,0,0,93,94,
-        1,0,0,0,94,95,1,0,0,0,95,96,5,11,0,0,96,99,5,11,0,0,97,98,5,13,0,
-        0,98,100,3,14,7,0,99,97,1,0,0,0,99,100,1,0,0,0,100,13,1,0,0,0,101,
-        103,5,9,0,0,102,101,1,0,0,0,102,103,1,0,0,0,103,104,1,0,0,0,104,
-        105,5,12,0,0,105,15,1,0,0,0,106,107,5,11,0,0,107,109,5,13,0,0,108,
-        106,1,0,0,0,108,109,1,0,0,0,109,110,1,0,0,0,110,111,3,18,9,0,111,
-        17,1,0,0,0,112,125,3,20,10,0,113,115,5,28,0,0,114,116,3,22,11,0,
-        115,114,1,0,0,0,115,116,1,0,0,0,116,121,1,0,0,0,117,121,5,29,0,0,
-        118,121,5,9,0,0,119,121,5,10,0,0,120,113,1,0,0,0,120,117,1,0,0,0,
-        120,118,1,0,0,0,120,119,1,0,0,0,121,122,1,0,0,0,122,124,3,20,10,
-        0,123,120,1,0,0,0,124,127,1,0,0,0,125,123,1,0,0,0,125,126,1,0,0,
-        0,126,19,1,0,0,0,127,125,1,0,0,0,128,130,5,26,0,0,129,131,3,22,11,
-        0,130,129,1,0,0,0,130,131,1,0,0,0,131,135,1,0,0,0,132,135,5,27,0,
-        0,133,135,5,9,0,0,134,128,1,0,0,0,134,132,1,0,0,0,134,133,1,0,0,
-        0,135,138,1,0,0,0,136,134,1,0,0,0,136,137,1,0,0,0,137,158,1,0,0,
-        0,138,136,1,0,0,0,139,159,5,11,0,0,140,159,5,12,0,0,141,159,5,31,
-        0,0,142,143,5,17,0,0,143,144,3,18,9,0,144,145,5,18,0,0,145,159,1,
-        0,0,0,146,147,5,30,0,0,147,148,5,17,0,0,148,153,3,18,9,0,149,150,
-        5,15,0,0,150,152,3,18,9,0,151,149,1,0,0,0,152,155,1,0,0,0,153,151,
-        1,0,0,0,153,154,1,0,0,0,154,156,1,0,0,0,155,153,1,0,0,0,156,157,
-        5,18,0,0,157,159,1,0,0,0,158,139,1,0,0,0,158,140,1,0,0,0,158,141,
-        1,0,0,0,158,142,1,0,0,0,158,146,1,0,0,0,159,21,1,0,0,0,160,161,5,
-        19,0,0,161,162,3,24,12,0,162,167,7,2,0,0,163,164,3,24,12,0,164,165,
-        7,3,0,0,165,168,1,0,0,0,166,168,5,18,0,0,167,163,1,0,0,0,167,166,
-        1,0,0,0,168,23,1,0,0,0,169,171,5,9,0,0,170,169,1,0,0,0,170,171,1,
-        0,0,0,171,172,1,0,0,0,172,174,7,4,0,0,173,175,5,11,0,0,174,173,1,
-        0,0,0,174,175,1,0,0,0,175,25,1,0,0,0,23,29,37,39,46,51,55,74,81,
-        93,99,102,108,115,120,125,130,134,136,153,158,167,170,174
+        1,10,1,10,1,10,1,10,1,10,1,10,1,10,5,10,153,8,10,10,10,12,10,156,
+        9,10,1,10,1,10,3,10,160,8,10,1,11,1,11,1,11,1,11,1,11,1,11,1,11,
+        3,11,169,8,11,1,12,3,12,172,8,12,1,12,1,12,3,12,176,8,12,1,12,0,
+        0,13,0,2,4,6,8,10,12,14,16,18,20,22,24,0,5,4,0,1,7,11,11,13,13,27,
+        32,1,0,5,6,1,0,15,16,2,0,19,19,21,21,3,0,7,7,11,11,13,13,197,0,29,
+        1,0,0,0,2,60,1,0,0,0,4,65,1,0,0,0,6,74,1,0,0,0,8,84,1,0,0,0,10,86,
+        1,0,0,0,12,93,1,0,0,0,14,102,1,0,0,0,16,108,1,0,0,0,18,112,1,0,0,
+        0,20,136,1,0,0,0,22,161,1,0,0,0,24,171,1,0,0,0,26,28,5,22,0,0,27,
+        26,1,0,0,0,28,31,1,0,0,0,29,27,1,0,0,0,29,30,1,0,0,0,30,39,1,0,0,
+        0,31,29,1,0,0,0,32,33,5,1,0,0,33,35,5,11,0,0,34,36,5,22,0,0,35,34,
+        1,0,0,0,36,37,1,0,0,0,37,35,1,0,0,0,37,38,1,0,0,0,38,40,1,0,0,0,
+        39,32,1,0,0,0,39,40,1,0,0,0,40,55,1,0,0,0,41,47,3,2,1,0,42,47,3,
+        4,2,0,43,47,3,10,5,0,44,47,3,12,6,0,45,47,3,16,8,0,46,41,1,0,0,0,
+        46,42,1,0,0,0,46,43,1,0,0,0,46,44,1,0,0,0,46,45,1,0,0,0,47,49,1,
+        0,0,0,48,50,5,22,0,0,49,48,1,0,0,0,50,51,1,0,0,0,51,49,1,0,0,0,51,
+        52,1,0,0,0,52,54,1,0,0,0,53,46,1,0,0,0,54,57,1,0,0,0,55,53,1,0,0,
+        0,55,56,1,0,0,0,56,58,1,0,0,0,57,55,1,0,0,0,58,59,5,0,0,1,59,1,1,
+        0,0,0,60,61,5,2,0,0,61,62,5,11,0,0,62,63,5,3,0,0,63,64,5,11,0,0,
+        64,3,1,0,0,0,65,66,5,17,0,0,66,67,5,11,0,0,67,68,5,18,0,0,68,69,
+        5,11,0,0,69,70,5,16,0,0,70,71,3,6,3,0,71,72,5,19,0,0,72,5,1,0,0,
+        0,73,75,5,10,0,0,74,73,1,0,0,0,74,75,1,0,0,0,75,76,1,0,0,0,76,81,
+        3,8,4,0,77,78,5,10,0,0,78,80,3,8,4,0,79,77,1,0,0,0,80,83,1,0,0,0,
+        81,79,1,0,0,0,81,82,1,0,0,0,82,7,1,0,0,0,83,81,1,0,0,0,84,85,7,0,
+        0,0,85,9,1,0,0,0,86,87,5,4,0,0,87,88,5,11,0,0,88,89,5,11,0,0,89,
+        90,5,14,0,0,90,91,3,14,7,0,91,11,1,0,0,0,92,94,7,1,0,0,93,92,1,0,
+        0,0,93,94,1,0,0,0,94,95,1,0,0,0,95,96,5,11,0,0,96,99,5,11,0,0,97,
+        98,5,14,0,0,98,100,3,14,7,0,99,97,1,0,0,0,99,100,1,0,0,0,100,13,
+        1,0,0,0,101,103,5,9,0,0,102,101,1,0,0,0,102,103,1,0,0,0,103,104,
+        1,0,0,0,104,105,5,13,0,0,105,15,1,0,0,0,106,107,5,11,0,0,107,109,
+        5,14,0,0,108,106,1,0,0,0,108,109,1,0,0,0,109,110,1,0,0,0,110,111,
+        3,18,9,0,111,17,1,0,0,0,112,125,3,20,10,0,113,115,5,29,0,0,114,116,
+        3,22,11,0,115,114,1,0,0,0,115,116,1,0,0,0,116,121,1,0,0,0,117,121,
+        5,30,0,0,118,121,5,9,0,0,119,121,5,10,0,0,120,113,1,0,0,0,120,117,
+        1,0,0,0,120,118,1,0,0,0,120,119,1,0,0,0,121,122,1,0,0,0,122,124,
+        3,20,10,0,123,120,1,0,0,0,124,127,1,0,0,0,125,123,1,0,0,0,125,126,
+        1,0,0,0,126,19,1,0,0,0,127,125,1,0,0,0,128,130,5,27,0,0,129,131,
+        3,22,11,0,130,129,1,0,0,0,130,131,1,0,0,0,131,135,1,0,0,0,132,135,
+        5,28,0,0,133,135,5,9,0,0,134,128,1,0,0,0,134,132,1,0,0,0,134,133,
+        1,0,0,0,135,138,1,0,0,0,136,134,1,0,0,0,136,137,1,0,0,0,137,159,
+        1,0,0,0,138,136,1,0,0,0,139,160,5,11,0,0,140,160,5,12,0,0,141,160,
+        5,13,0,0,142,160,5,32,0,0,143,144,5,18,0,0,144,145,3,18,9,0,145,
+        146,5,19,0,0,146,160,1,0,0,0,147,148,5,31,0,0,148,149,5,18,0,0,149,
+        154,3,18,9,0,150,151,5,16,0,0,151,153,3,18,9,0,152,150,1,0,0,0,153,
+        156,1,0,0,0,154,152,1,0,0,0,154,155,1,0,0,0,155,157,1,0,0,0,156,
+        154,1,0,0,0,157,158,5,19,0,0,158,160,1,0,0,0,159,139,1,0,0,0,159,
+        140,1,0,0,0,159,141,1,0,0,0,159,142,1,0,0,0,159,143,1,0,0,0,159,
+        147,1,0,0,0,160,21,1,0,0,0,161,162,5,20,0,0,162,163,3,24,12,0,163,
+        168,7,2,0,0,164,165,3,24,12,0,165,166,7,3,0,0,166,169,1,0,0,0,167,
+        169,5,19,0,0,168,164,1,0,0,0,168,167,1,0,0,0,169,23,1,0,0,0,170,
+        172,5,9,0,0,171,170,1,0,0,0,171,172,1,0,0,0,172,173,1,0,0,0,173,
+        175,7,4,0,0,174,176,5,11,0,0,175,174,1,0,0,0,175,176,1,0,0,0,176,
+        25,1,0,0,0,23,29,37,39,46,51,55,74,81,93,99,102,108,115,120,125,
+        130,134,136,154,159,168,171,175
     ]
 
 class StlParser ( Parser ):
@@ -87,14 +88,14 @@ class StlParser ( Parser ):
 
     literalNames = [ "<INVALID>", "'specification'", "'from'", "'import'", 
                      "'const'", "'input'", "'output'", "'inf'", "<INVALID>", 
-                     "'-'", "'/'", "<INVALID>", "<INVALID>", "'='", "':'", 
-                     "','", "'@'", "'('", "')'", "'['", "']'", "<INVALID>", 
-                     "<INVALID>", "<INVALID>", "'/*'" ]
+                     "'-'", "'/'", "<INVALID>", "<INVALID>", "<INVALID>", 
+                     "'='", "':'", "','", "'@'", "'('", "')'", "'['", "']'", 
+                     "<INVALID>", "<INVALID>", "<INVALID>", "'/*'" ]
 
     symbolicNames = [ "<INVALID>", "SPECIFICATION", "FROM", "IMPORT", "CONST", 
                       "INPUT", "OUTPUT", "INF", "SYMBOL", "MINUS", "SLASH", 
-                      "NAME", "NUMBER", "EQUALS", "COLON", "COMMA", "AT", 
-                      "OPEN", "CLOSE", "OPEN_INTERVAL", "CLOSE_INTERVAL", 
+                      "NAME", "ELEMENT", "NUMBER", "EQUALS", "COLON", "COMMA", 
+                      "AT", "OPEN", "CLOSE", "OPEN_INTERVAL", "CLOSE_INTERVAL", 
                       "END", "COMMENT", "SPACE", "OPEN_COMMENT", "ILLEGAL", 
                       "TEMPORAL", "PREFIX", "BINDING", "INFIX", "FUNCTION", 
                       "TRUTH" ]
@@ -129,26 +130,27 @@ class StlParser ( Parser ):
     MINUS=9
     SLASH=10
     NAME=11
-    NUMBER=12
-    EQUALS=13
-    COLON=14
-    COMMA=15
-    AT=16
-    OPEN=17
-    CLOSE=18
-    OPEN_INTERVAL=19
-    CLOSE_INTERVAL=20
-    END=21
-    COMMENT=22
-    SPACE=23
-    OPEN_COMMENT=24
-    ILLEGAL=25
-    TEMPORAL=26
-    PREFIX=27
-    BINDING=28
-    INFIX=29
-    FUNCTION=30
-    TRUTH=31
+    ELEMENT=12
+    NUMBER=13
+    EQUALS=14
+    COLON=15
+    COMMA=16
+    AT=17
+    OPEN=18
+    CLOSE=19
+    OPEN_INTERVAL=20
+    CLOSE_INTERVAL=21
+    END=22
+    COMMENT=23
+    SPACE=24
+    OPEN_COMMENT=25
+    ILLEGAL=26
+    TEMPORAL=27
+    PREFIX=28
+    BINDING=29
+    INFIX=30
+    FUNCTION=31
+    TRUTH=32
 
     def __init__(self, input:TokenStream, output:TextIO = sys.stdout):
         super().__init__(input, output)
@@ -243,7 +245,7 @@ class StlParser ( Parser ):
             self.state = 29
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while _la==21:
+            while _la==22:
                 self.state = 26
                 self.match(StlParser.END)
                 self.state = 31
@@ -267,7 +269,7 @@ class StlParser ( Parser ):
                     self.state = 37 
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if not (_la==21):
+                    if not (_la==22):
                         break
 
 
@@ -275,7 +277,7 @@ class StlParser ( Parser ):
             self.state = 55
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 3422755444) != 0):
+            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 6845512308) != 0):
                 self.state = 46
                 self._errHandler.sync(self)
                 la_ = self._interp.adaptivePredict(self._input,3,self._ctx)
@@ -319,7 +321,7 @@ class StlParser ( Parser ):
                     self.state = 51 
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if not (_la==21):
+                    if not (_la==22):
                         break
 
                 self.state = 57
@@ -585,7 +587,7 @@ class StlParser ( Parser ):
             self.enterOuterAlt(localctx, 1)
             self.state = 84
             _la = self._input.LA(1)
-            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 4227864830) != 0)):
+            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 8455727358) != 0)):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
@@ -720,7 +722,7 @@ class StlParser ( Parser ):
             self.state = 99
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            if _la==13:
+            if _la==14:
                 self.state = 97
                 self.match(StlParser.EQUALS)
                 self.state = 98
@@ -896,23 +898,23 @@ class StlParser ( Parser ):
             self.state = 125
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 805307904) != 0):
+            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 1610614272) != 0):
                 self.state = 120
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
-                if token in [28]:
+                if token in [29]:
                     self.state = 113
                     self.match(StlParser.BINDING)
                     self.state = 115
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if _la==19:
+                    if _la==20:
                         self.state = 114
                         self.interval()
 
 
                     pass
-                elif token in [29]:
+                elif token in [30]:
                     self.state = 117
                     self.match(StlParser.INFIX)
                     pass
@@ -951,6 +953,9 @@ class StlParser ( Parser ):
 
         def NAME(self):
             return self.getToken(StlParser.NAME, 0)
+
+        def ELEMENT(self):
+            return self.getToken(StlParser.ELEMENT, 0)
 
         def NUMBER(self):
             return self.getToken(StlParser.NUMBER, 0)
@@ -1021,23 +1026,23 @@ class StlParser ( Parser ):
             self.state = 136
             self._errHandler.sync(self)
             _la = self._input.LA(1)
-            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 201327104) != 0):
+            while (((_la) & ~0x3f) == 0 and ((1 << _la) & 402653696) != 0):
                 self.state = 134
                 self._errHandler.sync(self)
                 token = self._input.LA(1)
-                if token in [26]:
+                if token in [27]:
                     self.state = 128
                     self.match(StlParser.TEMPORAL)
                     self.state = 130
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
-                    if _la==19:
+                    if _la==20:
                         self.state = 129
                         self.interval()
 
 
                     pass
-                elif token in [27]:
+                elif token in [28]:
                     self.state = 132
                     self.match(StlParser.PREFIX)
                     pass
@@ -1052,7 +1057,7 @@ class StlParser ( Parser ):
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
 
-            self.state = 158
+            self.state = 159
             self._errHandler.sync(self)
             token = self._input.LA(1)
             if token in [11]:
@@ -1061,40 +1066,44 @@ class StlParser ( Parser ):
                 pass
             elif token in [12]:
                 self.state = 140
+                self.match(StlParser.ELEMENT)
+                pass
+            elif token in [13]:
+                self.state = 141
                 self.match(StlParser.NUMBER)
                 pass
-            elif token in [31]:
-                self.state = 141
+            elif token in [32]:
+                self.state = 142
                 self.match(StlParser.TRUTH)
                 pass
-            elif token in [17]:
-                self.state = 142
-                self.match(StlParser.OPEN)
+            elif token in [18]:
                 self.state = 143
-                self.expression()
+                self.match(StlParser.OPEN)
                 self.state = 144
+                self.expression()
+                self.state = 145
                 self.match(StlParser.CLOSE)
                 pass
-            elif token in [30]:
-                self.state = 146
-                self.match(StlParser.FUNCTION)
+            elif token in [31]:
                 self.state = 147
-                self.match(StlParser.OPEN)
+                self.match(StlParser.FUNCTION)
                 self.state = 148
+                self.match(StlParser.OPEN)
+                self.state = 149
                 self.expression()
-                self.state = 153
+                self.state = 154
                 self._errHandler.sync(self)
                 _la = self._input.LA(1)
-                while _la==15:
-                    self.state = 149
-                    self.match(StlParser.COMMA)
+                while _la==16:
                     self.state = 150
+                    self.match(StlParser.COMMA)
+                    self.state = 151
                     self.expression()
-                    self.state = 155
+                    self.state = 156
                     self._errHandler.sync(self)
                     _la = self._input.LA(1)
 
-                self.state = 156
+                self.state = 157
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1151,33 +1160,33 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 160
-            self.match(StlParser.OPEN_INTERVAL)
             self.state = 161
-            self.bound()
+            self.match(StlParser.OPEN_INTERVAL)
             self.state = 162
+            self.bound()
+            self.state = 163
             _la = self._input.LA(1)
-            if not(_la==14 or _la==15):
+            if not(_la==15 or _la==16):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 167
+            self.state = 168
             self._errHandler.sync(self)
             token = self._input.LA(1)
-            if token in [7, 9, 11, 12]:
-                self.state = 163
-                self.bound()
+            if token in [7, 9, 11, 13]:
                 self.state = 164
+                self.bound()
+                self.state = 165
                 _la = self._input.LA(1)
-                if not(_la==18 or _la==20):
+                if not(_la==19 or _la==21):
                     self._errHandler.recoverInline(self)
                 else:
                     self._errHandler.reportMatch(self)
                     self.consume()
                 pass
-            elif token in [18]:
-                self.state = 166
+            elif token in [19]:
+                self.state = 167
                 self.match(StlParser.CLOSE)
                 pass
             else:
@@ -1227,26 +1236,26 @@ class StlParser ( Parser ):
         self._la = 0 # Token type
         try:
             self.enterOuterAlt(localctx, 1)
-            self.state = 170
+            self.state = 171
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==9:
-                self.state = 169
+                self.state = 170
                 self.match(StlParser.MINUS)
 
 
-            self.state = 172
+            self.state = 173
             _la = self._input.LA(1)
-            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 6272) != 0)):
+            if not((((_la) & ~0x3f) == 0 and ((1 << _la) & 10368) != 0)):
                 self._errHandler.recoverInline(self)
             else:
                 self._errHandler.reportMatch(self)
                 self.consume()
-            self.state = 174
+            self.state = 175
             self._errHandler.sync(self)
             _la = self._input.LA(1)
             if _la==11:
-                self.state = 173
+                self.state = 174
                 self.match(StlParser.NAME)
 
 
