@@ -21,6 +21,7 @@ from rtamt.errors import (
     SpecificationError,
     StateError,
 )
+from rtamt.export.fmu import export_fmu
 from rtamt.inputs.events import Events
 from rtamt.inputs.frames import unit_of_times
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
@@ -79,6 +80,7 @@ __all__ = [
     "evaluate_many",
     "explain",
     "explain_dense",
+    "export_fmu",
     "holds",
     "in_words",
     "judge",

@@ -11,13 +11,7 @@ value reference    variable                                                     
                    the named formulas: in this order, without gaps
 =================  ================================================================  =============
 
-A monitor of samples takes in one sample at each step, whose size is the period. The sample of a step
-from t to t + h are the values that the inputs have at its begin, t; the outputs at t + h are those of
-`EpisodeMonitor`, and of `Monitor.values`, after this sample. At the begin of a simulation no sample
-was seen: robustness and named formulas are nan, bounds and verdict those of a fresh monitor.
-
-A monitor over dense time takes steps of any size. A step from t to t + h hands over one event of
-every variable at t with the values that the inputs have there.
+What they mean from step to step is said in `rtamt.export.program_file`.
 
 Parameters may be set until initialization ends. From them follow the values of the program's
 constants, by functions of `rtamt.program.algebra` that are applied once, when initialization ends:
@@ -26,10 +20,94 @@ one that is not a number ends it with an error. A parameter of -0.0 is 0.0, as a
 
 from __future__ import annotations
 
-__all__ = ["FIRST", "RESERVED"]
+from collections.abc import Iterator, Mapping
+from itertools import count
+from typing import Final, Literal, NamedTuple
 
-RESERVED = ("time", "robustness", "lower", "upper", "verdict", "stop_on_violation")
+from rtamt.errors import SpecificationError
+from rtamt.export.program_file import DenseFile, ProgramFile
+
+__all__ = ["FIRST", "RESERVED", "Causality", "Kind", "Variable", "variables_of"]
+
+RESERVED: Final = ("time", "robustness", "lower", "upper", "verdict", "stop_on_violation")
 """The names of a monitor's own variables; their value references are their places here."""
 
-FIRST = 8
+FIRST: Final = 8
 """The value reference of the first input."""
+
+Kind = Literal["real", "integer", "boolean"]
+Causality = Literal["input", "output", "parameter", "local"]
+
+
+class Variable(NamedTuple):
+    """A variable of a unit.
+
+    Attributes:
+        name: Its name.
+        reference: Its value reference.
+        kind: Its type, whose name depends on the version of FMI.
+        causality: Its role, in the words of FMI; a local one is a constant that cannot be set.
+        start: Its start value; None if it is calculated.
+        meaning: What it is, for the reader of a model description.
+    """
+
+    name: str
+    reference: int
+    kind: Kind
+    causality: Causality
+    start: float | None
+    meaning: str
+
+
+def variables_of(file: ProgramFile, formulas: Mapping[str, str]) -> list[Variable]:
+    """The variables of a unit, without ``time``, in the order of their value references.
+
+    Args:
+        file: What the unit runs.
+        formulas: What each named formula means.
+
+    Raises:
+        SpecificationError: If the specification has a name that is in `RESERVED`.
+    """
+    found = [*_own(file), *_of_text(file, formulas)]
+    for each in found[len(RESERVED) - 1 :]:
+        if each.name in RESERVED:
+            msg = (
+                f"an FMU of a monitor has a variable '{each.name}' of its own; "
+                f"give the '{each.name}' of the specification another name"
+            )
+            raise SpecificationError(msg)
+    return found
+
+
+def _own(file: ProgramFile) -> Iterator[Variable]:
+    robustness = "of the episode if it ended now"
+    if isinstance(file.programs, DenseFile):
+        robustness = "at the last time for which it is settled"
+    meanings: Mapping[str, tuple[Kind, str]] = {
+        "robustness": ("real", f"the robustness {robustness}"),
+        "lower": ("real", "the least robustness over all continuations"),
+        "upper": ("real", "the greatest robustness over all continuations"),
+        "verdict": ("integer", "-1 violated, 0 undecided, 1 satisfied"),
+    }
+    for name, (kind, meaning) in meanings.items():
+        yield Variable(name, RESERVED.index(name), kind, "output", None, meaning)
+    stop = "stop_on_violation"
+    meaning = "whether the simulation ends when a violation is certain"
+    yield Variable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
+
+
+def _of_text(file: ProgramFile, formulas: Mapping[str, str]) -> Iterator[Variable]:
+    reference = count(FIRST)
+    parts: tuple[tuple[Causality, str], ...] = (
+        ("input", "a variable of the specification"),
+        ("parameter", "a constant of the specification"),
+        ("local", "a constant in a bound of an interval, which cannot be set"),
+    )
+    for (causality, meaning), named in zip(
+        parts, (file.inputs, file.parameters, file.fixed), strict=True
+    ):
+        for each in named:
+            yield Variable(each.name, next(reference), "real", causality, each.start, meaning)
+    for name in file.formulas:
+        yield Variable(name, next(reference), "real", "output", None, formulas[name])

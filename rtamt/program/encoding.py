@@ -7,6 +7,7 @@ functions and lattice folds are text. An instruction without a second operand re
 from __future__ import annotations
 
 import functools
+from fractions import Fraction
 from typing import NamedTuple, assert_never
 
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
@@ -21,6 +22,7 @@ __all__ = [
     "EncodedDense",
     "EncodedEpisode",
     "FormulaRow",
+    "clock_of",
     "encoded_dense",
     "encoded_discrete",
     "encoded_episode",
@@ -143,10 +145,15 @@ def encoded_dense(dense: DenseProgram) -> EncodedDense:
         if isinstance(instruction, Window):
             lo, hi = instruction.lo, instruction.hi
         rows.append(DenseRow(*_fields(program, instruction), lo, hi))
-    units, ticks = dense.tick.as_integer_ratio()
-    quotient = (ticks, units) if max(ticks, units) < MAX_TICKS else (0, 1)
-    clock = (float(1 / dense.tick), *quotient)
+    clock = clock_of(dense.tick)
     return EncodedDense(tuple(rows), program.terms, program.variables, program.result, clock)
+
+
+def clock_of(tick: Fraction) -> tuple[float, int, int]:
+    """The clock of `EncodedDense`, for ticks of this length in the unit of time."""
+    units, ticks = tick.as_integer_ratio()
+    quotient = (ticks, units) if max(ticks, units) < MAX_TICKS else (0, 1)
+    return (float(1 / tick), *quotient)
 
 
 def _terms(program: Program) -> list[DiscreteRow]:

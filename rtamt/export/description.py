@@ -1,0 +1,148 @@
+"""The file ``modelDescription.xml`` of a unit, for FMI 2.0 and 3.0.
+
+Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+from xml.etree.ElementTree import Element, SubElement
+
+from rtamt.export.library import MODEL
+from rtamt.export.programs import Fmi
+from rtamt.export.variables import Kind, Variable
+
+__all__ = ["Description", "description_text"]
+
+_TYPES: Final[Mapping[Fmi, Mapping[Kind, str]]] = {
+    2: {"real": "Real", "integer": "Integer", "boolean": "Boolean"},
+    3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What a model description says.
+
+    Attributes:
+        name: The name of the model.
+        text: What it monitors.
+        token: The guid or instantiation token.
+        step: The period in seconds; None over dense time.
+        variables: The variables, without ``time``.
+    """
+
+    name: str
+    text: str
+    token: str
+    step: float | None
+    variables: Sequence[Variable]
+
+
+def description_text(description: Description, fmi: Fmi) -> bytes:
+    """The file, in UTF-8."""
+    root = Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": f"{fmi}.0",
+            "modelName": description.name,
+            "guid" if fmi == 2 else "instantiationToken": description.token,
+            "description": description.text,
+            "generationTool": "rtamt",
+            "variableNamingConvention": "structured",
+        },
+    )
+    state = "state" if fmi == 2 else "State"
+    SubElement(
+        root,
+        "CoSimulation",
+        {
+            "modelIdentifier": MODEL,
+            "canHandleVariableCommunicationStepSize": "true",
+            f"canGetAndSetFMU{state}": "true",
+            f"canSerializeFMU{state}": "true",
+        },
+    )
+    if fmi == 3:
+        units = SubElement(SubElement(root, "UnitDefinitions"), "Unit", name="s")
+        SubElement(units, "BaseUnit", s="1")
+    experiment = SubElement(root, "DefaultExperiment", startTime="0.0")
+    if description.step is not None:
+        experiment.set("stepSize", repr(description.step))
+    if fmi == 2:
+        _variables_2(root, description.variables)
+    else:
+        _variables_3(root, description.variables)
+    ET.indent(root)
+    data: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return data + b"\n"
+
+
+def _variables_2(root: Element, variables: Sequence[Variable]) -> None:
+    parent = SubElement(root, "ModelVariables")
+    for each in variables:
+        scalar = SubElement(parent, "ScalarVariable", _attributes(each))
+        SubElement(scalar, _TYPES[2][each.kind], _start(each))
+    structure = SubElement(root, "ModelStructure")
+    outputs = [i for i, each in enumerate(variables, 1) if each.causality == "output"]
+    for name in ("Outputs", "InitialUnknowns"):
+        parent = SubElement(structure, name)
+        for index in outputs:
+            SubElement(parent, "Unknown", {"index": str(index), **_dependencies(name)})
+
+
+def _variables_3(root: Element, variables: Sequence[Variable]) -> None:
+    parent = SubElement(root, "ModelVariables")
+    SubElement(
+        parent,
+        "Float64",
+        name="time",
+        valueReference="0",
+        causality="independent",
+        variability="continuous",
+        unit="s",
+    )
+    for each in variables:
+        SubElement(parent, _TYPES[3][each.kind], {**_attributes(each), **_start(each)})
+    structure = SubElement(root, "ModelStructure")
+    for name in ("Output", "InitialUnknown"):
+        for each in variables:
+            if each.causality == "output":
+                reference = {"valueReference": str(each.reference)}
+                SubElement(structure, name, {**reference, **_dependencies(f"{name}s")})
+
+
+def _dependencies(part: str) -> dict[str, str]:
+    """An output at the end of a step follows from inputs at its begin: from none at that time.
+
+    That lets an importer close a loop through the monitor. Before the first step outputs follow
+    from parameters, which are what an importer assumes.
+    """
+    return {"dependencies": ""} if part == "Outputs" else {}
+
+
+def _attributes(variable: Variable) -> dict[str, str]:
+    variability, initial = {
+        "input": ("continuous", None),
+        "output": ("discrete", "calculated"),
+        "parameter": ("fixed", "exact"),
+        "local": ("constant", "exact"),
+    }[variable.causality]
+    attributes = {
+        "name": variable.name,
+        "valueReference": str(variable.reference),
+        "description": variable.meaning,
+        "causality": variable.causality,
+        "variability": variability,
+    }
+    return attributes if initial is None else {**attributes, "initial": initial}
+
+
+def _start(variable: Variable) -> dict[str, str]:
+    if variable.start is None:
+        return {}
+    text = str(bool(variable.start)).lower() if variable.kind == "boolean" else repr(variable.start)
+    return {"start": text}

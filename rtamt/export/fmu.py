@@ -1,0 +1,110 @@
+"""`export_fmu`: a monitor as a functional mock-up unit."""
+
+from __future__ import annotations
+
+import os
+
+from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.export.programs import Fmi, dense_programs, sampled_programs
+from rtamt.language.parser import as_specification, traced
+from rtamt.monitors.options import Options, SampleOptions, Spec
+from rtamt.program.interface import Names, Semantics
+from rtamt.program.timing import Align, Period
+
+__all__ = ["export_fmu"]
+
+
+def export_fmu(
+    spec: Spec,
+    path: str | os.PathLike[str],
+    *,
+    period: Period | None = None,
+    dense: bool = False,
+    fmi: Fmi = 2,
+    stop_on_violation: bool = False,
+    semantics: Semantics = "standard",
+    inputs: Names | None = None,
+    outputs: Names | None = None,
+    align: Align | None = None,
+    resolution: Period = "1ns",
+) -> None:
+    """Write a functional mock-up unit (FMU) that monitors a specification in another tool.
+
+    It is for co-simulation, has its own copy of the C++ machines, and needs no Python where it
+    runs. Its inputs are the variables of the specification, its parameters the constants of the
+    text. After each step its outputs are
+
+    * ``robustness``, ``lower``, ``upper`` and ``verdict`` (-1 violated, 0 undecided, 1 satisfied),
+      to the bit those of `EpisodeMonitor` after the same samples;
+    * every named formula, to the bit that of `Monitor.values`.
+
+    A sample is taken at every multiple of the period after the start, the first at the start: a
+    step from t to t + period takes in the values that the inputs have at t. Longer steps hold
+    them. Before the first step robustness and named formulas are nan.
+
+    A constant in a bound of an interval gives the monitor its form, so it can be read, not set;
+    constants that no formula uses are left out. A named formula needs a future with an end, or is
+    the result, whose own output is left out if it needs the whole future.
+
+    Over dense time (``dense``) steps may have any size, and each gives every variable an event at
+    its begin. ``robustness`` and named formulas are those of `DenseMonitor.values`. ``lower`` and
+    ``upper`` bound the robustness at the start: of ``always p`` the least robustness so far is the
+    upper bound, of ``eventually p`` the greatest is the lower; of others both are the robustness
+    at the start once it is settled. Under semantics in which predicates count 0 they stay infinite.
+
+    The library inside is that of the platform on which the unit is exported: Linux on x86-64. The
+    same arguments give the same bytes.
+
+    Args:
+        spec: Text, a formula, or a parsed specification; its result is monitored.
+        path: The file to write, such as ``"monitor.fmu"``.
+        period: Seconds between samples, as a number or as text (``"100ms"``).
+        dense: Whether it monitors over dense time; then there is no period.
+        fmi: The version of FMI, 2 or 3.
+        stop_on_violation: The start value of the parameter of this name, with which the monitor
+            ends the simulation after the step that makes the verdict -1.
+        semantics: As for `Monitor`.
+        inputs: As for `Monitor`.
+        outputs: As for `Monitor`.
+        align: As for `Monitor`; not over dense time.
+        resolution: As for `DenseMonitor`.
+
+    Raises:
+        SpecificationError: As `EpisodeMonitor` and `DenseMonitor` raise it, on a named formula that
+            needs the whole future, or on a name that the monitor has itself, such as ``lower``.
+        InputError: On an argument that has no such value, neither a period nor ``dense``, or where
+            the library was not built or does not exist for this platform.
+        OSError: If the file cannot be written.
+
+    Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
+    """
+    if fmi not in {2, 3}:
+        raise InputError(f"expected fmi=2 or fmi=3, got {brief(fmi)}")
+    if not isinstance(path, str | os.PathLike):
+        raise InputTypeError(f"expected the path of a file as text or a Path, got {brief(path)}")
+    known = traced(as_specification(spec))
+    if dense:
+        if period is not None:
+            raise InputError("expected period= or dense=True, which takes events at any time")
+        if align is not None:
+            raise InputError("align= rounds bounds to samples; expected none with dense=True")
+        options: Options = {"semantics": semantics, "inputs": inputs, "outputs": outputs}
+        programs = dense_programs(export_fmu, known, resolution, options)
+    else:
+        if period is None:
+            raise InputError(
+                "expected the time between samples, period= in seconds or as text such as '100ms', "
+                "or dense=True"
+            )
+        sampled: SampleOptions = {
+            "semantics": semantics,
+            "inputs": inputs,
+            "outputs": outputs,
+            "align": align,
+        }
+        programs = sampled_programs(export_fmu, known, period, sampled)
+    from rtamt.export.unit import unit  # what it imports takes 30 ms
+
+    data = unit(programs, fmi, stop=bool(stop_on_violation))
+    with open(path, "wb") as file:  # noqa: PTH123 - pathlib takes 5 ms of every import
+        file.write(data)

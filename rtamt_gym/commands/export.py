@@ -1,0 +1,104 @@
+"""`rtamt export`: writes a monitor for another tool, as a functional mock-up unit."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import get_args
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.commands.arguments import add_align, check_outputs
+from rtamt_gym.commands.specs import read_requirements
+from rtamt_gym.commands.traces import read_constants
+from rtamt_gym.judges.interface import Semantics
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Writes a monitor as a functional mock-up unit (FMU) for co-simulation, which Simulink, "
+        "OpenModelica, Dymola, FMPy and other tools import. Inputs are the variables, parameters "
+        "the constants; outputs are robustness, lower, upper, verdict and the named formulas."
+    )
+    parser.epilog = "example: rtamt export spec.stl -o monitor.fmu --period 100ms"
+    parser.add_argument("spec", metavar="SPEC", help="the path of a .stl file, or a formula")
+    parser.add_argument(
+        "-o", dest="output", type=Path, required=True, metavar="FILE", help="the file to write"
+    )
+    parser.add_argument(
+        "--period", metavar="TIME", help="time between samples: 0.1 (seconds) or 100ms"
+    )
+    parser.add_argument(
+        "--dense",
+        action="store_true",
+        help="monitor over dense time, with an event at every communication point, instead of "
+        "samples",
+    )
+    parser.add_argument(
+        "--fmi", type=int, choices=(2, 3), default=2, help="version of FMI (default: 2)"
+    )
+    parser.add_argument(
+        "--stop-on-violation",
+        action="store_true",
+        help="end the simulation when a violation is certain, unless the tool sets the parameter "
+        "of this name",
+    )
+    parser.add_argument(
+        "--only", metavar="NAME", help="the requirement that is monitored, of a text with several"
+    )
+    parser.add_argument(
+        "--constant",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the value of a constant, in place of that in the text; may be repeated",
+    )
+    parser.add_argument(
+        "--semantics",
+        metavar="NAME",
+        choices=get_args(Semantics),
+        default="standard",
+        help=f"how predicates count: {', '.join(get_args(Semantics))} (default: standard)",
+    )
+    add_align(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Writes the file, and says what it holds; returns 0."""
+    check_outputs(options.output, picture=None, inputs=[options.spec])
+    if options.dense == (options.period is not None):
+        raise InputError(
+            "expected --period, the time between samples such as 100ms, or --dense; got "
+            f"{'both' if options.dense else 'neither'}"
+        )
+    spec = _requirement(options)
+    rtamt.export_fmu(
+        spec,
+        options.output,
+        period=options.period,
+        dense=options.dense,
+        fmi=options.fmi,
+        stop_on_violation=options.stop_on_violation,
+        semantics=options.semantics,
+        align=options.align,
+    )
+    print(f"{options.output}: FMI {options.fmi}.0, inputs {listing(spec.variables)}")
+    return 0
+
+
+def _requirement(options: argparse.Namespace) -> rtamt.Specification:
+    """The requirement that is asked for."""
+    specs = read_requirements([options.spec], read_constants(options.constant))
+    if options.only is None:
+        if len(specs) > 1:
+            raise InputError(
+                f"expected one requirement, got {listing(list(specs))}; give --only with its name"
+            )
+        return next(iter(specs.values()))
+    if options.only not in specs:
+        hint = nearest(options.only, specs) or f"; the requirements are {listing(list(specs))}"
+        raise InputError(f"--only: no requirement {options.only!r}{hint}")
+    return specs[options.only]
