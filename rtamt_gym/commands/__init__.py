@@ -15,6 +15,7 @@ COMMANDS = {
     "monitor": "judge recorded traces",
     "mine": "find the tightest constant for which recorded traces satisfy a requirement",
     "explain": "say which samples of recorded traces decided",
+    "export": "write a monitor for Simulink and other tools, as an FMU",
 }
 """The help line of each command. Its module is imported when the command is given, and has two
 functions: ``add_arguments(parser)``, and ``run(options)``, which returns the exit code."""

@@ -21,6 +21,7 @@ __all__ = [
     "add_max_steps",
     "add_output",
     "add_reading",
+    "add_semantics",
     "add_spec",
     "add_workers",
     "check_outputs",
@@ -156,6 +157,11 @@ def add_reading(parser: argparse.ArgumentParser, default: str) -> None:
         help="episode: a formula is evaluated at the first sample; step: at every sample, and all "
         "have to satisfy it (default: episode)",
     )
+    add_semantics(parser)
+
+
+def add_semantics(parser: argparse.ArgumentParser) -> None:
+    """Adds ``--semantics``."""
     parser.add_argument(
         "--semantics",
         metavar="NAME",

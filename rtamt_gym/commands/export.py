@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import get_args
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.commands.arguments import add_align, check_outputs
-from rtamt_gym.commands.specs import read_requirements
-from rtamt_gym.commands.traces import read_constants
-from rtamt_gym.judges.interface import Semantics
+from rtamt_gym.checks.names import listing
+from rtamt_gym.commands.arguments import add_align, add_semantics, check_outputs
+from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
 
 __all__ = ["add_arguments", "run"]
 
@@ -47,7 +44,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "of this name",
     )
     parser.add_argument(
-        "--only", metavar="NAME", help="the requirement that is monitored, of a text with several"
+        "--only",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="the requirement that is monitored, of a text with several",
     )
     parser.add_argument(
         "--constant",
@@ -56,13 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="the value of a constant, in place of that in the text; may be repeated",
     )
-    parser.add_argument(
-        "--semantics",
-        metavar="NAME",
-        choices=get_args(Semantics),
-        default="standard",
-        help=f"how predicates count: {', '.join(get_args(Semantics))} (default: standard)",
-    )
+    add_semantics(parser)
     add_align(parser)
 
 
@@ -91,14 +86,10 @@ def run(options: argparse.Namespace) -> int:
 
 def _requirement(options: argparse.Namespace) -> rtamt.Specification:
     """The requirement that is asked for."""
-    specs = read_requirements([options.spec], read_constants(options.constant))
-    if options.only is None:
-        if len(specs) > 1:
-            raise InputError(
-                f"expected one requirement, got {listing(list(specs))}; give --only with its name"
-            )
-        return next(iter(specs.values()))
-    if options.only not in specs:
-        hint = nearest(options.only, specs) or f"; the requirements are {listing(list(specs))}"
-        raise InputError(f"--only: no requirement {options.only!r}{hint}")
-    return specs[options.only]
+    every = read_requirements([options.spec], read_constants(options.constant))
+    specs = list(chosen(every, options.only).values())
+    if len(specs) > 1:
+        raise InputError(
+            f"expected one requirement, got {listing(every)}; give --only with its name"
+        )
+    return specs[0]

@@ -12,7 +12,13 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.checks.requirements import requirement_named
 
-__all__ = ["read_requirements", "requirements_of", "variables_of"]
+__all__ = [
+    "chosen",
+    "read_constants",
+    "read_requirements",
+    "requirements_of",
+    "variables_of",
+]
 
 
 def _read_spec(argument: str, constants: Mapping[str, str]) -> rtamt.Specification:
@@ -109,6 +115,40 @@ def requirements_of(
                 f"{nearest(argument, own)}"
             )
     return read_requirements(arguments or list(own), own=own)
+
+
+def read_constants(arguments: Sequence[str]) -> dict[str, str]:
+    """Reads ``--constant``.
+
+    Raises:
+        InputError: If an argument has no value, or a name comes twice.
+    """
+    constants: dict[str, str] = {}
+    for argument in arguments:
+        name, _, value = (part.strip() for part in argument.partition("="))
+        if not (name.isidentifier() and value):
+            raise InputError(
+                f"--constant: expected NAME=VALUE, such as limit=0.3, got {argument!r}"
+            )
+        if name in constants:
+            raise InputError(f"--constant: expected one {name!r}, got two")
+        constants[name] = value
+    return constants
+
+
+def chosen(
+    specs: Mapping[str, rtamt.Specification], names: Sequence[str]
+) -> dict[str, rtamt.Specification]:
+    """The requirements that ``--only`` names; all if it names none.
+
+    Raises:
+        InputError: If there is none of a name.
+    """
+    for name in names:
+        if name not in specs:
+            hint = nearest(name, specs) or f"; they are {listing(specs)}"
+            raise InputError(f"--only: no requirement is called {name!r}{hint}")
+    return {name: spec for name, spec in specs.items() if not names or name in names}
 
 
 def _read_argument(

@@ -17,7 +17,7 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_align, add_reading
-from rtamt_gym.commands.specs import read_requirements, variables_of
+from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
 from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
 from rtamt_gym.recorded.readers import extensions
@@ -172,8 +172,8 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
     specs, traces = _divided([*options.specs, options.trace])
     found = _found(traces)
     texts = [p for word in specs for p in _files(word, [".stl"], pattern=word.endswith(".stl"))]
-    every = read_requirements(texts, _constants(options.constant))
-    requirements = _only(every, options.only)
+    every = read_requirements(texts, read_constants(options.constant))
+    requirements = chosen(every, options.only)
     for spec in requirements.values():
         viewed(spec, options.view)
     period = options.period
@@ -291,27 +291,3 @@ def _files(word: str, ends: Sequence[str], *, pattern: bool) -> list[str]:
             raise InputError(f"{path}: expected files that end in {', '.join(ends)}, found none")
         files += inside
     return files
-
-
-def _only(
-    specs: Mapping[str, rtamt.Specification], names: Sequence[str]
-) -> dict[str, rtamt.Specification]:
-    for name in names:
-        if name not in specs:
-            hint = nearest(name, specs) or f"; they are {listing(specs)}"
-            raise InputError(f"--only: no requirement is called {name!r}{hint}")
-    return {name: spec for name, spec in specs.items() if not names or name in names}
-
-
-def _constants(arguments: Sequence[str]) -> dict[str, str]:
-    constants: dict[str, str] = {}
-    for argument in arguments:
-        name, _, value = (part.strip() for part in argument.partition("="))
-        if not (name.isidentifier() and value):
-            raise InputError(
-                f"--constant: expected NAME=VALUE, such as limit=0.3, got {argument!r}"
-            )
-        if name in constants:
-            raise InputError(f"--constant: expected one {name!r}, got two")
-        constants[name] = value
-    return constants
