@@ -6,6 +6,7 @@ It and `rtamt_ros.ros2_lifecycle` are the only modules that import rclpy and mes
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 import traceback
@@ -15,14 +16,16 @@ from importlib import import_module
 from typing import Any, Literal
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError  # rclpy has no public name for it
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.type_support import check_for_type_support
+from rclpy.utilities import remove_ros_args
 
 from rtamt import InputError
 from rtamt.errors import nearest
@@ -64,14 +67,19 @@ class Ros2:
         self, name: str, arguments: Sequence[str] = (), *, make: Callable[..., Node] = Node
     ) -> None:
         context = Context()
-        # rclpy takes the first argument for the program's name. Its handlers of signals would end
-        # ROS while callbacks run: `spin` has its own.
-        rclpy.init(
-            args=[name, *arguments],
-            context=context,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self.node = make(name, context=context)
+        with _refusals("arguments"):
+            others = remove_ros_args(arguments)
+            # rclpy takes the first argument for the program's name. Its handlers of signals would
+            # end ROS while callbacks run: `spin` has its own.
+            rclpy.init(
+                args=[name, *arguments],
+                context=context,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
+        if others:
+            raise InputError(f"ROS 2 has no argument {others[0]}; its own follow --ros-args")
+        with _refusals(f"node {name!r}"):
+            self.node = make(name, context=context)
         self.name: str = self.node.get_fully_qualified_name()
         self.qos: Qos = "best_effort"
         self.depth = DEPTH
@@ -125,7 +133,7 @@ class Ros2:
         def heard(message: Any) -> None:
             handle.call(message)
 
-        with _topic_errors(topic):
+        with _refusals(f"topic {topic!r}"):
             handle.entity = self.node.create_subscription(
                 message,
                 topic,
@@ -140,7 +148,7 @@ class Ros2:
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         else:
             qos = QoSProfile(depth=DEPTH)
-        with _topic_errors(topic):
+        with _refusals(f"topic {topic!r}"):
             return _Publisher(self.node, self.node.create_publisher(message, topic, qos), message)
 
     def every(self, period: int, callback: Callable[[], None]) -> Handle:
@@ -234,12 +242,13 @@ class _Publisher:
 
 
 @contextmanager
-def _topic_errors(topic: str) -> Iterator[None]:
-    """Says what is wrong with the name of a topic."""
+def _refusals(what: str) -> Iterator[None]:
+    """Says what rclpy refuses, without the lines of its sources."""
     try:
         yield
-    except InvalidTopicNameException as error:
-        raise InputError(f"topic {topic!r}: {str(error).splitlines()[0].rstrip(':. ')}") from error
+    except (NameValidationException, RCLError) as error:
+        reason = re.sub(r", at /\S+:\d+", "", str(error)).splitlines()[0].rstrip(":. ")
+        raise InputError(f"{what}: {reason}") from error
 
 
 @contextmanager

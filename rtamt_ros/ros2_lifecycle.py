@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -21,30 +23,30 @@ from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
 from rtamt_ros.ros2 import DEPTH, QOS, Ros2
 
-__all__ = ["PARAMETERS", "StlMonitor", "run"]
+__all__ = ["PARAMETERS", "StlMonitor", "main", "run"]
 
 PARAMETERS: dict[str, tuple[object, str]] = {
     "spec": ("", "a specification, or a list of them"),
     "spec_file": (
         "",
-        "a file with a specification, or a list of files; set again, it is read again",
+        "a file with one, or a list of files; set again, read again",
     ),
     "period": (100, "the time between samples, in `unit`"),
     "unit": ("ms", "of `period`: s, ms, us or ns"),
-    "dense": (False, "whether to monitor in dense time: a message is an event at its time"),
+    "dense": (False, "whether in dense time: a message is an event at its time"),
     "stamps": (False, "whether the time of a message is the one in its header"),
     "stale": (
         None,
-        "seconds without a message after which an input is stale, or a list of TOPIC=SECONDS",
+        "seconds until an input is stale, or a list of TOPIC=SECONDS",
     ),
     "semantics": ("standard", "the robustness of inputs and outputs"),
     "record": ("", "a CSV file for the samples and their robustness"),
     "qos": (
         "best_effort",
-        "of subscriptions: best_effort or reliable; not while the node is active",
+        "of subscriptions: best_effort or reliable; set it while inactive",
     ),
-    "depth": (DEPTH, "how many messages of a topic wait; not while the node is active"),
-    "autostart": (True, "whether the node configures and activates itself; at the start only"),
+    "depth": (DEPTH, "how many messages of a topic wait; set it while inactive"),
+    "autostart": (True, "whether the node configures and activates itself"),
 }
 """Name, default and meaning of every parameter."""
 
@@ -215,6 +217,32 @@ def run(
     finally:
         monitor.ros.close()
     return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The program ``stl_monitor`` of ``ros2 run``: `run`, on parameters alone.
+
+    Args:
+        arguments: Those of the command line; None: those of the program.
+    """
+    shown = [
+        f"  {name:<10} {meaning}" + (f" ({default})" if default not in {"", None} else "")
+        for name, (default, meaning) in PARAMETERS.items()
+    ]
+    parser = argparse.ArgumentParser(
+        prog="ros2 run rtamt_ros stl_monitor",
+        description="Monitors the topics that specifications name, as a lifecycle node.",
+        usage="%(prog)s --ros-args -p spec_file:=FILE [-p PARAMETER:=VALUE ...]",
+        epilog="\n".join(["parameters:", *shown]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    given = sys.argv[1:] if arguments is None else arguments
+    parser.parse_known_args(given)  # `Ros2` refuses what ROS does not know
+    try:
+        code = run(arguments=given)
+    except RtamtError as error:
+        parser.error(str(error))
+    sys.exit(code)
 
 
 def _read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:

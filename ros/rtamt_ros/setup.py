@@ -1,0 +1,19 @@
+"""Puts the programs of rtamt_ros where ``ros2 run`` and ``ros2 launch`` find them.
+
+The Python package itself comes with rtamt, which pip installs: a second copy would hide it.
+"""
+
+from setuptools import setup
+
+setup(
+    name="rtamt_ros",
+    version="0.5.0",
+    packages=[],
+    scripts=["scripts/stl_monitor", "scripts/simulator"],
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/rtamt_ros"]),
+        ("share/rtamt_ros", ["package.xml"]),
+        ("share/rtamt_ros/config", ["config/follows.stl", "config/stl_monitor.yaml"]),
+        ("share/rtamt_ros/launch", ["launch/stl_monitor.launch.py"]),
+    ],
+)
