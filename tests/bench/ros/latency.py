@@ -1,0 +1,57 @@
+"""Latency from the publishing of an input to the robustness on its topic.
+
+A number counts the inputs, and the robustness is that number: the two are matched by it. A node
+that samples publishes what it held at a tick, so its latency is the wait for the tick, at most a
+period, and the time from the tick to the value; the source is 3 % slower than the ticks, so that
+its messages come at every phase. A message whose number the sink has is counted once, when the
+number came first. Times are those of CLOCK_MONOTONIC, which all processes of a host share; the age
+by the stamp, which is the time of the tick, is that of the wall clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bare
+import numpy as np
+from bench import INPUT, PATIENCE, Subject, bench
+
+
+@dataclass(frozen=True)
+class Latency:
+    """Nanoseconds, and the processor time of the node as a share of one processor."""
+
+    whole: np.ndarray
+    after_tick: np.ndarray
+    lost: float
+    load: float
+
+
+def measure(generation: int, subject: Subject, rate: float, seconds: float) -> Latency:
+    """Latencies of a subject whose inputs come, and which samples, at a rate in Hz."""
+    sampled = subject.name.startswith(("sampled", "2020"))
+    sending = rate * 0.97 if sampled else rate
+    with bench(generation) as running:
+        running.start(subject, 1e3 / rate)
+        sink = running.worker("sink", subject, topic=subject.topic)
+        count = round(seconds * sending)
+        source = running.worker("source", topic=INPUT, rate=sending, count=count)
+        used = bare.processor(running.node.pid) if running.node else 0.0
+        running.wait(lambda: not source.runs(), source, seconds + PATIENCE)
+        used = bare.processor(running.node.pid) - used if running.node else 0.0
+        sink.ask_to_end()
+        sink.ended()
+        sent, rows = running.load("source"), running.load("sink")
+        said = running.node.output if running.node else ""
+    rows = rows[rows[:, 0] >= 1]
+    if not len(rows):
+        raise RuntimeError(f"nothing came of {count} messages\n{said[-2000:]}")
+    numbers, first = np.unique(rows[:, 0].astype(np.int64), return_index=True)
+    whole = rows[first, 1] - sent[numbers - 1]
+    return Latency(whole, rows[:, 2], 1 - len(numbers) / count, used / seconds)
+
+
+def quantiles(times: np.ndarray) -> tuple[float, float, float]:
+    """Median, 99th percentile and greatest of nanoseconds, in microseconds."""
+    p50, p99, greatest = np.percentile(times, [50, 99, 100]) / 1e3
+    return float(p50), float(p99), float(greatest)

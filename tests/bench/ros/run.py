@@ -1,0 +1,146 @@
+"""Measures the node beside the bare middleware, and beside the public node of 2020 if it is there.
+
+    python tests/bench/ros/run.py [latency drift memory] [--quick] [--json FILE]
+
+The interpreter must have rospy or rclpy, whose generation is measured, and what rtamt needs. Every
+figure is that of processes of their own on the loopback interface of one host. Nothing is asserted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import drift
+import latency
+import memory
+from bench import HOP, Subject, of_2020, ours, relay
+
+Row = dict[str, Any]
+SECONDS = {10.0: 60.0, 100.0: 30.0, 1000.0: 20.0}
+"""How long latencies are measured, by the rate in Hz."""
+
+
+def latencies(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+    """Rows of latencies; the middleware alone comes first."""
+    nodes = [ours(count=n, dense=dense) for dense in (False, True) for n in (1, 20)]
+    for subject in (HOP, relay(generation), *nodes, *peers):
+        for rate, seconds in SECONDS.items():
+            found = latency.measure(generation, subject, rate, 3.0 if quick else seconds)
+            row: Row = {"what": subject.name, "Hz": rate}
+            row["p50"], row["p99"], row["max"] = latency.quantiles(found.whole)
+            if subject.message.endswith("Stamped") and not subject.name.startswith("dense"):
+                tick = latency.quantiles(found.after_tick)
+                row["tick p50"], row["tick p99"], row["tick max"] = tick
+            yield row | {"lost %": 100 * found.lost, "CPU %": 100 * found.load}
+
+
+def drifts(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+    """Rows of drifts at 100 Hz."""
+    seconds = 10.0 if quick else 600.0
+    for subject in (ours(), *peers):
+        found = drift.measure(generation, subject, 100.0, seconds)
+        p50, p99, greatest = latency.quantiles(abs(found.late))
+        yield {
+            "what": subject.name,
+            "s": seconds,
+            "periods": found.periods,
+            "values": found.values,
+            "missed": found.missed,
+            "drift us": found.drift / 1e3,
+            "off p50": p50,
+            "off p99": p99,
+            "off max": greatest,
+        }
+
+
+def memories(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
+    """Rows of the memory in MB over an hour of simulated time."""
+    steps = 1_000 if quick else memory.STEPS
+    nodes = [ours(dense=dense, simulated=True) for dense in (False, True)]
+    for subject in (*nodes, *peers):
+        found = memory.measure(generation, subject, steps)
+        yield {
+            "what": subject.name,
+            "steps": steps,
+            "MB at 10 %": found.early / 1e6,
+            "50 %": found.half / 1e6,
+            "100 %": found.whole / 1e6,
+            "unanswered": found.unanswered,
+            "steps/s": found.speed,
+        }
+
+
+SECTIONS: dict[str, tuple[Callable[..., Iterator[Row]], str]] = {
+    "latency": (latencies, "publish of the input to arrival of the robustness [us]"),
+    "drift": (drifts, "drift at 100 Hz, and times of arrival off a regular course [us]"),
+    "memory": (memories, "memory over an hour of messages at full speed"),
+}
+
+
+def cell(value: object) -> str:
+    """A figure in few characters."""
+    if isinstance(value, float):
+        return f"{value:.1f}" if abs(value) < 100 else f"{value:.0f}"
+    return str(value)
+
+
+def table(rows: list[Row], title: str) -> str:
+    """Rows of figures with their names above."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    lines = [names] + [[cell(row.get(name, "")) for name in names] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    first, *others = widths
+    text = [title]
+    for line in lines:
+        cells = [c.rjust(width) for c, width in zip(line[1:], others, strict=True)]
+        text.append("  ".join([line[0].ljust(first), *cells]))
+    return "\n".join(text)
+
+
+def main() -> None:
+    """Run sections and print their tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
+    parser.add_argument("--quick", action="store_true", help="seconds instead of minutes")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures there")
+    parser.add_argument(
+        "--peer",
+        nargs=3,
+        metavar=("PYTHON", "SCRIPT", "MESSAGES"),
+        help="the node of 2020, on ROS 1: an interpreter with its rtamt and rospy, its "
+        "ros_stl_monitor.py, and the folder of the package rtamt_msgs",
+    )
+    arguments = parser.parse_args()
+    if unknown := set(arguments.sections) - set(SECTIONS):
+        parser.error(f"expected sections out of {', '.join(SECTIONS)}, got {unknown.pop()!r}")
+
+    generation = 1 if importlib.util.find_spec("rospy") else 2
+    peers = [of_2020(*arguments.peer)] if arguments.peer else []
+    tables = {}
+    print(f"ROS {generation}, Python {platform.python_version()}, {os.cpu_count()} processors")
+    for name in arguments.sections or SECTIONS:
+        measure, title = SECTIONS[name]
+        begin, load = time.monotonic(), os.getloadavg()[0]
+        rows = []
+        for row in measure(generation, peers, quick=arguments.quick):
+            rows.append(row)
+            print("  ".join(map(cell, row.values())), flush=True)
+        tables[name] = rows
+        print(f"\n{table(rows, title)}")
+        print(f"({name}: {time.monotonic() - begin:.0f} s, load {load:.1f} before)\n")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(tables, indent=1))
+
+
+if __name__ == "__main__":
+    main()

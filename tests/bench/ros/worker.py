@@ -1,0 +1,146 @@
+"""A process around the node that is measured: a source, a sink, a relay or an hour at full speed.
+
+Arguments come as JSON, and figures go to a file of NumPy. A line "ready" says that it has begun;
+SIGTERM ends a sink or a relay.
+"""
+
+from __future__ import annotations
+
+import json
+import operator
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+import bare
+import numpy as np
+
+CONNECTED = 30.0
+"""Seconds for which a process waits for its neighbours."""
+
+ANSWER = 1.0
+"""Seconds after which the answer of a node to a step is given up."""
+
+
+def wait(condition: Callable[[], bool], what: str) -> None:
+    """Waits for a condition."""
+    end = time.monotonic() + CONNECTED
+    while not condition():
+        if time.monotonic() > end:
+            sys.exit(f"{what} did not come within {CONNECTED:.0f} s")
+        time.sleep(0.01)
+
+
+def until_told() -> None:
+    """Says that all is ready, and waits for SIGTERM."""
+    signal.signal(signal.SIGTERM, lambda *_: None)
+    print("ready", flush=True)
+    signal.pause()
+
+
+def source(ros: int, topic: str, rate: float, count: int, file: str) -> None:
+    """Publishes Twists whose `linear.x` counts from 1; saves when each was handed over."""
+    node = bare.node(ros, "source")
+    twist = bare.message_class("geometry_msgs", "Twist")()
+    publisher = node.publisher(topic, type(twist))
+    wait(lambda: node.readers(publisher) > 0, f"a reader of {topic}")
+    time.sleep(1.0)
+    print("ready", flush=True)
+    times = np.zeros(count, np.int64)
+    start = time.monotonic_ns()
+    for number in range(count):
+        due = start + int(number * 1e9 / rate)
+        while (rest := due - time.monotonic_ns()) > 0:
+            time.sleep(rest * 1e-9)
+        twist.linear.x = number + 1.0
+        times[number] = time.monotonic_ns()
+        publisher.publish(twist)
+    time.sleep(0.5)
+    np.save(file, times)
+    node.close()
+
+
+def sink(ros: int, topic: str, message: str, field: str, file: str) -> None:
+    """Saves the value of every message, when it came, and how old it was by its stamp."""
+    node = bare.node(ros, "sink")
+    read, rows = operator.attrgetter(field), []
+    clock, wall = time.monotonic_ns, time.time_ns
+
+    def receive(arrived: object) -> None:
+        now = clock()
+        rows.append((read(arrived), now, wall() - bare.stamp(arrived)))
+
+    node.subscribe(topic, bare.message_class(*message.split("/")), receive)
+    until_told()
+    np.save(file, np.array(rows, np.float64).reshape(-1, 3))
+    node.close()
+
+
+def relay(ros: int, topic: str, to: str) -> None:
+    """Passes the number of a Twist on as a Float64, the least that a monitor could do."""
+    node = bare.node(ros, "relay")
+    value = bare.message_class("std_msgs", "Float64")()
+    publisher = node.publisher(to, type(value))
+
+    def pass_on(twist: object) -> None:
+        value.data = twist.linear.x
+        publisher.publish(value)
+
+    node.subscribe(topic, bare.message_class("geometry_msgs", "Twist"), pass_on)
+    until_told()
+    node.close()
+
+
+def hour(
+    *,
+    ros: int,
+    topic: str,
+    out: str,
+    message: str,
+    field: str,
+    every: bool,
+    steps: int,
+    pid: int,
+    file: str,
+) -> None:
+    """Publishes ten Twists and 0.1 s of ``/clock`` a step, as fast as the node answers a step.
+
+    An answer is the value of the last Twist where the node answers every one, else any value, for
+    a tick may come before a Twist that was sent earlier. Saves when a step was answered, 0 if it
+    was not, and the memory of the node then.
+    """
+    node = bare.node(ros, "hour")
+    twist = bare.message_class("geometry_msgs", "Twist")()
+    publisher = node.publisher(topic, type(twist))
+    clock = node.publisher("/clock", bare.message_class("rosgraph_msgs", "Clock"))
+    answered, least = threading.Event(), 0.0
+    read = operator.attrgetter(field)
+
+    def receive(arrived: object) -> None:
+        if not every or read(arrived) >= least:
+            answered.set()
+
+    node.subscribe(out, bare.message_class(*message.split("/")), receive)
+    wait(lambda: node.readers(publisher) > 0 and node.readers(clock) > 0, "the node")
+    time.sleep(1.0)
+    print("ready", flush=True)
+    rows = np.zeros((steps, 2), np.int64)
+    begin = 10**9
+    for step in range(steps):
+        answered.clear()
+        for part in range(10):
+            twist.linear.x = least = step * 10.0 + part + 1
+            publisher.publish(twist)
+        node.tick(clock, begin + (step + 1) * 10**8)
+        if answered.wait(ANSWER):
+            rows[step, 0] = time.monotonic_ns()
+        rows[step, 1] = bare.resident(pid)
+    np.save(file, rows)
+    node.close()
+
+
+if __name__ == "__main__":
+    roles = {"source": source, "sink": sink, "relay": relay, "hour": hour}
+    roles[sys.argv[1]](**json.loads(sys.argv[2]))
