@@ -1,0 +1,20 @@
+"""The middleware of ROS 2 owes what that of ROS 1 owes, and these things of its own."""
+
+from collections.abc import Iterator
+
+import pytest
+from ros_contract import MiddlewareContract, World
+from ros_processes import ros
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with (
+        ros(2, tmp_path_factory.mktemp("ros")) as domain,
+        World(domain, domain, ["-p", "use_sim_time:=true"]) as found,
+    ):
+        yield found
+
+
+class TestRos2Middleware(MiddlewareContract):
+    pass
