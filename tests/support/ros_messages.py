@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -57,11 +57,16 @@ class Heard(NamedTuple):
 
 
 class Probe:
-    """A process that listens to topics; see `ros_probe`."""
+    """A process that listens to topics; see `ros_probe`.
+
+    Attributes:
+        pid: Its number.
+    """
 
     def __init__(self, ros: Ros, process: subprocess.Popen[str]) -> None:
         self._generation = ros.generation
         self._process = process
+        self.pid = process.pid
         self._heard: list[Heard] = []
         self._changed = threading.Condition()
         assert process.stdout is not None
@@ -81,10 +86,6 @@ class Probe:
         with self._changed:
             return [each for each in self._heard if each.topic == topic]
 
-    def values(self, topic: str) -> list[float]:
-        """The numbers that came on a topic of Float64 up to now."""
-        return [each.message.data for each in self.heard(topic)]
-
     def wait(self, met: Callable[[], bool], what: str, seconds: float = 15.0) -> None:
         """Waits until something holds of what was heard; asked again with every message."""
         with self._changed:
@@ -92,15 +93,17 @@ class Probe:
 
 
 @contextmanager
-def probe(ros: Ros, *topics: str) -> Iterator[Probe]:
-    """Listens to topics, ``TOPIC=PACKAGE/NAME`` each, until the end of the block."""
+def probe(ros: Ros, topics: Mapping[str, str], *, last: bool = False) -> Iterator[Probe]:
+    """Listens until the end of the block.
+
+    Args:
+        ros: Where.
+        topics: The types of topics: ``{"odom": "nav_msgs/Odometry"}``.
+        last: Whether to get what is latched, too; ROS 1 always gives it.
+    """
+    wanted = [f"{'+' if last else ''}{topic}={kind}" for topic, kind in topics.items()]
     process = subprocess.Popen(
-        [
-            sys.executable,
-            str(Path(__file__).with_name("ros_probe.py")),
-            str(ros.generation),
-            *topics,
-        ],
+        [sys.executable, Path(__file__).with_name("ros_probe.py"), str(ros.generation), *wanted],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         text=True,
