@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError  # rclpy has no public name for it
@@ -30,16 +30,14 @@ from rclpy.utilities import remove_ros_args
 from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.middleware import Handle, Level, Publisher
+from rtamt_ros.parameters import DEPTH, Qos
 
-__all__ = ["DEPTH", "QOS", "Qos", "Ros2"]
+__all__ = ["Ros2"]
 
-Qos = Literal["best_effort", "reliable"]
-
-QOS: dict[Qos, ReliabilityPolicy] = {
+_QOS: dict[Qos, ReliabilityPolicy] = {
     "best_effort": ReliabilityPolicy.BEST_EFFORT,
     "reliable": ReliabilityPolicy.RELIABLE,
 }
-DEPTH = 100  # 0.1 s of a topic of 1 kHz
 _SECOND = 1_000_000_000
 
 
@@ -138,7 +136,7 @@ class Ros2:
                 message,
                 topic,
                 heard,
-                QoSProfile(depth=self.depth, reliability=QOS[qos]),
+                QoSProfile(depth=self.depth, reliability=_QOS[qos]),
                 event_callbacks=SubscriptionEventCallbacks(incompatible_qos=cannot_hear),
             )
         return handle

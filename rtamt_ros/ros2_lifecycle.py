@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -16,42 +14,17 @@ from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-import rtamt
 from rtamt import InputError, RtamtError, Specification
-from rtamt.errors import alternatives, brief, is_one_of, nearest
+from rtamt.errors import nearest
 from rtamt_ros.middleware import Level
-from rtamt_ros.node import MonitorNode, Settings
-from rtamt_ros.ros2 import DEPTH, QOS, Ros2
+from rtamt_ros.node import MonitorNode
+from rtamt_ros.parameters import PARAMETERS, read
+from rtamt_ros.ros2 import Ros2
 
-__all__ = ["PARAMETERS", "StlMonitor", "main", "run"]
+__all__ = ["StlMonitor", "main", "run"]
 
-PARAMETERS: dict[str, tuple[object, str]] = {
-    "spec": ("", "a specification, or a list of them"),
-    "spec_file": (
-        "",
-        "a file with one, or a list of files; set again, read again",
-    ),
-    "period": (100, "the time between samples, in `unit`"),
-    "unit": ("ms", "of `period`: s, ms, us or ns"),
-    "dense": (False, "whether in dense time: a message is an event at its time"),
-    "stamps": (False, "whether the time of a message is the one in its header"),
-    "stale": (
-        None,
-        "seconds until an input is stale, or a list of TOPIC=SECONDS",
-    ),
-    "semantics": ("standard", "the robustness of inputs and outputs"),
-    "record": ("", "a CSV file for the samples and their robustness"),
-    "qos": (
-        "best_effort",
-        "of subscriptions: best_effort or reliable; set it while inactive",
-    ),
-    "depth": (DEPTH, "how many messages of a topic wait; set it while inactive"),
-    "autostart": (True, "whether the node configures and activates itself"),
-}
-"""Name, default and meaning of every parameter."""
 
 _SEVERAL_TYPES = ("spec", "spec_file", "period", "stale")
-_UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 
 
 class StlMonitor:
@@ -94,7 +67,7 @@ class StlMonitor:
     def configure(self) -> None:
         """Reads parameters and specifications."""
         values = self._values()
-        specifications, settings = _read(values)
+        specifications, settings = read(values)
         self._monitor = MonitorNode(self.ros, _some(specifications), settings)
         self._hear(values)
 
@@ -136,7 +109,7 @@ class StlMonitor:
 
     def _change(self, given: Mapping[str, object]) -> None:
         values = {**self._values(), **given}
-        specifications, settings = _read(values)
+        specifications, settings = read(values)
         if self._monitor is None:
             return
         for name in ("qos", "depth"):
@@ -245,69 +218,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(code)
 
 
-def _read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:
-    """What parameters say to monitor, and how."""
-    for name, known in (("unit", _UNITS), ("qos", QOS)):
-        if not is_one_of(values[name], known):
-            raise InputError(f"{name}: expected {alternatives(known)}, got {brief(values[name])}")
-    if values["depth"] < 1:
-        raise InputError(f"depth: expected 1 message or more, got {values['depth']}")
-    specifications = []
-    for path in _texts(values, "spec_file"):
-        try:
-            specifications.append(rtamt.load(path))
-        except OSError as error:
-            raise InputError(f"spec_file: cannot read {path}: {error.strerror}") from error
-    specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
-    stale, stale_of = _stale(values["stale"])
-    settings = Settings(
-        period=_period(values["period"], values["unit"]),
-        dense=values["dense"],
-        stamps=values["stamps"],
-        stale=stale,
-        stale_of=stale_of,
-        semantics=values["semantics"],
-        record=Path(values["record"]) if values["record"] else None,
-    )
-    return specifications, settings
-
-
 def _some(specifications: list[Specification]) -> list[Specification]:
     if not specifications:
         raise InputError("nothing to monitor: set the parameter spec or spec_file")
     return specifications
-
-
-def _texts(values: Mapping[str, Any], name: str) -> list[str]:
-    """The texts of a parameter that is one or a list; an empty one is none."""
-    value = values[name]
-    texts = [value] if isinstance(value, str) else value
-    if not isinstance(texts, Sequence) or not all(isinstance(each, str) for each in texts):
-        raise InputError(f"{name}: expected a text or a list of texts, got {brief(value)}")
-    return [each for each in texts if each]
-
-
-def _period(value: object, unit: str) -> int:
-    """Nanoseconds of a period."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise InputError(f"period: expected a number above 0, got {brief(value)}")
-    return round(value * _UNITS[unit])
-
-
-def _stale(value: object) -> tuple[float | None, dict[str, float]]:
-    """Seconds for all topics, and those for single ones."""
-    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
-        return value, {}
-    of: dict[str, float] = {}
-    try:
-        for each in [value] if isinstance(value, str) else value:  # type: ignore[attr-defined]
-            topic, _, seconds = each.rpartition("=")
-            of[topic] = float(seconds)
-    except (AttributeError, TypeError, ValueError):
-        raise InputError(
-            f"stale: expected seconds, or a list of TOPIC=SECONDS, got {brief(value)}"
-        ) from None
-    return of.pop("", None), of
 
 
 def _text(error: RtamtError) -> str:

@@ -19,6 +19,7 @@ import numpy as np
 from rtamt_envs.mobile_robot import ROUTE, SCENARIO, drive, next_point
 
 from rtamt import InputError
+from rtamt_ros.generation import open_node
 from rtamt_ros.middleware import Level, Middleware
 
 __all__ = ["Controller", "Robot", "Stuck", "Surge"]
@@ -181,16 +182,6 @@ class Controller:
         message = self._message()
         message.linear.x, message.angular.z = float(speed), float(turn)
         self._command.publish(message)
-
-
-def open_node(generation: int | None, name: str, arguments: Sequence[str]) -> Middleware:
-    if generation == 1:
-        from rtamt_ros.ros1 import Ros1
-
-        return Ros1(name, arguments)
-    from rtamt_ros.ros2 import Ros2
-
-    return Ros2(name, arguments)
 
 
 def _stuck(text: str) -> Stuck:

@@ -43,9 +43,9 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core",),
-        ("node",),
+        ("node", "parameters"),
         ("ros1", "ros2"),
-        ("ros2_lifecycle",),
+        ("ros2_lifecycle", "generation"),
         ("simulator",),
         ("command",),
         ("__init__", "__main__"),
