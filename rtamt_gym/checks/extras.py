@@ -17,6 +17,7 @@ EXTRAS: Final[Mapping[str, str]] = {
     "pyarrow": "files",
     "scipy": "files",
     "asammdf": "mdf",
+    "rosbags": "bags",
     "pandas": "pandas",
     "fmpy": "fmi",
     "SALib": "search",

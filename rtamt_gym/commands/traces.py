@@ -20,7 +20,7 @@ from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
 from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
-from rtamt_gym.recorded.readers import extensions
+from rtamt_gym.recorded.readers import extensions, is_bag_folder
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -73,8 +73,8 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
     parser.add_argument(
         "trace",
         metavar="TRACE",
-        help=f"the path of a {', '.join(others)} or {last} file, or - for CSV on stdin; behind -- "
-        "several, folders and patterns too",
+        help=f"the path of a {', '.join(others)} or {last} file or of the folder of a bag, or - "
+        "for CSV on stdin; behind -- several, folders and patterns too",
     )
     parser.add_argument(
         "--only",
@@ -99,14 +99,17 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         "open, a continuation (default: cut)",
     )
     add_reading(
-        parser, "the distance of two times; without a column of times, bounds count samples"
+        parser,
+        "the distance of two times; without a column of times, bounds count samples; a bag is "
+        "sampled at it, and a message holds until the next",
     )
     add_align(parser)
     parser.add_argument(
         "--dense",
         action="store_true",
-        help="rows are events at any time, and a value holds until the next event; an empty cell "
-        "is no event; with the columns time, variable and value a row is one event",
+        help="rows, or the messages of a bag, are events at any time, and a value holds until the "
+        "next event; an empty cell is no event; with the columns time, variable and value a row is "
+        "one event",
     )
     _add_columns(parser.add_argument_group("columns"))
 
@@ -118,13 +121,16 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         action="append",
         default=[],
         metavar="VARIABLE=COLUMN",
-        help="the column of a variable that is called otherwise: 'speed=Vehicle Speed [km/h]'; may "
-        "be repeated",
+        help="the column of a variable that is called otherwise: 'speed=Vehicle Speed [km/h]'; in "
+        "a bag its topic and field, speed=/robot0/odom.twist.twist.linear.x, or the topic of a "
+        "message, cmd=/robot1/cmd_vel; may be repeated",
     )
     group.add_argument(
         "--time",
         metavar="COLUMN",
-        help="the column of times (default: one called time, timestamp, t, stamp, Time [s] ...)",
+        help="the column of times (default: one called time, timestamp, t, stamp, Time [s] ...); "
+        "of a bag log, when messages were recorded, or header, what their stamps say (default: "
+        "log)",
     )
     group.add_argument(
         "--time-unit",
@@ -147,8 +153,8 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         "--missing",
         choices=get_args(Missing),
         default="raise",
-        help="what an empty cell does: it is an error, it has the value before, or its row is left "
-        "out (default: raise)",
+        help="what an empty cell, or nan in a bag, does: it is an error, it has the value before, "
+        "or its row is left out (default: raise)",
     )
     group.add_argument(
         "--jitter",
@@ -196,8 +202,9 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         jitter=options.jitter,
     )
     variables = variables_of(every)
+    messages = {v[: match.start()] for v in variables for match in re.finditer(r"[.\[]", v)}
     for name in columns.signals:
-        if name not in variables:
+        if name not in variables and name not in messages:
             hint = nearest(name, variables) or f"; they read {listing(variables)}"
             raise InputError(f"--signal: no specification reads {name!r}{hint}")
     return Asked(requirements, rules, columns), found
@@ -239,7 +246,7 @@ def _divided(words: Sequence[str]) -> tuple[list[str], list[str]]:
             raise InputError(
                 f"expected a trace, got the specification {word}; specifications stand first"
             )
-    as_traces = [word for word in specs if word.lower().endswith(_SURE)]
+    as_traces = [word for word in specs if word.lower().endswith(_SURE) or is_bag_folder(word)]
     if as_traces:
         shown = " ".join(word for word in specs if word not in as_traces) or "SPEC..."
         several = [*dict.fromkeys((*as_traces, *traces))]
@@ -257,19 +264,21 @@ def _found(words: Sequence[str]) -> list[str]:
     Raises:
         InputError: If a folder has no trace, a pattern names no file, or stdin is not alone.
     """
-    found = [path for word in words for path in _files(word, extensions(), pattern=True)]
+    ends = extensions()
+    found = [path for word in words for path in _files(word, ends, pattern=True, bags=True)]
     if "-" in found and len(found) > 1:
         raise InputError("expected - as the only trace, which is read from standard input")
     return list(dict.fromkeys(found))
 
 
-def _files(word: str, ends: Sequence[str], *, pattern: bool) -> list[str]:
+def _files(word: str, ends: Sequence[str], *, pattern: bool, bags: bool = False) -> list[str]:
     """The word itself, or the files with some ends in the folder or the pattern that it names.
 
     Args:
         word: The word.
         ends: The ends of the names of files that are read in folders.
         pattern: Whether ``*``, ``?`` and ``[`` make the word a pattern, if it is no file.
+        bags: Whether a folder that is a bag of rosbag2 counts as a file.
 
     Raises:
         InputError: If there is no such file in the folder, or none with a name like the pattern.
@@ -281,11 +290,14 @@ def _files(word: str, ends: Sequence[str], *, pattern: bool) -> list[str]:
             raise InputError(f"no file has a name like {word}")
     files = []
     for path in paths:
-        if not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
+        alone = bags and is_bag_folder(path)
+        if alone or not os.path.isdir(path):  # noqa: PTH112 - a formula may be longer than a name
             files.append(path)
             continue
         inside = sorted(
-            str(f) for f in Path(path).iterdir() if f.name.lower().endswith(tuple(ends))
+            str(f)
+            for f in Path(path).iterdir()
+            if f.name.lower().endswith(tuple(ends)) or (bags and is_bag_folder(f))
         )
         if not inside:
             raise InputError(f"{path}: expected files that end in {', '.join(ends)}, found none")

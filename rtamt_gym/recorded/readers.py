@@ -12,7 +12,7 @@ from rtamt import InputError
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 
-__all__ = ["FORMATS", "Format", "extensions", "format_of", "open_recording"]
+__all__ = ["FORMATS", "Format", "extensions", "format_of", "is_bag_folder", "open_recording"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +23,14 @@ class Format:
         name: What it is called.
         extensions: The ends of the names of such files, in lower case.
         module: The module that reads them. Its function ``open_file(path, columns)`` is a context
-            manager that gives a `Recording`.
+            manager that gives a `Recording`; that of a bag is ``read_bag``.
+        bag: Whether they are bags, whose topics have times of their own.
     """
 
     name: str
     extensions: tuple[str, ...]
     module: str
+    bag: bool = False
 
 
 FORMATS = [
@@ -39,6 +41,8 @@ FORMATS = [
     Format("NumPy", (".npz",), "rtamt_gym.recorded.npz_reader"),
     Format("MATLAB", (".mat",), "rtamt_gym.recorded.mat_reader"),
     Format("MDF", (".mf4", ".mdf"), "rtamt_gym.recorded.mdf_reader"),
+    Format("rosbag2", (".mcap", ".db3"), "rtamt_gym.recorded.bag_trace", bag=True),
+    Format("ROS 1 bag", (".bag",), "rtamt_gym.recorded.bag_trace", bag=True),
 ]
 """A row for each format; the first reads what has no extension, and standard input."""
 
@@ -48,13 +52,23 @@ def extensions() -> list[str]:
     return [extension for row in FORMATS for extension in row.extensions]
 
 
+def is_bag_folder(path: str | Path) -> bool:
+    """Whether a folder is a bag of rosbag2, which counts as one trace."""
+    try:
+        return (Path(path) / "metadata.yaml").is_file()
+    except OSError:  # a formula may be longer than a name
+        return False
+
+
 def format_of(path: str) -> Format:
     """The format of a file by the end of its name; CSV for standard input, or without an extension.
+
+    A folder with the file ``metadata.yaml`` is a bag of rosbag2.
 
     Raises:
         InputError: If the extension is that of no format.
     """
-    name = Path(path).name.lower()
+    name = ".db3" if is_bag_folder(path) else Path(path).name.lower()
     for row in FORMATS:
         if name.endswith(row.extensions):
             return row
@@ -78,11 +92,14 @@ def open_recording(path: str, columns: Columns | None = None) -> Iterator[Record
 
     Raises:
         OSError: If there is no such file.
-        InputError: If the extension is that of no format, or if the file is not in the format of
-            its reader.
+        InputError: If the extension is that of no format or of bags, or if the file is not in the
+            format of its reader.
         ModuleNotFoundError: If the reader needs a package that is not installed.
     """
-    reader = import_module(format_of(path).module)
+    row = format_of(path)
+    if row.bag:
+        raise InputError(f"{path}: expected a table, got a bag; rtamt monitor reads it")
+    reader = import_module(row.module)
     opened: AbstractContextManager[Recording] = reader.open_file(path, columns or Columns())
     try:
         with opened as recording:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
+from importlib import import_module
 
 import rtamt
 from rtamt import InputError
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import Rules
-from rtamt_gym.recorded.readers import open_recording
+from rtamt_gym.recorded.readers import format_of, open_recording
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
 
 __all__ = ["read_ruled"]
@@ -24,6 +25,12 @@ def read_ruled(
         InputError: If the trace cannot be read, or is too short to have a period.
         OSError: If there is no such file.
     """
+    row = format_of(path)
+    if row.bag:
+        read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
+            path, specs, rules, columns
+        )
+        return read
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     with open_recording(path, columns) as recording:
         if rules.dense:

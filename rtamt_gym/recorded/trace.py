@@ -36,6 +36,7 @@ class Trace:
         jitter: The part of the period by which a sample may lie off the grid, None for the usual.
         if_events: Advice for errors that rows which are events, not samples, may cause.
         notes: What was done to the samples that the file does not say, in sentences to print.
+        epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
     """
 
     source: str
@@ -46,6 +47,7 @@ class Trace:
     jitter: float | None = None
     if_events: str = ""
     notes: Sequence[str] = ()
+    epoch: int = 0
 
     @property
     def start(self) -> float:
@@ -92,11 +94,13 @@ class EventTrace:
         source: Name of the file, for messages.
         signals: Times and values of the events of each variable.
         notes: What was read otherwise than it is written, in sentences to print.
+        epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
     """
 
     source: str
     signals: Mapping[str, tuple[Floats, Floats]]
     notes: Sequence[str] = ()
+    epoch: int = 0
 
     @property
     def tables(self) -> dict[str, Floats]:

@@ -1,0 +1,185 @@
+"""Reads bags of ROS by rosbags: MCAP, rosbag2 with SQLite, and ROS 1; no ROS is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+
+from rtamt import InputError
+from rtamt_gym.checks.names import nearest
+
+__all__ = ["Bag", "Path_", "open_bag", "path_text"]
+
+Path_ = tuple[str | int, ...]
+"""The fields and elements that lead to a value in a message."""
+
+_KINDS = {".mcap": "MCAP file of ROS 2", ".bag": "bag of ROS 1"}
+_RECOVERY = {
+    ".mcap": "; what is whole in it: mcap recover FILE -o WHOLE.mcap",
+    ".bag": "; rosbag reindex FILE writes the index of a bag that was not closed",
+}
+_HEADER = (Nodetype.NAME, "std_msgs/msg/Header")
+_TEXTS = ("string", "wstring")
+
+
+class Bag:
+    """An open bag. Times are nanoseconds of the clock that recorded.
+
+    Attributes:
+        source: Its name, for messages.
+        reader: The open reader of rosbags.
+        types: The class of the messages on each topic, ``geometry_msgs/Twist``.
+        counts: The number of messages on each topic.
+        begin: The time of the first message, of any topic; 0 in an empty bag.
+        end: The time of the last message.
+        notes: What was read otherwise than it is written, in sentences to print.
+    """
+
+    def __init__(self, reader: AnyReader, source: str) -> None:
+        self.source = source
+        self.reader = reader
+        self.types: dict[str, str] = {}
+        self.counts: dict[str, int] = {}
+        for connection in reader.connections:
+            kind = _short(connection.msgtype)
+            if self.types.setdefault(connection.topic, kind) != kind:
+                raise InputError(
+                    f"{source}: expected messages of one class on {connection.topic}, got "
+                    f"{self.types[connection.topic]} and {kind}"
+                )
+            counted = self.counts.get(connection.topic, 0)
+            self.counts[connection.topic] = counted + connection.msgcount
+        empty = not reader.message_count
+        self.begin: int = 0 if empty else reader.start_time
+        self.end: int = 0 if empty else reader.end_time - 1  # rosbags gives the time behind it
+        given = any(connection.msgdef.data for connection in reader.connections)
+        self.notes: list[str] = []
+        if reader.connections and not given:
+            self.notes.append("the bag defines no classes of messages: they are those of Humble")
+
+    def stamped(self, kind: str) -> bool:
+        """Whether messages of a class have a header."""
+        fields = self._fields(_long(kind)) or {}
+        return fields.get("header") == _HEADER
+
+    def class_at(self, topic: str, path: Path_) -> str | None:
+        """The class of the message at a path in those of a topic; None if a number is there.
+
+        Raises:
+            InputError: If nothing is there, or neither a message nor a number.
+        """
+        kind: Any = (Nodetype.NAME, _long(self.types[topic]))
+        place = f"{topic} ({self.types[topic]})"
+        for depth, step in enumerate(path):
+            here = path_text(path[:depth])
+            where = f"{self.source}: '{here}' of {place}" if here else f"{self.source}: {place}"
+            kind = self._within(kind, step, where)
+        match kind:
+            case (Nodetype.NAME, str(name)):
+                return _short(name)
+            case (Nodetype.BASE, (name, _)) if name not in _TEXTS:
+                return None
+            case (Nodetype.BASE, _):
+                got = "text"
+            case _:
+                got = f"a list; write an element, such as {path_text(path)}[0]"
+        raise InputError(
+            f"{self.source}: expected a number in '{path_text(path)}' of {place}, got {got}"
+        )
+
+    def _within(self, kind: Any, step: str | int, where: str) -> Any:  # noqa: ANN401 - as rosbags
+        """The type of a field or an element of something of a type."""
+        match kind:
+            case (Nodetype.NAME, str(name)) if isinstance(step, str):
+                fields = self._fields(name)
+                if fields is None:
+                    raise InputError(f"{where}: the bag does not define {_short(name)}")
+                if step not in fields:
+                    hint = nearest(step, fields) or f"; its fields are {', '.join(fields)}"
+                    raise InputError(f"{where} has no field '{step}'{hint}")
+                return fields[step]
+            case (Nodetype.ARRAY, (_, count)) if isinstance(step, int) and step >= count:
+                raise InputError(f"{where} ends with element [{count - 1}], got [{step}]")
+            case (Nodetype.ARRAY | Nodetype.SEQUENCE, (element, _)) if isinstance(step, int):
+                return element
+            case (Nodetype.ARRAY | Nodetype.SEQUENCE, _):
+                raise InputError(f"{where} is a list; write an element, such as [0].{step}")
+        is_message = isinstance(step, str)
+        what, got = ("message", f"field '{step}'") if is_message else ("list", f"element [{step}]")
+        raise InputError(f"{where} is no {what}, got {got}")
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+        """The messages of some topics: topic, time of recording, and the message.
+
+        Raises:
+            InputError: If the bag is damaged.
+        """
+        reader = self.reader
+        connections = [each for each in reader.connections if each.topic in topics]
+        read = reader.deserialize
+        try:
+            for connection, time, raw in reader.messages(connections):
+                yield connection.topic, time, read(raw, connection.msgtype)
+        except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
+            raise _damaged(self.source, error) from None
+
+    def _fields(self, kind: str) -> Mapping[str, Any] | None:
+        """The fields of a class in their order, each with its type; None if it is not defined."""
+        known = self.reader.typestore
+        return dict(known.get_msgdef(kind).fields) if kind in known.fielddefs else None
+
+
+@contextmanager
+def open_bag(path: str) -> Iterator[Bag]:
+    """Opens a bag: an ``.mcap``, ``.db3`` or ``.bag`` file, or the folder of one of rosbag2.
+
+    Raises:
+        InputError: If it is none, or is not whole.
+        OSError: If there is no such file.
+    """
+    Path(path).stat()
+    humble = get_typestore(Stores.ROS2_HUMBLE)  # later ones write definitions into their bags
+    try:
+        reader = AnyReader([Path(path)], default_typestore=humble)
+        reader.open()
+    except OSError:
+        raise
+    except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
+        raise _damaged(path, error) from None
+    with closing(reader):
+        yield Bag(reader, path)
+
+
+def path_text(path: Path_) -> str:
+    """A path as it is written, ``ranges[0]``."""
+    return "".join(map(_step_text, path)).removeprefix(".")
+
+
+def _step_text(step: str | int) -> str:
+    return f".{step}" if isinstance(step, str) else f"[{step}]"
+
+
+def _short(name: str) -> str:
+    """``geometry_msgs/Twist`` for ``geometry_msgs/msg/Twist``."""
+    return name.replace("/msg/", "/")
+
+
+def _long(name: str) -> str:
+    """``geometry_msgs/msg/Twist`` for ``geometry_msgs/Twist``."""
+    package, _, message = name.partition("/")
+    return name if "/" in message else f"{package}/msg/{message}"
+
+
+def _damaged(path: str, error: Exception) -> InputError:
+    ending = Path(path).suffix.lower()
+    said = " ".join(str(error).split()) or type(error).__name__
+    return InputError(
+        f"{path}: expected a whole {_KINDS.get(ending, 'bag of rosbag2')}, "
+        f"got an error: {said.removesuffix('.')}{_RECOVERY.get(ending, '')}"
+    )

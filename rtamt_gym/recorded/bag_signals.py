@@ -1,0 +1,267 @@
+"""Reads what the variables of specifications were in a bag: a value at each message's time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.recorded.bag_reader import Bag
+from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.tables import counted, number
+
+__all__ = ["CLOCKS", "BagSignals", "read_signals"]
+
+CLOCKS: Final = ("log", "header")
+"""The times of messages: when they were recorded, and what their headers say."""
+
+Stamps = NDArray[np.int64]
+
+_JUMP: Final = 1.0
+"""Seconds by which a late message may be older than the one before it: more is another clock."""
+
+_APART: Final = 60.0
+"""Seconds between stamps and times of recording from which on they are of different clocks."""
+
+_QUIET, _LEAST_QUIET = 5.0, 0.5
+"""A topic without a message for so many usual distances, and so many seconds, is quiet."""
+
+
+@dataclass(frozen=True, slots=True)
+class BagSignals:
+    """The values of variables at the times of their messages.
+
+    Attributes:
+        source: The name of the bag.
+        signals: For each variable the times of its values in nanoseconds, which increase, and the
+            values.
+        zero: The time that counts as 0 s.
+        end: The time up to which the last values hold.
+        epoch: What time 0 s was on the clock that recorded.
+        notes: What was read otherwise than it is written, in sentences to print.
+    """
+
+    source: str
+    signals: Mapping[str, tuple[Stamps, Floats]]
+    zero: int
+    end: int
+    epoch: int
+    notes: Sequence[str]
+
+    @property
+    def first(self) -> int:
+        """The time from which on every variable has a value."""
+        return max((int(times[0]) for times, _ in self.signals.values()), default=self.zero)
+
+
+@dataclass(slots=True)
+class _Messages:
+    """The messages of a topic.
+
+    Attributes:
+        topic: Its name.
+        variables: The variables that are read of a message.
+        logged: The time of recording of each message.
+        stamps: The time in the header of each message; empty if that is not read.
+        values: The values of each variable, nan where a message has none.
+    """
+
+    topic: str
+    variables: tuple[str, ...]
+    logged: list[int] = field(default_factory=list)
+    stamps: list[int] = field(default_factory=list)
+    values: list[list[Any]] = field(default_factory=list)
+
+
+def read_signals(
+    bag: Bag, specs: Mapping[str, rtamt.Specification], columns: Columns
+) -> BagSignals:
+    """Reads the variables of specifications from a bag.
+
+    Args:
+        bag: The bag.
+        specs: The specifications.
+        columns: Which fields are read, what a missing number does, and which times count.
+
+    Raises:
+        InputError: If a topic or a number is missing, if a clock jumps back, or if the bag is
+            damaged.
+        SpecificationError: As of `rtamt.subscriptions`.
+    """
+    clock = columns.time or "log"
+    if clock not in CLOCKS:
+        raise InputError(
+            f"{bag.source}: expected --time log, the times of recording of a bag, or --time "
+            f"header, got {clock!r}{nearest(clock, CLOCKS)}"
+        )
+    wanted = topic_fields(bag, specs, columns)
+    read = _read(bag, wanted, stamped=clock == "header", strict=columns.missing == "raise")
+    notes = list(bag.notes)
+    signals: dict[str, tuple[Stamps, Floats]] = {}
+    apart: dict[str, float] = {}
+    spans: dict[str, Stamps] = {}
+    for messages in read:
+        times, kept = _times(bag, messages, notes, apart, stamped=clock == "header")
+        spans[messages.topic] = times
+        for variable, values in zip(messages.variables, messages.values, strict=True):
+            numbers = np.array(values, np.float64)[kept]
+            signals[variable] = _numbers(bag, messages.topic, variable, times, numbers)
+    _check_clocks(bag, apart)
+    zero, end = bag.begin, bag.end
+    if clock == "header":
+        zero = min((int(times[0]) for times in spans.values()), default=zero)
+        end = max((int(times[-1]) for times in spans.values()), default=end)
+    offset = min(apart.values(), key=abs, default=0.0)
+    epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
+    ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
+    found = BagSignals(bag.source, ordered, zero, end, epoch, notes)
+    notes += _missing(read, columns)
+    notes += _silences(found, spans)
+    return found
+
+
+def _read(
+    bag: Bag, wanted: Sequence[TopicFields], *, stamped: bool, strict: bool
+) -> list[_Messages]:
+    """Reads the fields of all messages in one pass."""
+    made: dict[str, tuple[_Messages, list[Any], bool]] = {}
+    for each in wanted:
+        found = _Messages(each.topic, tuple(one.variable for one in each.fields))
+        found.values = [[] for _ in each.fields]
+        readers = [(one, found.values[i].append) for i, one in enumerate(each.fields)]
+        made[each.topic] = found, readers, stamped and bag.stamped(bag.types[each.topic])
+    for topic, time, message in bag.messages([*made]):
+        messages, readers, with_stamp = made[topic]
+        messages.logged.append(time)
+        if with_stamp:
+            stamp = message.header.stamp
+            messages.stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+        for one, append in readers:
+            try:
+                value, got = one.read(message), "nan"
+            except IndexError:
+                value, got = math.nan, "a list that is shorter"
+            if strict and value != value:  # noqa: PLR0124 - nan; math.isnan refuses what is no float
+                raise _no_number(bag, messages, one.variable, got)
+            append(value)
+    return [found for found, _, _ in made.values()]
+
+
+def _no_number(bag: Bag, messages: _Messages, variable: str, got: str) -> InputError:
+    """The error of a message without a number, which says where it is."""
+    at = (messages.logged[-1] - bag.begin) / 1e9
+    return InputError(
+        f"{bag.source}, message {len(messages.logged)} of {messages.topic}, recorded at {at:.9g} "
+        f"s: expected a number for '{variable}', got {got}; give --missing hold or --missing drop"
+    )
+
+
+def _times(
+    bag: Bag,
+    messages: _Messages,
+    notes: list[str],
+    apart: dict[str, float],
+    *,
+    stamped: bool,
+) -> tuple[Stamps, NDArray[np.intp]]:
+    """The times of a topic's messages, which increase, and the places of these messages.
+
+    Of messages with equal times the last counts, and one whose stamp is older than that of the
+    message before it does not.
+    """
+    logged = np.array(messages.logged, np.int64)
+    times = logged
+    order = np.argsort(logged, kind="stable")  # files of one bag may overlap
+    if stamped:
+        times = np.array(messages.stamps, np.int64)
+        if not times.any():  # no header, or one that nobody has set
+            times = logged
+            notes.append(f"{messages.topic} has no stamps: its times are those of recording")
+    if times is not logged:
+        latest = np.maximum.accumulate(times)
+        back = (latest - times) / 1e9
+        if back.max() > _JUMP:
+            at = int((back > _JUMP).argmax())
+            raise InputError(
+                f"{bag.source}: expected stamps of {messages.topic} that increase, got one that is "
+                f"{back[at]:.6g} s older than the one before it, in message {at + 1} of "
+                f"{len(times)}: a clock that began anew; cut the bag there, or give --time log"
+            )
+        (order,) = np.nonzero(back == 0.0)
+        if late := len(times) - len(order):
+            notes.append(
+                f"{messages.topic}: {counted(late, 'message')} older than the one before left out"
+            )
+    apart[messages.topic] = float(np.median(logged - times)) / 1e9
+    times = times[order]
+    last = np.append(times[1:] != times[:-1], True)
+    return times[last], order[last]
+
+
+def _check_clocks(bag: Bag, apart: Mapping[str, float]) -> None:
+    """Checks that the stamps of all topics can be of one clock.
+
+    Raises:
+        InputError: If they are not.
+    """
+    ordered = sorted(apart, key=lambda topic: apart[topic])
+    if ordered and apart[ordered[-1]] - apart[ordered[0]] > _APART:
+        raise InputError(
+            f"{bag.source}: expected times of one clock, got {ordered[0]} and {ordered[-1]}, which "
+            f"are {apart[ordered[-1]] - apart[ordered[0]]:.6g} s apart; give --time log"
+        )
+
+
+def _numbers(
+    bag: Bag, topic: str, variable: str, times: Stamps, values: Floats
+) -> tuple[Stamps, Floats]:
+    """The values that are numbers, with their times."""
+    given = ~np.isnan(values)
+    if not given.any():
+        raise InputError(
+            f"{bag.source}: expected a number for '{variable}' in a message of {topic}, got none"
+        )
+    return (times, values) if given.all() else (times[given], values[given])
+
+
+def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
+    """Says how many messages had no number for a variable."""
+    counts = {
+        variable: sum(map(math.isnan, values))
+        for messages in read
+        for variable, values in zip(messages.variables, messages.values, strict=True)
+        if columns.missing != "raise"
+    }
+    each = ", ".join(f"{name}: {count}" for name, count in counts.items() if count)
+    return [f"messages without a number leave the value before ({each})"] if each else []
+
+
+def _silences(found: BagSignals, spans: Mapping[str, Stamps]) -> list[str]:
+    """Says which topics begin late, pause or end early, so that what is judged was held."""
+    notes = []
+    late = (found.first - found.zero) / 1e9
+    if late > _LEAST_QUIET:
+        topic = max(spans, key=lambda name: int(spans[name][0]))
+        notes.append(f"judged from {number(late)} s on, the first message of {topic}")
+    for topic, times in spans.items():
+        ends = np.append(times, found.end)
+        gaps = np.diff(ends) / 1e9
+        usual = float(np.median(gaps[:-1])) if len(times) > 1 else 0.0
+        at = int(gaps.argmax())
+        if gaps[at] > max(_LEAST_QUIET, _QUIET * usual):
+            since = (int(times[at]) - found.zero) / 1e9
+            until = "to the end" if at == len(times) - 1 else "until the next"
+            notes.append(
+                f"{topic}: the message at {number(since)} s is held for {number(gaps[at])} s, "
+                f"{until}"
+            )
+    return notes

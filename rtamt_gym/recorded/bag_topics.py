@@ -1,0 +1,233 @@
+"""Which topics of a bag specifications read, and which fields of their messages."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import rtamt
+from rtamt import InputError, SubscribedField, Subscription
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.recorded.bag_reader import Bag, Path_, path_text
+from rtamt_gym.recorded.columns import Columns
+
+__all__ = ["TopicFields", "columns_of", "topic_fields"]
+
+
+@dataclass(frozen=True, slots=True)
+class TopicFields:
+    """A topic of a bag, and what specifications read of its messages.
+
+    Attributes:
+        topic: The name of the topic in the bag.
+        fields: The variables that are fields of its messages.
+    """
+
+    topic: str
+    fields: tuple[SubscribedField, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """What a text says of a message or a plain variable.
+
+    Attributes:
+        topic: The topic as it is written, or None where no text names one.
+        kind: The class that it declares, or None.
+        default: The topic if no text names one.
+    """
+
+    topic: str | None = None
+    kind: str | None = None
+    default: str = ""
+
+    @property
+    def whole(self) -> str:
+        """The topic as it is written, or the default."""
+        return self.topic or self.default
+
+    def joined(self, other: _Wish, name: str) -> _Wish:
+        """What two texts say together.
+
+        Raises:
+            InputError: If they say different things.
+        """
+        for here, there in ((self.topic, other.topic), (self.kind, other.kind)):
+            if here is not None and there is not None and here != there:
+                what = "topic" if here == self.topic else "class"
+                raise InputError(
+                    f"expected one {what} for '{name}', which two specifications read, got {here} "
+                    f"and {there}; give one of them another name, or judge them one at a time"
+                )
+        return _Wish(self.topic or other.topic, self.kind or other.kind, self.default)
+
+
+def topic_fields(
+    bag: Bag, specs: Mapping[str, rtamt.Specification], columns: Columns
+) -> list[TopicFields]:
+    """The topics of a bag that specifications read, with the variables that each has.
+
+    Args:
+        bag: The bag.
+        specs: The specifications.
+        columns: Its signals give a variable another field, ``speed=/robot0/odom.pose.x``, or a
+            message another topic, ``cmd=/robot1/cmd_vel``.
+
+    Raises:
+        InputError: If a topic is missing or has messages of another class than declared, a field is
+            missing or is no number, or two specifications differ in what they say.
+        SpecificationError: As of `rtamt.subscriptions`.
+    """
+    found: dict[str, list[SubscribedField]] = {}
+    wishes, parts = _wishes(specs)
+    for variable, (message, path) in parts.items():
+        topic, whole = _placed(bag, variable, message, path, wishes[message], columns)
+        if held := bag.class_at(topic, whole):
+            raise InputError(
+                f"{bag.source}: expected a number for '{variable}', got '{path_text(whole)}' of "
+                f"{topic}, a {held}; write a field of it"
+            )
+        found.setdefault(topic, []).append(SubscribedField(variable, whole))
+    return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
+
+
+def columns_of(specs: Mapping[str, rtamt.Specification]) -> dict[str, str]:
+    """The topic and the field of every variable, as ``--signal`` writes them."""
+    wishes, parts = _wishes(specs)
+    return {
+        variable: f"{wishes[message].whole}.{path_text(path)}"
+        for variable, (message, path) in parts.items()
+    }
+
+
+_DATA: Path_ = ("data",)
+"""Where the messages of ``std_msgs`` hold their number."""
+
+
+def _wishes(
+    specs: Mapping[str, rtamt.Specification],
+) -> tuple[dict[str, _Wish], dict[str, tuple[str, Path_]]]:
+    """What the texts say of each message, and the message and the path of each variable."""
+    wishes: dict[str, _Wish] = {}
+    parts: dict[str, tuple[str, Path_]] = {}
+    for spec in specs.values():
+        for each in rtamt.subscriptions(spec):
+            name = each.variable
+            wish = _Wish(spec.topics.get(name), _class_of(each, spec), each.topic)
+            wishes[name] = wish if name not in wishes else wishes[name].joined(wish, name)
+            parts |= {field.variable: (name, field.path) for field in each.fields}
+    return wishes, parts
+
+
+def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
+    """The class that a text declares; a variable without declaration may be of any."""
+    return f"{each.package}/{each.message}" if each.variable in spec.declarations else None
+
+
+def _placed(
+    bag: Bag, variable: str, message: str, path: Path_, wish: _Wish, columns: Columns
+) -> tuple[str, Path_]:
+    """The topic of a variable in the bag, and its path there."""
+    given = columns.signals.get(variable)
+    if given is not None and variable != message:
+        wish, path = _Wish(), ()  # a field with a source of its own
+    else:
+        given = columns.signals.get(message)
+    where, prefix = _source(given or wish.whole)
+    topic = _topic(bag, where, message, named=bool(given or wish.topic))
+    if prefix and variable == message:
+        wish, path = _Wish(), ()  # the number itself, not a message that holds it
+    _check_class(bag, topic, prefix, wish, message)
+    return topic, (*prefix, *path) or _DATA
+
+
+def _source(text: str) -> tuple[str, Path_]:
+    """The topic and the path in ``/robot0/scan.ranges[0]``; names of topics have no dots.
+
+    Raises:
+        InputError: If it is written otherwise.
+    """
+    topic, dot, rest = text.partition(".")
+    if not dot:
+        return topic, ()
+    path = tuple(int(element) if element else field for field, element in _STEP.findall(f".{rest}"))
+    if not topic.strip("/") or path_text(path) != rest:
+        raise InputError(
+            "--signal: expected TOPIC.FIELD, such as /robot0/odom.twist.twist.linear.x, "
+            f"got {text!r}"
+        )
+    return topic, path
+
+
+_STEP = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]", re.ASCII)
+
+
+def _topic(bag: Bag, written: str, variable: str, *, named: bool) -> str:
+    """The topic of a bag that a text means.
+
+    Raises:
+        InputError: If there is none, or more than one, or it has no message.
+    """
+    known = {f"/{topic.lstrip('/')}": topic for topic in bag.types}
+    whole = f"/{written.lstrip('/')}"
+    alike = [topic for name, topic in known.items() if name.endswith(whole)]
+    if whole in known:
+        topic = known[whole]
+    elif written.startswith("/") or not alike:
+        raise InputError(
+            f"{bag.source}: no topic '{written}', which '{variable}' reads; the topics are "
+            f"{_listed(known)}{_hint(whole, variable, known, named=named)}"
+        )
+    elif len(alike) > 1:
+        raise InputError(
+            f"{bag.source}: expected one topic that ends in '{whole}', which '{variable}' reads, "
+            f"got {_listed(alike)}; give --signal {variable}=TOPIC"
+        )
+    else:
+        (topic,) = alike
+    if not bag.counts[topic]:
+        raise InputError(
+            f"{bag.source}: expected messages on {topic}, which '{variable}' reads, got none"
+        )
+    return topic
+
+
+def _hint(whole: str, variable: str, known: Collection[str], *, named: bool) -> str:
+    """The way out of a topic that is missing."""
+    near = nearest(whole, known)
+    if near and named:
+        return near
+    last = variable.rpartition(".")[2]
+    ends = [name for name in known if name.endswith(f"/{last}")]
+    return f"; give --signal {variable}={ends[0] if len(ends) == 1 else 'TOPIC.FIELD'}"
+
+
+_MOST = 12
+"""Names of topics in a message."""
+
+
+def _listed(topics: Collection[str]) -> str:
+    names = sorted(topics)
+    more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
+    return f"{', '.join(names[:_MOST])}{more}" or "none"
+
+
+def _check_class(bag: Bag, topic: str, prefix: Path_, wish: _Wish, message: str) -> None:
+    """Checks that messages are of the class that a text declares.
+
+    Every message of ``std_msgs`` that holds a number stands for any other: its values are doubles
+    in the end.
+
+    Raises:
+        InputError: If they are not.
+    """
+    got = bag.class_at(topic, prefix)
+    if wish.kind is None or got == wish.kind:
+        return
+    if f"{got}".startswith("std_msgs/") and wish.kind.startswith("std_msgs/"):
+        return
+    held = f"'{path_text(prefix)}' of {topic}" if prefix else topic
+    raise InputError(
+        f"{bag.source}: expected {wish.kind} on {held}, as '{message}' is declared, got {got}"
+    )

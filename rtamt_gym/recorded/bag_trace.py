@@ -1,0 +1,106 @@
+"""Traces of bags: sampled by hold at a period, or events at the times of the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Final
+
+import numpy as np
+
+import rtamt
+from rtamt import InputError
+from rtamt_gym.recorded.bag_reader import open_bag
+from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import Rules
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.times import Times
+from rtamt_gym.recorded.trace import EventTrace, Trace
+
+__all__ = ["read_bag", "sampled"]
+
+_MOST: Final = 10_000_000
+"""The most samples that a bag is turned into."""
+
+
+def read_bag(
+    path: str, specs: Mapping[str, rtamt.Specification], rules: Rules, columns: Columns
+) -> tuple[Trace | EventTrace, Fraction | None]:
+    """Reads a bag, and the period at which it was sampled; None for events.
+
+    Args:
+        path: The bag.
+        specs: The specifications, whose topics and fields are read.
+        rules: Whether the bag is sampled, and at which period.
+        columns: Which fields are read, and which times count.
+
+    Raises:
+        InputError: If there is no period, or as `read_signals` does.
+        OSError: If there is no such file.
+    """
+    if not rules.dense and rules.period is None:
+        raise InputError(
+            f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
+            "--dense, which takes them as events"
+        )
+    if columns.jitter is not None:
+        raise InputError(f"{path}: expected --jitter for a table, got it for a bag")
+    with open_bag(path) as bag:
+        signals = read_signals(bag, specs, columns)
+    if rules.period is None:
+        return _events(signals), None
+    return sampled(signals, rules.period, columns.time or "log"), rules.period
+
+
+def sampled(signals: BagSignals, period: Fraction, clock: str) -> Trace:
+    """Samples a bag: the first where every variable has a value, and one each period to the end.
+
+    A sample has the values of the last messages at its time or before.
+
+    Args:
+        signals: The values at the times of their messages.
+        period: Seconds between samples.
+        clock: What the times are called.
+
+    Raises:
+        InputError: If there would be more than ten million samples.
+    """
+    first, step = signals.first, period * 10**9
+    count = int((signals.end - first) / step) + 1
+    if count > _MOST:
+        raise InputError(
+            f"{signals.source}: expected {_MOST} samples at most, got {count}, one every "
+            f"{float(period):g} s for {(signals.end - first) / 1e9:.6g} s; give a longer --period, "
+            "or --dense"
+        )
+    # A message at a fraction of a nanosecond there is not: rounding down loses none.
+    after = np.arange(count, dtype=object) * step.numerator // step.denominator
+    places: Stamps = first + after.astype(np.int64)
+    held = {
+        name: values[np.searchsorted(times, places, side="right") - 1]
+        for name, (times, values) in signals.signals.items()
+    }
+    since: Floats = np.arange(float(count)) * period.numerator / period.denominator
+    start = (first - signals.zero) / 1e9
+    times = Times(clock, since, start, 1e-9, certain=True, step=period)
+    return Trace(
+        signals.source,
+        held,
+        count,
+        times,
+        lambda sample: f"{signals.source}, at {start + since[sample]:.9g} s",
+        notes=signals.notes,
+        epoch=signals.epoch,
+    )
+
+
+def _events(signals: BagSignals) -> EventTrace:
+    """The messages as events; the last value of each variable holds to the end of the bag."""
+    events = {}
+    for name, (times, values) in signals.signals.items():
+        at, held = times, values
+        if at[-1] < signals.end:
+            at, held = np.append(at, signals.end), np.append(held, held[-1])
+        events[name] = (at - signals.zero) / 1e9, held
+    return EventTrace(signals.source, events, signals.notes, signals.epoch)
