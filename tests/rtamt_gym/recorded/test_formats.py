@@ -15,6 +15,7 @@ import pyarrow.feather
 import pyarrow.parquet as pq
 import pytest
 from asammdf import MDF, Signal
+from bags import Said, write_bag
 from numpy.typing import NDArray
 from scipy.io import savemat
 
@@ -22,8 +23,10 @@ import rtamt
 from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
+from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.readers import extensions, open_recording
-from rtamt_gym.recorded.trace import Trace, read_events, read_trace
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
 
 Table = Mapping[str, NDArray[Any]]
 Write = Callable[[Path, Table], object]
@@ -62,7 +65,20 @@ def write_mdf(path: Path, table: Table) -> None:
         file.save(path, overwrite=True)
 
 
-WRITERS: Mapping[str, Write] = {
+def write_topics(path: Path, table: Table) -> None:
+    """A topic for each column, with a message where there is a row, at its time."""
+    write_bag(
+        path,
+        [
+            Said(round(time * 1e9), f"/rtamt/{name}", "std_msgs/Float64", {"data": value})
+            for name, column in table.items()
+            for time, value in zip(table["time"].tolist(), column.tolist(), strict=True)
+            if name != "time"
+        ],
+    )
+
+
+TABLES: Mapping[str, Write] = {
     ".csv": lambda path, table: path.write_text(separated(table)),
     ".csv.gz": lambda path, table: path.write_bytes(gzip.compress(separated(table).encode())),
     ".tsv": lambda path, table: path.write_text(separated(table, "\t")),
@@ -77,13 +93,24 @@ WRITERS: Mapping[str, Write] = {
     ".mf4": write_mdf,
     ".mdf": write_mdf,
 }
+BAGS: Mapping[str, Write] = {".mcap": write_topics, ".db3": write_topics, ".bag": write_topics}
+WRITERS = {**TABLES, **BAGS}
+"""Bags keep the contract too, but for empty cells and names of columns, which they do not have."""
 
 TIMED_BY_ITSELF = {".mf4", ".mdf"}
 """Formats with times of their own, in seconds."""
 
 
-@pytest.fixture(params=[*WRITERS])
+@pytest.fixture(params=[*TABLES])
 def extension(request: pytest.FixtureRequest) -> str:
+    """The end of the name of a table."""
+    found: str = request.param
+    return found
+
+
+@pytest.fixture(params=[*WRITERS])
+def ending(request: pytest.FixtureRequest) -> str:
+    """The end of the name of a trace."""
     found: str = request.param
     return found
 
@@ -93,22 +120,31 @@ def read(path: Path, variables: Sequence[str], columns: Columns | None = None) -
         return read_trace(recording, variables, columns)
 
 
+def ruled(path: Path, variables: Sequence[str], *, dense: bool = False) -> Trace | EventTrace:
+    """Reads a trace as commands do; bags are sampled every 0.125 s."""
+    period = Fraction(1, 8) if path.suffix in BAGS and not dense else None
+    spec = rtamt.parse(" and ".join(f"{name} < 9" for name in variables))
+    trace, _ = read_ruled(str(path), {"": spec}, Rules(period, dense=dense), Columns())
+    return trace
+
+
 def test_every_extension_is_tested() -> None:
     assert {*extensions()} == {*WRITERS}
 
 
-def test_a_trace_comes_back_as_it_was_written(extension: str, tmp_path: Path) -> None:
-    path = tmp_path / f"Trace{extension}"
-    WRITERS[extension](path, TABLE)
-    trace = read(path, ["gear", "speed"])
+def test_a_trace_comes_back_as_it_was_written(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"Trace{ending}"
+    WRITERS[ending](path, TABLE)
+    trace = ruled(path, ["gear", "speed"])
+    assert isinstance(trace, Trace)
     assert trace.samples == N
     assert [*trace.columns] == ["gear", "speed"]
     for name, values in trace.columns.items():
         assert values.dtype == np.float64
         assert values.tolist() == TABLE[name].tolist()
     assert (trace.period(), trace.start, [*trace.notes]) == (Fraction(1, 8), 0.0, [])
-    with open_recording(str(path)) as recording:
-        events = read_events(recording, ["speed"])
+    events = ruled(path, ["speed"], dense=True)
+    assert isinstance(events, EventTrace)
     times, values = events.signals["speed"]
     assert times.tolist() == TABLE["time"].tolist()
     assert values.tolist() == TABLE["speed"].tolist()
@@ -163,30 +199,30 @@ def test_nanoseconds_are_not_taken_for_seconds(extension: str, tmp_path: Path) -
     assert read(path, ["speed"]).period() == Fraction(1, 100)
 
 
-def test_what_is_not_in_the_format_is_refused(extension: str, tmp_path: Path) -> None:
-    path = tmp_path / f"bad{extension}"
+def test_what_is_not_in_the_format_is_refused(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"bad{ending}"
     path.write_bytes(b"\xe4\x00nothing" * 20)
     with pytest.raises(rtamt.InputError) as caught:
-        read(path, ["speed"])
+        ruled(path, ["speed"])
     assert str(caught.value).startswith(f"{path}: expected ")
     path.unlink()
     with pytest.raises(FileNotFoundError):
-        read(path, ["speed"])
+        ruled(path, ["speed"])
 
 
 @pytest.mark.parametrize(
     # asammdf fails a second time, in a destructor, over a file of version 4 that was cut.
-    "extension",
+    "cut",
     [e for e in WRITERS if e not in (".csv", ".tsv", ".txt", ".ndjson", ".jsonl", ".mf4")],
 )
-def test_a_file_that_was_cut_is_refused(extension: str, tmp_path: Path) -> None:
-    path = tmp_path / f"cut{extension}"
-    WRITERS[extension](path, TABLE)
+def test_a_file_that_was_cut_is_refused(cut: str, tmp_path: Path) -> None:
+    path = tmp_path / f"cut{cut}"
+    WRITERS[cut](path, TABLE)
     whole = path.read_bytes()
     for part in range(20):
         path.write_bytes(whole[: len(whole) * part // 20])
         with pytest.raises(rtamt.InputError) as caught:
-            read(path, ["speed", "gear"])
+            ruled(path, ["speed", "gear"])
         assert str(caught.value).startswith(f"{path}: expected ")
 
 

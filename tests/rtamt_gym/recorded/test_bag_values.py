@@ -1,0 +1,220 @@
+"""What is judged of a bag is what its messages say at each time, found a second time by hand."""
+
+from __future__ import annotations
+
+import tempfile
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import START, Said, twist, write_bag
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import Rules, judge, judge_events
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import EventTrace, Trace
+
+SPEC = rtamt.parse("""
+    from geometry_msgs.msg import Twist
+    from nav_msgs.msg import Odometry
+    input Twist cmd
+    input Odometry odom
+    @ topic(cmd, robot0/cmd_vel)
+    @ topic(odom, /robot0/odom)
+    follows = always(cmd.linear.x > 0.5 implies eventually[0:2](odom.twist.twist.linear.x > 0.4))
+""")
+SPEED = "odom.twist.twist.linear.x"
+
+Events = list[tuple[int, float]]
+
+
+def odometry(time: int, speed: float, stamp: int) -> Said:
+    header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}}
+    fields = {"header": header, "twist": {"twist": {"linear": {"x": speed}}}}
+    return Said(time, "/robot0/odom", "nav_msgs/Odometry", fields)
+
+
+def events() -> st.SearchStrategy[Events]:
+    """Times of recording in nanoseconds since the start, which rise, and values."""
+    gaps = st.lists(st.integers(1, 2_000_000_000), min_size=1, max_size=12)
+    return gaps.flatmap(
+        lambda steps: st.lists(st.floats(-2, 2), min_size=len(steps), max_size=len(steps)).map(
+            lambda values: list(zip(np.cumsum(steps).tolist(), values, strict=True))
+        )
+    )
+
+
+def held(found: Events, time: Fraction) -> float:
+    """The value of the last event at a time or before."""
+    return [value for at, value in found if at <= time][-1]
+
+
+def written(folder: str, extension: str, commands: Events, speeds: Events, delay: int = 0) -> str:
+    """A bag; what the odometry says was so `delay` before it was recorded."""
+    said = [twist(START + t, x) for t, x in commands]
+    said += [odometry(START + t, x, START + t - delay) for t, x in speeds]
+    path = Path(folder) / f"run{extension}"
+    return str(write_bag(path, sorted(said, key=lambda each: each.time)))
+
+
+@pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
+@settings(max_examples=8, deadline=None)
+@given(commands=events(), speeds=events(), period=st.sampled_from(["1/10", "1/3", "7/10"]))
+def test_samples_hold_the_last_message_from_the_first_of_all_to_the_end(
+    extension: str, commands: Events, speeds: Events, period: str
+) -> None:
+    step = Fraction(period)
+    with tempfile.TemporaryDirectory() as folder:
+        path = written(folder, extension, commands, speeds)
+        trace, used = read_ruled(path, {"": SPEC}, Rules(step), Columns())
+    assert isinstance(trace, Trace)
+    begin = min(commands[0][0], speeds[0][0])
+    first, end = max(commands[0][0], speeds[0][0]), max(commands[-1][0], speeds[-1][0])
+    places, place = [], Fraction(first)
+    while place <= end:
+        places.append(place)
+        place += step * 10**9
+    expected = {
+        "cmd.linear.x": [held(commands, place) for place in places],
+        SPEED: [held(speeds, place) for place in places],
+    }
+    assert {name: column.tolist() for name, column in trace.columns.items()} == expected
+    assert trace.samples == len(places)
+    assert (used, trace.period()) == (step, step if len(places) > 1 else None)
+    assert (trace.start, trace.epoch) == ((first - begin) / 1e9, START + begin)
+    found = judge(SPEC, trace, used, Rules(step, align="nearest"))
+    judged = rtamt.judge(SPEC, expected, step, "cut", align="nearest")
+    assert (found.verdict, found.found.robustness) == (judged.verdict, judged.robustness)
+    robustness = rtamt.evaluate(SPEC, expected, step, align="nearest")
+    assert found.series["follows"].values.tolist() == robustness.tolist()
+
+
+@pytest.mark.parametrize("extension", [".mcap", ".bag"])
+@settings(max_examples=8, deadline=None)
+@given(commands=events(), speeds=events())
+def test_events_are_at_their_times_and_the_last_values_hold_to_the_end(
+    extension: str, commands: Events, speeds: Events
+) -> None:
+    rules = Rules(dense=True)
+    with tempfile.TemporaryDirectory() as folder:
+        path = written(folder, extension, commands, speeds)
+        trace, _ = read_ruled(path, {"": SPEC}, rules, Columns())
+    assert isinstance(trace, EventTrace)
+    begin = min(commands[0][0], speeds[0][0])
+    end = max(commands[-1][0], speeds[-1][0])
+    signals = {}
+    for name, found in (("cmd.linear.x", commands), (SPEED, speeds)):
+        rows = found + ([(end, found[-1][1])] if found[-1][0] < end else [])
+        signals[name] = [((at - begin) / 1e9, value) for at, value in rows]
+    assert {
+        n: list(zip(*map(np.ndarray.tolist, e), strict=True)) for n, e in trace.signals.items()
+    } == signals
+    whole = judge_events(SPEC, trace, rules)
+    expected = rtamt.judge_dense(SPEC, signals, "cut")
+    assert (whole.verdict, whole.found.robustness) == (expected.verdict, expected.robustness)
+
+
+@settings(max_examples=8, deadline=None)
+@given(commands=events(), speeds=events(), delay=st.integers(0, 3_000_000_000))
+def test_stamps_of_headers_count_where_they_are_asked_for(
+    commands: Events, speeds: Events, delay: int
+) -> None:
+    columns = Columns(time="header")
+    with tempfile.TemporaryDirectory() as folder:
+        path = written(folder, ".mcap", commands, speeds, delay)
+        trace, _ = read_ruled(path, {"": SPEC}, Rules(dense=True), columns)
+    assert isinstance(trace, EventTrace)
+    earlier = [(at - delay, value) for at, value in speeds]
+    begin = min(commands[0][0], earlier[0][0])
+    end = max(commands[-1][0], earlier[-1][0])
+    times = [(at - begin) / 1e9 for at, _ in earlier]
+    times += [(end - begin) / 1e9] * (earlier[-1][0] < end)
+    assert trace.signals[SPEED][0].tolist() == times
+    assert trace.notes[0] == "/robot0/cmd_vel has no stamps: its times are those of recording"
+
+
+def test_of_messages_at_one_time_the_last_counts(tmp_path: Path) -> None:
+    said = [twist(START, 1.0), twist(START + 10**9, 2.0), twist(START + 10**9, 3.0)]
+    path = str(write_bag(tmp_path / "run.mcap", [*said, twist(START + 2 * 10**9, 4.0)]))
+    spec = rtamt.parse(
+        "from geometry_msgs.msg import Twist; input Twist cmd; @ topic(cmd, robot0/cmd_vel);"
+        "cmd.linear.x > 0"
+    )
+    trace, _ = read_ruled(path, {"": spec}, Rules(Fraction(1)), Columns())
+    assert isinstance(trace, Trace)
+    assert trace.columns["cmd.linear.x"].tolist() == [1.0, 3.0, 4.0]
+    dense, _ = read_ruled(path, {"": spec}, Rules(dense=True), Columns())
+    assert isinstance(dense, EventTrace)
+    assert dense.tables["cmd.linear.x"].tolist() == [[0.0, 1.0], [1.0, 3.0], [2.0, 4.0]]
+
+
+def stamped(tmp_path: Path, stamps: list[float], since: int = START) -> str:
+    """A bag of odometry whose speeds are 0, 1, 2 ... with such stamps, in seconds."""
+    said = [
+        odometry(START + i * 10**8, float(i), since + round(stamp * 1e9))
+        for i, stamp in enumerate(stamps)
+    ]
+    return str(write_bag(tmp_path / "run.mcap", said))
+
+
+ODOM = rtamt.parse(
+    "from nav_msgs.msg import Odometry; input Odometry odom; @ topic(odom, /robot0/odom);"
+    "odom.twist.twist.linear.x >= 0"
+)
+
+
+def test_a_message_that_comes_late_is_left_out_and_counted(tmp_path: Path) -> None:
+    path = stamped(tmp_path, [0.0, 0.2, 0.1, 0.3, 0.25, 0.4])
+    trace, _ = read_ruled(path, {"": ODOM}, Rules(dense=True), Columns(time="header"))
+    assert isinstance(trace, EventTrace)
+    assert trace.tables[SPEED].tolist() == [[0.0, 0.0], [0.2, 1.0], [0.3, 3.0], [0.4, 5.0]]
+    assert [*trace.notes] == ["/robot0/odom: 2 messages older than the one before left out"]
+
+
+def test_a_clock_that_begins_anew_is_refused(tmp_path: Path) -> None:
+    path = stamped(tmp_path, [5.0, 5.1, 5.2, 0.0, 0.1])
+    with pytest.raises(rtamt.InputError) as caught:
+        read_ruled(path, {"": ODOM}, Rules(dense=True), Columns(time="header"))
+    assert str(caught.value) == (
+        f"{path}: expected stamps of /robot0/odom that increase, got one that is 5.2 s older than "
+        "the one before it, in message 4 of 5: a clock that began anew; cut the bag there, or give "
+        "--time log"
+    )
+
+
+def test_stamps_of_simulated_time_are_judged_but_not_mixed_with_times_of_recording(
+    tmp_path: Path,
+) -> None:
+    path = stamped(tmp_path, [i / 8 for i in range(9)], since=0)
+    trace, _ = read_ruled(path, {"": ODOM}, Rules(dense=True), Columns(time="header"))
+    assert isinstance(trace, EventTrace)
+    assert trace.tables[SPEED].tolist()[:3] == [[0.0, 0.0], [0.125, 1.0], [0.25, 2.0]]
+    assert abs(trace.epoch - START) < 10**9
+    both = write_bag(
+        tmp_path / "both.mcap",
+        [twist(START, 1.0), odometry(START + 1, 1.0, 10**9), odometry(START + 2, 1.0, 2 * 10**9)],
+    )
+    with pytest.raises(rtamt.InputError) as caught:
+        read_ruled(str(both), {"": SPEC}, Rules(dense=True), Columns(time="header"))
+    assert str(caught.value) == (
+        f"{both}: expected times of one clock, got /robot0/cmd_vel and /robot0/odom, which are "
+        "1.7e+09 s apart; give --time log"
+    )
+
+
+def test_what_was_held_for_long_is_said(tmp_path: Path) -> None:
+    said = [twist(START + i * 10**8, 1.0) for i in range(10, 100)]
+    said += [odometry(START + i * 10**8, 1.0, START) for i in [*range(20), *range(50, 60)]]
+    path = str(write_bag(tmp_path / "run.bag", sorted(said, key=lambda each: each.time)))
+    trace, _ = read_ruled(path, {"": SPEC}, Rules(Fraction(1, 10)), Columns())
+    assert [*trace.notes] == [
+        "judged from 1 s on, the first message of /robot0/cmd_vel",
+        "/robot0/odom: the message at 5.9 s is held for 4 s, to the end",
+    ]
+    path = str(write_bag(tmp_path / "gap.bag", [*said[:90], odometry(START + 10**9, 1.0, START)]))
+    trace, _ = read_ruled(path, {"": SPEC}, Rules(Fraction(1, 10)), Columns())
+    assert [*trace.notes] == ["/robot0/odom: the message at 0 s is held for 8.9 s, to the end"]
