@@ -286,7 +286,7 @@ def test_a_reader_in_the_table_reads_the_files_of_its_extension(
     assert main(["monitor", "spec.stl", "even.ssv"]) == 1
     assert capsys.readouterr().out == expected
     assert main(["monitor", "--help"]) == 0
-    assert ".mdf or .ssv file" in " ".join(capsys.readouterr().out.split())
+    assert ".bag or .ssv file" in " ".join(capsys.readouterr().out.split())
 
 
 # Long files. -------------------------------------------------------------------------------------
