@@ -100,13 +100,15 @@ def _stale(value: object) -> tuple[float | None, dict[str, float]]:
     """Seconds for all topics, and those for single ones."""
     if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
         return value, {}
+    if not isinstance(value, str | Sequence):
+        raise InputError(f"stale: expected seconds, or a list of TOPIC=SECONDS, got {brief(value)}")
     of: dict[str, float] = {}
-    try:
-        for each in [value] if isinstance(value, str) else value:  # type: ignore[attr-defined]
+    for each in [value] if isinstance(value, str) else value:
+        try:
             topic, _, seconds = each.rpartition("=")
             of[topic] = float(seconds)
-    except (AttributeError, TypeError, ValueError):
-        raise InputError(
-            f"stale: expected seconds, or a list of TOPIC=SECONDS, got {brief(value)}"
-        ) from None
+        except (AttributeError, ValueError):
+            raise InputError(
+                f"stale: expected seconds or TOPIC=SECONDS, got {brief(each)}"
+            ) from None
     return of.pop("", None), of

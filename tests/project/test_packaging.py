@@ -137,8 +137,10 @@ def test_the_version_is_one_number(distribution: importlib.metadata.Distribution
     assert distribution.version == rtamt.__version__
 
 
-def test_the_command_is_the_main_function_of_the_gym_package(
-    distribution: importlib.metadata.Distribution,
-) -> None:
-    (script,) = distribution.entry_points.select(group="console_scripts")
-    assert (script.name, script.value) == ("rtamt", "rtamt_gym.__main__:main")
+def test_the_commands_are_main_functions(distribution: importlib.metadata.Distribution) -> None:
+    scripts = distribution.entry_points.select(group="console_scripts")
+    assert {script.name: script.value for script in scripts} == {
+        "rtamt": "rtamt_gym.__main__:main",
+        "ros_stl_monitor.py": "rtamt_ros.command:main",
+    }
+    assert all(callable(script.load()) for script in scripts)

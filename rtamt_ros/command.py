@@ -1,0 +1,189 @@
+"""The command line of a monitor as a node, ``ros_stl_monitor.py``, on ROS 1 and ROS 2."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn, get_args
+
+from rtamt import InputError
+from rtamt_gym.commands.errors import refusal
+from rtamt_ros.generation import Generation, chosen, open_node
+from rtamt_ros.node import MonitorNode
+from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
+
+__all__ = ["main"]
+
+_PROGRAM = "ros_stl_monitor.py"
+_NODE = "stl_monitor"
+_PARAMETERS_OF = {"stl": "spec_file"}  # the paper's name for it
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs a monitor until the node is told to end; returns the exit code.
+
+    Args:
+        argv: The arguments; None: those of the program.
+
+    Returns:
+        0 after SIGINT, SIGTERM or the like; 2 on bad arguments and specifications, with one message
+        on standard error.
+    """
+    try:
+        return _run(sys.argv[1:] if argv is None else argv)
+    except KeyboardInterrupt:  # while it waits for a master of ROS 1
+        return 130
+    except Exception as error:
+        message = refusal(error)
+        if message is None:
+            raise
+        for option, parameter in _PARAMETERS_OF.items():
+            message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
+        message = re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)
+        print(f"{_PROGRAM}: error: {message}", file=sys.stderr)  # noqa: T201 - a command prints
+        return 2
+
+
+def _run(argv: Sequence[str]) -> int:
+    options, remappings, arguments = _options(argv)
+    asked = options.pop("ros", None)
+    given = {_PARAMETERS_OF.get(name, name): value for name, value in options.items()}
+    # Everything that can be wrong without ROS is found before a node waits for a master.
+    defaults = {name: default for name, (default, _) in PARAMETERS.items()}
+    specifications, settings = read({**defaults, **given})
+    if not specifications:
+        raise InputError("nothing to monitor: write --stl FILE or --spec TEXT")
+    generation = chosen(asked)
+    _check(generation, remappings, arguments)
+    if generation == 2:
+        from rtamt_ros.ros2_lifecycle import run
+
+        return run(_NODE, arguments, given)
+    ros = open_node(generation, _NODE, remappings)
+    try:
+        node = MonitorNode(ros, specifications, settings)
+        node.start()
+        ros.spin()
+        node.stop()
+    finally:
+        ros.close()
+    return 0
+
+
+def _options(argv: Sequence[str]) -> tuple[dict[str, Any], list[str], list[str]]:
+    """The options, the remappings of ROS 1, and the arguments of ROS 2."""
+    own, arguments = list(argv), []
+    if "--ros-args" in own:
+        begin = own.index("--ros-args")
+        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
+        arguments = own[begin:end]
+        del own[begin:end]
+    parser = _parser()
+    options, rest = parser.parse_known_args(own)
+    unknown = [word for word in rest if ":=" not in word]
+    if unknown:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    return vars(options), rest, arguments
+
+
+def _check(generation: Generation, remappings: Sequence[str], arguments: Sequence[str]) -> None:
+    """Refuses the arguments of the other ROS, which this one would ignore."""
+    if generation == 1 and arguments:
+        raise InputError(
+            f"ROS 1 does not know {' '.join(arguments)}: write remappings as they are, "
+            "odom:=robot1/odom"
+        )
+    if generation == 2 and remappings:
+        raise InputError(
+            f"ROS 2 does not know {' '.join(remappings)}: write --ros-args -r {remappings[0]}"
+        )
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog=_PROGRAM,
+        usage="%(prog)s --stl FILE [--period N --unit UNIT] [option ...]",
+        description="Monitors a robot: subscribes to the topics that specifications name, and "
+        "publishes robustness, its bounds and verdicts until Ctrl-C.",
+        epilog="Remappings go to ROS: odom:=robot1/odom on ROS 1, --ros-args -r odom:=robot1/odom "
+        "on ROS 2.",
+        argument_default=argparse.SUPPRESS,  # what is not given is a parameter's default
+        allow_abbrev=False,
+    )
+    what = parser.add_argument_group("what to monitor")
+    what.add_argument(
+        "--stl",
+        action="append",
+        metavar="FILE",
+        help="a file with a specification; may be repeated",
+    )
+    what.add_argument(
+        "--spec",
+        action="append",
+        metavar="TEXT",
+        help="the text of a specification; may be repeated",
+    )
+    what.add_argument(
+        "--semantics",
+        metavar="NAME",
+        help=f"how predicates count (default: {_default('semantics')})",
+    )
+    when = parser.add_argument_group("when to sample")
+    when.add_argument(
+        "--period",
+        type=float,
+        metavar="N",
+        help=f"the time between samples (default: {_default('period')})",
+    )
+    when.add_argument(
+        "--unit",
+        choices=tuple(UNITS),
+        help=f"of the period (default: {_default('unit')})",
+    )
+    when.add_argument(
+        "--dense",
+        action="store_true",
+        help="sample nothing: a message is an event at its time",
+    )
+    when.add_argument(
+        "--stamps",
+        action="store_true",
+        help="the time of a message is the one in its header, not that at which it came",
+    )
+    when.add_argument(
+        "--stale",
+        action="append",
+        metavar="SECONDS",
+        help="an input without a message for so long is stale, and nothing is said of what reads "
+        "it; TOPIC=SECONDS is for one topic; may be repeated (default: five periods, at least 0.5)",
+    )
+    when.add_argument(
+        "--record",
+        metavar="FILE.csv",
+        help="write times, variables and robustness of every sample",
+    )
+    ros = parser.add_argument_group("ROS")
+    ros.add_argument(
+        "--ros",
+        type=int,
+        choices=(1, 2),
+        help="its generation (default: the one that is installed)",
+    )
+    ros.add_argument(
+        "--qos",
+        choices=get_args(Qos),
+        help="of subscriptions of ROS 2: best_effort hears every publisher, reliable loses nothing "
+        f"(default: {_default('qos')}); those of ROS 1 do both",
+    )
+    return parser
+
+
+def _default(parameter: str) -> object:
+    return PARAMETERS[parameter][0]

@@ -1,0 +1,167 @@
+"""The command line of a node: what it refuses, which ROS it takes, what it says of itself."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from paths import ROOT
+
+import rtamt
+from rtamt_ros import generation
+from rtamt_ros.command import main
+from rtamt_ros.core.settings import Settings
+from rtamt_ros.parameters import PARAMETERS, UNITS, read
+
+DEFAULTS = {name: default for name, (default, _) in PARAMETERS.items()}
+SPEC = ("--spec", "always(x > 1)")
+
+
+def installed(monkeypatch: pytest.MonkeyPatch, libraries: Iterable[str]) -> None:
+    """Lets these of rospy and rclpy be installed."""
+    found = set(libraries)
+    monkeypatch.setattr(generation, "find_spec", lambda name: name if name in found else None)
+
+
+ERRORS = {
+    "": "nothing to monitor: write --stl FILE or --spec TEXT",
+    "--stl absent.stl": "--stl: cannot read absent.stl: No such file or directory",
+    "--spec x>": "STL:1:3: expected an operand after '>', got the end of the text\n"
+    "  x>\n"
+    "    ^\n"
+    "  hint: write a variable, a number or '(' there",
+    "--spec x>1 --period 0": "--period: expected a number above 0, got 0.0",
+    "--spec x>1 --period nan": "--period: expected a number above 0, got nan",
+    "--spec x>1 --period 0.1 --unit ns": "expected a whole number of nanoseconds as the period, "
+    "got 0",
+    "--spec x>1 --period 1h": "argument --period: invalid float value: '1h'; "
+    "see ros_stl_monitor.py --help",
+    "--spec x>1 --stale soon": "--stale: expected seconds or TOPIC=SECONDS, got 'soon'",
+    "--spec x>1 --stale x=-1": "expected seconds until an input is stale of x, more than 0, "
+    "got -1.0; inf is never",
+    "--spec x>1 --perod 3": "unrecognized arguments: --perod 3; see ros_stl_monitor.py --help",
+}
+
+
+@pytest.mark.parametrize("arguments", ERRORS)
+def test_bad_arguments_end_with_code_2_and_one_message(
+    arguments: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments.split()) == 2
+    said = capsys.readouterr()
+    assert said.err == f"ros_stl_monitor.py: error: {ERRORS[arguments]}\n"
+    assert said.out == ""
+
+
+def test_an_error_in_a_file_names_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bad.stl"
+    path.write_text("x >")
+    assert main(["--stl", str(path)]) == 2
+    assert f"in {path}: STL:1:4: expected an operand" in capsys.readouterr().err
+
+
+REMAPPED = ("--ros-args", "-r", "odom:=wheels")
+CHOICES = {
+    ("rospy", ()): 1,
+    ("rclpy", ()): 2,
+    ("rospy rclpy", ("--ros", "1")): 1,
+    ("rospy rclpy", ("--ros", "2")): 2,
+    ("rospy rclpy", ()): "ROS 1 and ROS 2 are both installed: write --ros 1 or --ros 2",
+    ("rclpy", ("--ros", "1")): "ROS 1 needs rospy, which is not installed: apt-get install "
+    "python3-rospy python3-diagnostic-msgs (Debian), or source the setup.bash of ROS 1",
+    ("rospy", ("--ros", "2")): "ROS 2 needs rclpy, which is not installed: "
+    "source the setup.bash of ROS 2",
+    ("", ()): "expected rospy of ROS 1 or rclpy of ROS 2, found neither. ROS 1: apt-get install "
+    "python3-rospy python3-diagnostic-msgs (Debian), or source the setup.bash of ROS 1. "
+    "ROS 2: source the setup.bash of ROS 2",
+    ("rospy", REMAPPED): "ROS 1 does not know --ros-args -r odom:=wheels: write remappings as they "
+    "are, odom:=robot1/odom",
+    ("rclpy", ("odom:=wheels", "_x:=1")): "ROS 2 does not know odom:=wheels _x:=1: "
+    "write --ros-args -r odom:=wheels",
+}
+
+
+@pytest.mark.parametrize(("libraries", "arguments"), CHOICES)
+def test_the_installed_ros_is_taken_or_the_one_asked_for(
+    libraries: str,
+    arguments: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    installed(monkeypatch, libraries.split())
+    monkeypatch.delenv("ROS_VERSION", raising=False)
+    expected = CHOICES[libraries, arguments]
+    if isinstance(expected, int):
+        asked = int(arguments[1]) if arguments else None
+        assert generation.chosen(asked) == expected
+    else:
+        assert main([*SPEC, *arguments]) == 2
+        assert capsys.readouterr().err == f"ros_stl_monitor.py: error: {expected}\n"
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_where_both_are_installed_the_setup_file_decides(
+    version: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installed(monkeypatch, ["rospy", "rclpy"])
+    monkeypatch.setenv("ROS_VERSION", str(version))
+    assert generation.chosen(None) == version
+    assert generation.chosen(3 - version) == 3 - version
+
+
+def test_nothing_of_ros_is_imported_before_a_node_is_made(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("rospy", "rclpy"):
+        (tmp_path / f"{name}.py").write_text("raise AssertionError('imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main([*SPEC, "--ros", "1", *REMAPPED]) == 2
+    assert not {"rospy", "rclpy"} & set(sys.modules)
+
+
+def test_the_help_fits_a_terminal_of_80_columns(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    options = {word for line in lines for word in line.split() if word.startswith("--")}
+    of_ros_2 = {"depth", "autostart", "spec_file"}
+    assert options >= {f"--{name}" for name in PARAMETERS if name not in of_ros_2} | {"--stl"}
+
+
+@given(st.integers(1, 10**12), st.sampled_from(sorted(UNITS)))
+def test_a_period_is_the_number_of_units_to_the_nanosecond(number: int, unit: str) -> None:
+    for value in (number, number / 1024):
+        exact = Fraction(value) * UNITS[unit]
+        if exact >= 1:
+            _, settings = read({**DEFAULTS, "period": value, "unit": unit})
+            assert abs(settings.period - exact) <= max(Fraction(1, 2), exact / 2**52)
+
+
+def test_parameters_become_settings() -> None:
+    plain = Settings()
+    assert read(DEFAULTS) == ([], plain)
+    stale = replace(plain, stale=0.25, stale_of={"/odom": 2.0})
+    assert read({**DEFAULTS, "stale": ["/odom=2", "0.25"]})[1] == stale
+    assert read({**DEFAULTS, "stale": 0.25})[1] == replace(plain, stale=0.25)
+    settings = read({**DEFAULTS, "dense": True, "stamps": True, "record": "a.csv"})[1]
+    assert settings == replace(plain, dense=True, stamps=True, record=Path("a.csv"))
+
+
+def test_files_and_texts_are_monitored_together() -> None:
+    path = str(ROOT / "examples" / "ros" / "spec.stl")
+    specifications, _ = read({**DEFAULTS, "spec_file": path, "spec": ["x > 1", "y > 2"]})
+    assert [spec.title for spec in specifications] == ["follows", None, None]
+    assert list(map(str, specifications)) == [str(rtamt.load(path)), "x > 1", "y > 2"]
