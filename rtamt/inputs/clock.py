@@ -1,6 +1,6 @@
 """Times as whole ticks of a clock: times of events become integers here, and times again.
 
-`rtamt/native/python/clock.hpp` is the twin in C++, which reads and writes the frequent times.
+`rtamt/native/dense/clock.hpp` is the twin in C++, which reads and writes the frequent times.
 """
 
 from __future__ import annotations

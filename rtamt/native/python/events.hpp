@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "dense/machine.hpp"
-#include "python/clock.hpp"
+#include "dense/clock.hpp"
 #include "python/numpy.hpp"
 
 namespace rtamt {

@@ -1,5 +1,5 @@
-// Counts the times that Python hands over in whole ticks, and gives the times of ticks, as
-// rtamt/inputs/clock.py defines; what is rare is left to it.
+// Counts times in whole ticks, and gives the times of ticks, as rtamt/inputs/clock.py defines; what
+// is rare is left to it.
 #pragma once
 
 #include <algorithm>
@@ -39,6 +39,15 @@ public:
     }
     bool count(double time, Time& out) const {
         return quick(time, out) == 0 || rounded(time, out) || shortest(time, out);
+    }
+
+    // Counts by the product of doubles, which in the middle between two ticks takes either; false if
+    // it is no count.
+    bool nearest(double time, Time& out) const {
+        const double product = std::nearbyint(time * scale_);
+        if (!(std::abs(product) < static_cast<double>(dense::kTicks))) return false;
+        out = static_cast<Time>(product);
+        return true;
     }
 
     // The double that is nearest to the time of a tick; false if Python should compute it.

@@ -1,0 +1,325 @@
+// The interface of FMI 2.0 for co-simulation: the functions that fmi-standard.org documents, in
+// sections 2.1 and 4.2 of version 2.0.4 of the standard.
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <string>
+#include <string_view>
+
+#include "fmu/unit.hpp"
+
+using namespace rtamt::fmu;
+
+namespace {
+
+using Component = void*;
+using State = void*;
+using Boolean = int;
+
+// fmi2CallbackFunctions
+struct Callbacks {
+    void (*logger)(void* environment, const char* instance, int status, const char* category,
+                   const char* format, ...);
+    void* (*allocate)(std::size_t count, std::size_t size);
+    void (*free)(void* memory);
+    void (*finished)(void* environment, int status);
+    void* environment;
+};
+
+constexpr int kCoSimulation = 1;                           // fmi2Type
+enum Kind { kDoStep, kPending, kLastTime, kTerminated };  // fmi2StatusKind
+
+// Importers read the text of a message as a format of printf.
+std::string format_of(const std::string& text) {
+    std::string format;
+    for (const char c : text) format.append(c == '%' ? 2 : 1, c);
+    return format;
+}
+
+int digit(char c) {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    return -1;
+}
+
+// The folder that a URI such as file:///tmp/a%20b names.
+std::string folder_of(const char* location) {
+    const std::string_view uri = location == nullptr ? "" : location;
+    std::string_view rest = uri;
+    constexpr std::string_view scheme = "file:";
+    if (rest.substr(0, scheme.size()) != scheme)
+        throw Refusal("expected the location of the resources as a URI such as file:///tmp/unit, "
+                      "got '" + std::string(uri) + "'");
+    rest.remove_prefix(scheme.size());
+    if (rest.substr(0, 2) == "//") {  // behind it the host, which is this one
+        rest.remove_prefix(2);
+        rest.remove_prefix(std::min(rest.find('/'), rest.size()));
+    }
+    std::string path;
+    for (std::size_t i = 0; i < rest.size(); ++i) {
+        const bool coded = rest[i] == '%' && i + 2 < rest.size() && digit(rest[i + 1]) >= 0 &&
+                           digit(rest[i + 2]) >= 0;
+        path += coded ? static_cast<char>(16 * digit(rest[i + 1]) + digit(rest[i + 2])) : rest[i];
+        if (coded) i += 2;
+    }
+    return path;
+}
+
+// Calls get or set with every reference and the place of its value.
+template <class T, class Each>
+Status each(const char* name, Component component, const Reference* references, std::size_t n,
+            T* values, Each of) noexcept {
+    return guarded(component, name, [=](Unit& unit) {
+        require_array(references, n);
+        require_array(values, n);
+        for (std::size_t i = 0; i < n; ++i) of(unit.instance, references[i], values[i]);
+        return kOk;
+    });
+}
+
+template <class T>
+Status no_variables(const char* name, Component component, const Reference* references,
+                    std::size_t n, T* values) noexcept {
+    return each(name, component, references, n, values, [](Instance&, Reference reference, T&) {
+        throw Refusal("expected no value references, as there are no such variables, got " +
+                      std::to_string(reference));
+    });
+}
+
+template <class Call>
+Status with_state(const char* name, Component component, State* state, Call call) noexcept {
+    return guarded(component, name, [=](Unit& unit) {
+        require_array(state, 1);
+        call(unit, *state);
+        return kOk;
+    });
+}
+
+}  // namespace
+
+RTAMT_FMI const char* fmi2GetTypesPlatform() { return "default"; }
+RTAMT_FMI const char* fmi2GetVersion() { return "2.0"; }
+
+RTAMT_FMI Component fmi2Instantiate(const char* name, int type, const char* guid,
+                                    const char* location, const Callbacks* callbacks, Boolean,
+                                    Boolean logging) try {
+    if (callbacks == nullptr) return nullptr;
+    const Unit::Log log = [name = std::string(name == nullptr ? "" : name),
+                           to = *callbacks](Status status, const char* category,
+                                            const std::string& text) {
+        if (to.logger != nullptr)
+            to.logger(to.environment, name.c_str(), status, category, format_of(text).c_str());
+    };
+    return make_unit(
+        "fmi2Instantiate",
+        [=] {
+            if (type != kCoSimulation) throw Refusal("expected co-simulation, got model exchange");
+            if (name == nullptr || *name == '\0') throw Refusal("expected a name of the instance");
+            return folder_of(location);
+        },
+        guid, log, logging != 0);
+} catch (...) {  // no memory for the name
+    return nullptr;
+}
+
+RTAMT_FMI void fmi2FreeInstance(Component component) { free_unit(component); }
+
+RTAMT_FMI Status fmi2SetDebugLogging(Component component, Boolean on, std::size_t n,
+                                     const char* const* categories) {
+    return guarded(component, "fmi2SetDebugLogging", [=](Unit& unit) {
+        unit.set_logging(on != 0, n, categories);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2SetupExperiment(Component component, Boolean, double, double start,
+                                     Boolean stops, double stop) {
+    return guarded(component, "fmi2SetupExperiment", [=](Unit& unit) {
+        unit.instance.set_times(start, stops ? stop : std::numeric_limits<double>::infinity());
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2EnterInitializationMode(Component component) {
+    return guarded(component, "fmi2EnterInitializationMode", [](Unit& unit) {
+        unit.instance.begin_initialization();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2ExitInitializationMode(Component component) {
+    return guarded(component, "fmi2ExitInitializationMode", [](Unit& unit) {
+        unit.instance.end_initialization();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2Terminate(Component component) {
+    return guarded(component, "fmi2Terminate", [](Unit& unit) {
+        unit.instance.terminate();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2Reset(Component component) {
+    return guarded(component, "fmi2Reset", [](Unit& unit) {
+        unit.instance.reset();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2GetReal(Component component, const Reference* references, std::size_t n,
+                             double* values) {
+    return each("fmi2GetReal", component, references, n, values,
+                [](const Instance& i, Reference r, double& value) { value = i.real(r); });
+}
+
+RTAMT_FMI Status fmi2GetInteger(Component component, const Reference* references, std::size_t n,
+                                int* values) {
+    return each("fmi2GetInteger", component, references, n, values,
+                [](const Instance& i, Reference r, int& value) { value = i.integer(r); });
+}
+
+RTAMT_FMI Status fmi2GetBoolean(Component component, const Reference* references, std::size_t n,
+                                Boolean* values) {
+    return each("fmi2GetBoolean", component, references, n, values,
+                [](const Instance& i, Reference r, Boolean& value) { value = i.boolean(r); });
+}
+
+RTAMT_FMI Status fmi2GetString(Component component, const Reference* references, std::size_t n,
+                               const char** values) {
+    return no_variables("fmi2GetString", component, references, n, values);
+}
+
+RTAMT_FMI Status fmi2SetReal(Component component, const Reference* references, std::size_t n,
+                             const double* values) {
+    return each("fmi2SetReal", component, references, n, values,
+                [](Instance& i, Reference r, double value) { i.set_real(r, value); });
+}
+
+RTAMT_FMI Status fmi2SetInteger(Component component, const Reference* references, std::size_t n,
+                                const int* values) {
+    return no_variables("fmi2SetInteger", component, references, n, values);
+}
+
+RTAMT_FMI Status fmi2SetBoolean(Component component, const Reference* references, std::size_t n,
+                                const Boolean* values) {
+    return each("fmi2SetBoolean", component, references, n, values,
+                [](Instance& i, Reference r, Boolean value) { i.set_boolean(r, value != 0); });
+}
+
+RTAMT_FMI Status fmi2SetString(Component component, const Reference* references, std::size_t n,
+                               const char* const* values) {
+    return no_variables("fmi2SetString", component, references, n, values);
+}
+
+RTAMT_FMI Status fmi2GetFMUstate(Component component, State* state) {
+    return with_state("fmi2GetFMUstate", component, state,
+                      [](Unit& unit, State& state) { state = unit.take_state(state); });
+}
+
+RTAMT_FMI Status fmi2SetFMUstate(Component component, State state) {
+    return guarded(component, "fmi2SetFMUstate", [=](Unit& unit) {
+        unit.restore(state);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2FreeFMUstate(Component component, State* state) {
+    return with_state("fmi2FreeFMUstate", component, state, [](Unit& unit, State& state) {
+        if (state != nullptr) unit.free_state(state);
+        state = nullptr;
+    });
+}
+
+RTAMT_FMI Status fmi2SerializedFMUstateSize(Component component, State state, std::size_t* size) {
+    return guarded(component, "fmi2SerializedFMUstateSize", [=](Unit& unit) {
+        require_array(size, 1);
+        *size = unit.size_of(state);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2SerializeFMUstate(Component component, State state, char* bytes,
+                                       std::size_t size) {
+    return guarded(component, "fmi2SerializeFMUstate", [=](Unit& unit) {
+        unit.write_state(state, bytes, size);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2DeSerializeFMUstate(Component component, const char* bytes, std::size_t size,
+                                         State* state) {
+    return with_state("fmi2DeSerializeFMUstate", component, state,
+                      [=](Unit& unit, State& state) { state = unit.read_state(bytes, size, state); });
+}
+
+RTAMT_FMI Status fmi2GetDirectionalDerivative(Component component, const Reference*, std::size_t,
+                                              const Reference*, std::size_t, const double*,
+                                              double*) {
+    return unsupported(component, "fmi2GetDirectionalDerivative");
+}
+
+RTAMT_FMI Status fmi2SetRealInputDerivatives(Component component, const Reference*, std::size_t,
+                                             const int*, const double*) {
+    return unsupported(component, "fmi2SetRealInputDerivatives");
+}
+
+RTAMT_FMI Status fmi2GetRealOutputDerivatives(Component component, const Reference*, std::size_t,
+                                              const int*, double*) {
+    return unsupported(component, "fmi2GetRealOutputDerivatives");
+}
+
+// With `stop_on_violation` a violation discards the steps behind it, and fmi2Terminated says why.
+RTAMT_FMI Status fmi2DoStep(Component component, double time, double size, Boolean) {
+    return guarded(component, "fmi2DoStep", [=](Unit& unit) {
+        if (!unit.instance.step(time, size)) return kOk;
+        unit.tell(violation_text(unit.instance));
+        return kDiscard;
+    });
+}
+
+RTAMT_FMI Status fmi2CancelStep(Component component) {
+    return unsupported(component, "fmi2CancelStep");
+}
+
+RTAMT_FMI Status fmi2GetStatus(Component component, int kind, int* status) {
+    return guarded(component, "fmi2GetStatus", [=](Unit& unit) {
+        require_array(status, 1);
+        if (kind != kDoStep) throw Refusal("expected the kind fmi2DoStepStatus");
+        *status = unit.instance.ended() ? kDiscard : kOk;
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2GetRealStatus(Component component, int kind, double* value) {
+    return guarded(component, "fmi2GetRealStatus", [=](Unit& unit) {
+        require_array(value, 1);
+        if (kind != kLastTime) throw Refusal("expected the kind fmi2LastSuccessfulTime");
+        *value = unit.instance.time();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2GetIntegerStatus(Component component, int, int*) {
+    return unsupported(component, "fmi2GetIntegerStatus");
+}
+
+RTAMT_FMI Status fmi2GetBooleanStatus(Component component, int kind, Boolean* value) {
+    return guarded(component, "fmi2GetBooleanStatus", [=](Unit& unit) {
+        require_array(value, 1);
+        if (kind != kTerminated) throw Refusal("expected the kind fmi2Terminated");
+        *value = unit.instance.ended();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi2GetStringStatus(Component component, int kind, const char** value) {
+    return guarded(component, "fmi2GetStringStatus", [=](Unit&) {
+        require_array(value, 1);
+        if (kind != kPending) throw Refusal("expected the kind fmi2PendingStatus");
+        *value = "";
+        return kOk;
+    });
+}

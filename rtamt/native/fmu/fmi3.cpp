@@ -1,0 +1,295 @@
+// The interface of FMI 3.0 for co-simulation: the functions that fmi-standard.org documents, in
+// sections 2 and 4 of version 3.0.1 of the standard. Calls of the other kinds of units, which the
+// standard has every unit export, are refused.
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "fmu/unit.hpp"
+
+using namespace rtamt::fmu;
+
+namespace {
+
+using Pointer = void*;  // fmi3Instance
+using State = void*;
+using Log = void (*)(void* environment, int status, const char* category, const char* text);
+
+Pointer make(const char* call, const char* name, const char* token, const char* resources,
+             bool logging, bool simulates, void* environment, Log write) noexcept {
+    try {
+        const Unit::Log log = [=](Status status, const char* category, const std::string& text) {
+            if (write != nullptr) write(environment, status, category, text.c_str());
+        };
+        const auto folder = [=] {
+            if (!simulates) throw Refusal("expected co-simulation without event mode");
+            if (name == nullptr || *name == '\0') throw Refusal("expected a name of the instance");
+            if (resources == nullptr) throw Refusal("expected the folder of the resources, got a null pointer");
+            return std::string(resources);
+        };
+        return make_unit(call, folder, token, log, logging);
+    } catch (...) {  // no memory for the callbacks
+        return nullptr;
+    }
+}
+
+// Calls get or set with every reference and the place of its value.
+template <class T, class Each>
+Status each(const char* name, Pointer instance, const Reference* references, std::size_t n,
+            T* values, std::size_t size, Each of) noexcept {
+    return guarded(instance, name, [=](Unit& unit) {
+        require_array(references, n);
+        require_array(values, n);
+        if (size != n)
+            throw Refusal("expected a value for each of " + std::to_string(n) +
+                          " value references, got " + std::to_string(size));
+        for (std::size_t i = 0; i < n; ++i) of(unit.instance, references[i], values[i]);
+        return kOk;
+    });
+}
+
+// No variable has such a type.
+Status no_variables(const char* name, Pointer instance, std::size_t n) noexcept {
+    return guarded(instance, name, [=](Unit&) {
+        if (n > 0) throw Refusal("expected no value references, as no variable has this type");
+        return kOk;
+    });
+}
+
+template <class Call>
+Status with_state(const char* name, Pointer instance, State* state, Call call) noexcept {
+    return guarded(instance, name, [=](Unit& unit) {
+        require_array(state, 1);
+        call(unit, *state);
+        return kOk;
+    });
+}
+
+}  // namespace
+
+RTAMT_FMI const char* fmi3GetVersion() { return "3.0"; }
+
+RTAMT_FMI Pointer fmi3InstantiateCoSimulation(const char* name, const char* token,
+                                              const char* resources, bool, bool logging,
+                                              bool events, bool, const Reference*, std::size_t,
+                                              void* environment, Log log, void (*)()) {
+    return make("fmi3InstantiateCoSimulation", name, token, resources, logging, !events,
+                environment, log);
+}
+
+RTAMT_FMI Pointer fmi3InstantiateModelExchange(const char* name, const char* token,
+                                               const char* resources, bool, bool logging,
+                                               void* environment, Log log) {
+    return make("fmi3InstantiateModelExchange", name, token, resources, logging, false,
+                environment, log);
+}
+
+RTAMT_FMI Pointer fmi3InstantiateScheduledExecution(const char* name, const char* token,
+                                                    const char* resources, bool, bool logging,
+                                                    void* environment, Log log, void (*)(),
+                                                    void (*)(), void (*)()) {
+    return make("fmi3InstantiateScheduledExecution", name, token, resources, logging, false,
+                environment, log);
+}
+
+RTAMT_FMI void fmi3FreeInstance(Pointer instance) { free_unit(instance); }
+
+RTAMT_FMI Status fmi3SetDebugLogging(Pointer instance, bool on, std::size_t n,
+                                     const char* const* categories) {
+    return guarded(instance, "fmi3SetDebugLogging", [=](Unit& unit) {
+        unit.set_logging(on, n, categories);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3EnterInitializationMode(Pointer instance, bool, double, double start,
+                                             bool stops, double stop) {
+    return guarded(instance, "fmi3EnterInitializationMode", [=](Unit& unit) {
+        unit.instance.set_times(start, stops ? stop : std::numeric_limits<double>::infinity());
+        unit.instance.begin_initialization();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3ExitInitializationMode(Pointer instance) {
+    return guarded(instance, "fmi3ExitInitializationMode", [](Unit& unit) {
+        unit.instance.end_initialization();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3Terminate(Pointer instance) {
+    return guarded(instance, "fmi3Terminate", [](Unit& unit) {
+        unit.instance.terminate();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3Reset(Pointer instance) {
+    return guarded(instance, "fmi3Reset", [](Unit& unit) {
+        unit.instance.reset();
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3GetFloat64(Pointer instance, const Reference* references, std::size_t n,
+                                double* values, std::size_t size) {
+    return each("fmi3GetFloat64", instance, references, n, values, size,
+                [](const Instance& i, Reference r, double& value) { value = i.real(r); });
+}
+
+RTAMT_FMI Status fmi3SetFloat64(Pointer instance, const Reference* references, std::size_t n,
+                                const double* values, std::size_t size) {
+    return each("fmi3SetFloat64", instance, references, n, values, size,
+                [](Instance& i, Reference r, double value) { i.set_real(r, value); });
+}
+
+RTAMT_FMI Status fmi3GetInt32(Pointer instance, const Reference* references, std::size_t n,
+                              std::int32_t* values, std::size_t size) {
+    return each("fmi3GetInt32", instance, references, n, values, size,
+                [](const Instance& i, Reference r, std::int32_t& value) { value = i.integer(r); });
+}
+
+RTAMT_FMI Status fmi3GetBoolean(Pointer instance, const Reference* references, std::size_t n,
+                                bool* values, std::size_t size) {
+    return each("fmi3GetBoolean", instance, references, n, values, size,
+                [](const Instance& i, Reference r, bool& value) { value = i.boolean(r); });
+}
+
+RTAMT_FMI Status fmi3SetBoolean(Pointer instance, const Reference* references, std::size_t n,
+                                const bool* values, std::size_t size) {
+    return each("fmi3SetBoolean", instance, references, n, values, size,
+                [](Instance& i, Reference r, bool value) { i.set_boolean(r, value); });
+}
+
+// Types that no variable has, behind the array of n references.
+#define RTAMT_NO_VARIABLES(name, ...)                                                     \
+    RTAMT_FMI Status name(Pointer instance, const Reference*, std::size_t n, __VA_ARGS__) { \
+        return no_variables(#name, instance, n);                                          \
+    }
+RTAMT_NO_VARIABLES(fmi3GetFloat32, float*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetInt8, std::int8_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetUInt8, std::uint8_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetInt16, std::int16_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetUInt16, std::uint16_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetUInt32, std::uint32_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetInt64, std::int64_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetUInt64, std::uint64_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetString, const char**, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetBinary, std::size_t*, const std::uint8_t**, std::size_t)
+RTAMT_NO_VARIABLES(fmi3GetClock, bool*)
+RTAMT_NO_VARIABLES(fmi3SetFloat32, const float*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetInt8, const std::int8_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetUInt8, const std::uint8_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetInt16, const std::int16_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetUInt16, const std::uint16_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetInt32, const std::int32_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetUInt32, const std::uint32_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetInt64, const std::int64_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetUInt64, const std::uint64_t*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetString, const char* const*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetBinary, const std::size_t*, const std::uint8_t* const*, std::size_t)
+RTAMT_NO_VARIABLES(fmi3SetClock, const bool*)
+RTAMT_NO_VARIABLES(fmi3GetIntervalDecimal, double*, int*)
+RTAMT_NO_VARIABLES(fmi3GetIntervalFraction, std::uint64_t*, std::uint64_t*, int*)
+RTAMT_NO_VARIABLES(fmi3GetShiftDecimal, double*)
+RTAMT_NO_VARIABLES(fmi3GetShiftFraction, std::uint64_t*, std::uint64_t*)
+RTAMT_NO_VARIABLES(fmi3SetIntervalDecimal, const double*)
+RTAMT_NO_VARIABLES(fmi3SetIntervalFraction, const std::uint64_t*, const std::uint64_t*)
+RTAMT_NO_VARIABLES(fmi3SetShiftDecimal, const double*)
+RTAMT_NO_VARIABLES(fmi3SetShiftFraction, const std::uint64_t*, const std::uint64_t*)
+#undef RTAMT_NO_VARIABLES
+
+RTAMT_FMI Status fmi3GetFMUState(Pointer instance, State* state) {
+    return with_state("fmi3GetFMUState", instance, state,
+                      [](Unit& unit, State& state) { state = unit.take_state(state); });
+}
+
+RTAMT_FMI Status fmi3SetFMUState(Pointer instance, State state) {
+    return guarded(instance, "fmi3SetFMUState", [=](Unit& unit) {
+        unit.restore(state);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3FreeFMUState(Pointer instance, State* state) {
+    return with_state("fmi3FreeFMUState", instance, state, [](Unit& unit, State& state) {
+        if (state != nullptr) unit.free_state(state);
+        state = nullptr;
+    });
+}
+
+RTAMT_FMI Status fmi3SerializedFMUStateSize(Pointer instance, State state, std::size_t* size) {
+    return guarded(instance, "fmi3SerializedFMUStateSize", [=](Unit& unit) {
+        require_array(size, 1);
+        *size = unit.size_of(state);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3SerializeFMUState(Pointer instance, State state, std::uint8_t* bytes,
+                                       std::size_t size) {
+    return guarded(instance, "fmi3SerializeFMUState", [=](Unit& unit) {
+        unit.write_state(state, reinterpret_cast<char*>(bytes), size);
+        return kOk;
+    });
+}
+
+RTAMT_FMI Status fmi3DeserializeFMUState(Pointer instance, const std::uint8_t* bytes,
+                                         std::size_t size, State* state) {
+    return with_state("fmi3DeserializeFMUState", instance, state,
+                      [=](Unit& unit, State& state) {
+                          const auto* text = reinterpret_cast<const char*>(bytes);
+                          state = unit.read_state(text, size, state);
+                      });
+}
+
+// With `stop_on_violation` a violation asks to end the simulation.
+RTAMT_FMI Status fmi3DoStep(Pointer instance, double time, double size, bool, bool* event,
+                            bool* terminate, bool* early, double* last) {
+    return guarded(instance, "fmi3DoStep", [=](Unit& unit) {
+        for (const void* given : {static_cast<void*>(event), static_cast<void*>(terminate),
+                                  static_cast<void*>(early), static_cast<void*>(last)})
+            require_array(given, 1);
+        *event = *early = false;
+        *terminate = unit.instance.step(time, size);
+        *last = unit.instance.time();
+        if (*terminate) unit.tell(violation_text(unit.instance));
+        return kOk;
+    });
+}
+
+// Calls that units of this kind do not have, whose capabilities say so.
+#define RTAMT_UNSUPPORTED(name, ...)             \
+    RTAMT_FMI Status name(__VA_ARGS__) {         \
+        return unsupported(instance, #name); \
+    }
+RTAMT_UNSUPPORTED(fmi3EnterEventMode, Pointer instance)
+RTAMT_UNSUPPORTED(fmi3EnterStepMode, Pointer instance)
+RTAMT_UNSUPPORTED(fmi3EnterConfigurationMode, Pointer instance)
+RTAMT_UNSUPPORTED(fmi3ExitConfigurationMode, Pointer instance)
+RTAMT_UNSUPPORTED(fmi3GetNumberOfVariableDependencies, Pointer instance, Reference, std::size_t*)
+RTAMT_UNSUPPORTED(fmi3GetVariableDependencies, Pointer instance, Reference, std::size_t*,
+                  Reference*, std::size_t*, int*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetDirectionalDerivative, Pointer instance, const Reference*, std::size_t,
+                  const Reference*, std::size_t, const double*, std::size_t, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetAdjointDerivative, Pointer instance, const Reference*, std::size_t,
+                  const Reference*, std::size_t, const double*, std::size_t, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetOutputDerivatives, Pointer instance, const Reference*, std::size_t,
+                  const std::int32_t*, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3EvaluateDiscreteStates, Pointer instance)
+RTAMT_UNSUPPORTED(fmi3UpdateDiscreteStates, Pointer instance, bool*, bool*, bool*, bool*, bool*,
+                  double*)
+RTAMT_UNSUPPORTED(fmi3EnterContinuousTimeMode, Pointer instance)
+RTAMT_UNSUPPORTED(fmi3CompletedIntegratorStep, Pointer instance, bool, bool*, bool*)
+RTAMT_UNSUPPORTED(fmi3SetTime, Pointer instance, double)
+RTAMT_UNSUPPORTED(fmi3SetContinuousStates, Pointer instance, const double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetContinuousStateDerivatives, Pointer instance, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetEventIndicators, Pointer instance, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetContinuousStates, Pointer instance, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetNominalsOfContinuousStates, Pointer instance, double*, std::size_t)
+RTAMT_UNSUPPORTED(fmi3GetNumberOfEventIndicators, Pointer instance, std::size_t*)
+RTAMT_UNSUPPORTED(fmi3GetNumberOfContinuousStates, Pointer instance, std::size_t*)
+RTAMT_UNSUPPORTED(fmi3ActivateModelPartition, Pointer instance, Reference, double)
+#undef RTAMT_UNSUPPORTED

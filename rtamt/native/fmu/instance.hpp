@@ -1,0 +1,85 @@
+// One instance of a unit: its variables, its time and its engine, without any interface of C.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "fmu/engine.hpp"
+#include "fmu/program.hpp"
+
+namespace rtamt::fmu {
+
+// The value references of a unit's own variables; those of the others begin at kFirst.
+// rtamt/export/variables.py lists them.
+using Reference = std::uint32_t;
+enum : Reference {
+    kTime,
+    kRobustness,
+    kLower,
+    kUpper,
+    kVerdict,
+    kStopOnViolation,
+    kFirst = 8,
+};
+
+enum class Phase : std::uint8_t { instantiated, initializing, stepping, terminated };
+
+// Every call either does what it says, or throws an exception and changes nothing.
+class Instance {
+public:
+    explicit Instance(Program program);
+    Instance(const Instance&) = delete;
+    Instance& operator=(const Instance&) = delete;
+
+    double real(Reference reference) const;
+    void set_real(Reference reference, double value);
+    int integer(Reference reference) const;
+    bool boolean(Reference reference) const;
+    void set_boolean(Reference reference, bool value);
+
+    // These go through the phases.
+    void set_times(double start, double stop);  // stop: inf if there is none
+    void begin_initialization();
+    void end_initialization();
+    // Returns whether the simulation is to end.
+    bool step(double time, double size);
+    void terminate();
+    void reset();
+
+    void require(Phase phase, const char* what) const;
+    double time() const { return now_.time; }  // of the end of the last step
+    bool ended() const { return now_.ended; }  // whether the last step asked to end the simulation
+
+    std::string state();
+    void restore(std::string_view state);
+
+private:
+    // All that changes but the engine.
+    struct Now {
+        Phase phase = Phase::instantiated;
+        bool stop_on_violation = false;
+        bool ended = false;
+        double time = 0.0;
+        double stop = 0.0;
+        double fraction = 0.0;  // of a period since the last time of a sample; 0: it is now
+        std::vector<double> inputs;
+        std::vector<double> parameters;
+
+        void fields(Snapshot& s);
+    };
+
+    Now initial() const;
+    // The variable behind a reference, counted from the first input.
+    std::size_t place(Reference reference) const;
+    // The samples of a step, and what `fraction` is after it.
+    std::size_t samples(double size, double& fraction) const;
+
+    const Program program_;
+    Now now_;
+    std::unique_ptr<Engine> engine_;
+};
+
+}  // namespace rtamt::fmu

@@ -1,0 +1,101 @@
+// What the interfaces of FMI 2.0 and 3.0 share: an instance behind a pointer of C, its log, and the
+// states that were taken of it.
+#pragma once
+
+#include <cstddef>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "fmu/instance.hpp"
+
+// The functions of FMI, which alone are seen from outside.
+#if defined(_WIN32)
+#define RTAMT_FMI extern "C" __declspec(dllexport)
+#else
+#define RTAMT_FMI extern "C" __attribute__((visibility("default")))
+#endif
+
+namespace rtamt::fmu {
+
+// In both versions these statuses have these numbers.
+enum Status : int { kOk, kWarning, kDiscard, kError, kFatal };
+
+inline constexpr const char* kErrors = "logStatusError";  // always logged
+inline constexpr const char* kEvents = "logEvents";       // logged on demand
+
+class Unit {
+public:
+    using Log = std::function<void(Status, const char* category, const std::string& text)>;
+
+    // Reads the program of a folder. Throws Refusal if it is not that of the token.
+    Unit(const std::string& folder, std::string_view token, Log log, bool logging);
+
+    Instance instance;
+
+    // Logs why a call is refused.
+    Status refuse(const char* call, const char* why) noexcept;
+    void tell(const std::string& event) const {
+        if (logging_) log_(kOk, kEvents, event);
+    }
+    void set_logging(bool on, std::size_t n, const char* const* categories);
+
+    // Takes the state, in place of the given one if there is one; gives the address of it.
+    void* take_state(void* given);
+    void restore(void* state) { instance.restore(*find(state)); }
+    void free_state(void* state);
+    std::size_t size_of(void* state) { return find(state)->size() + sizeof(std::uint64_t); }
+    // The state as bytes with their hash, and back.
+    void write_state(void* state, char* bytes, std::size_t size);
+    void* read_state(const char* bytes, std::size_t size, void* given);
+
+private:
+    using State = std::unique_ptr<std::string>;
+
+    State& find(void* state);
+    void* keep(std::string state, void* given);
+
+    Log log_;
+    bool logging_;
+    std::vector<State> states_;
+};
+
+// What is told where a violation ends the simulation.
+inline std::string violation_text(const Instance& instance) {
+    return "violated: the simulation is to end at " + number_text(instance.time()) + " s";
+}
+
+// Makes a unit; null, with the reason logged, if it cannot be made.
+void* make_unit(const char* call, const std::function<std::string()>& folder, const char* token,
+                const Unit::Log& log, bool logging) noexcept;
+
+inline void free_unit(void* unit) noexcept { delete static_cast<Unit*>(unit); }
+
+// Throws Refusal if values are asked for or given in an array that is not there.
+void require_array(const void* array, std::size_t n);
+
+// Runs a call of C on a unit: no exception leaves it.
+template <class Call>
+Status guarded(void* pointer, const char* name, Call call) noexcept {
+    if (pointer == nullptr) return kError;
+    Unit& unit = *static_cast<Unit*>(pointer);
+    try {
+        return call(unit);
+    } catch (const std::exception& error) {
+        return unit.refuse(name, error.what());
+    } catch (...) {
+        return unit.refuse(name, "unknown error");
+    }
+}
+
+// A call that this kind of unit does not have.
+inline Status unsupported(void* unit, const char* name) noexcept {
+    return guarded(unit, name, [](Unit&) -> Status {
+        throw Refusal("this unit has no such call; modelDescription.xml says what it has");
+    });
+}
+
+}  // namespace rtamt::fmu
