@@ -45,7 +45,11 @@ def counting_machines() -> ModuleType:
     defined = [f"-D{name}={value}" for name, value in options.items()]
     configure = ["cmake", "-S", str(ROOT / "rtamt" / "native"), "-B", str(BUILD), "-G", "Ninja"]
     search = os.pathsep.join([sysconfig.get_path("scripts"), os.environ["PATH"]])
-    for command in (cc, [*configure, *defined], ["cmake", "--build", str(BUILD)]):
+    for command in (
+        cc,
+        [*configure, *defined],
+        ["cmake", "--build", str(BUILD), "--target", "_native"],
+    ):
         done = subprocess.run(
             command,
             env={**os.environ, "PATH": search},

@@ -101,14 +101,16 @@ public:
 
     void step(const double* inputs, double time, std::size_t) override {
         dense::Time tick = 0;
-        if (!count(time, tick)) throw Refusal("expected a time that ticks can count, got " + number_text(time));
+        if (!count(time, tick))
+            throw Refusal("expected a time that ticks can count, got " + number_text(time) + " s");
         std::vector<dense::Pending>& pending = machine_.pending();
         for (std::size_t v = 0; v < pending.size(); ++v) {
             if (std::isnan(inputs[v])) refuse(program_, inputs);
             pending[v].times.assign(1, tick);
             pending[v].values.assign(1, inputs[v]);
             if (!machine_.sampler().fits(v, pending[v].events()))
-                throw Refusal("expected steps of a tick at least: two begin on the tick of " + number_text(time));
+                throw Refusal("expected steps of a tick at least; two begin on the tick of " +
+                              number_text(time) + " s");
         }
         if (!machine_.take()) refuse(program_, inputs);
         machine_.drain([this](dense::Time, double value) {

@@ -251,8 +251,9 @@ RTAMT_FMI Status fmi2SerializeFMUstate(Component component, State state, char* b
 
 RTAMT_FMI Status fmi2DeSerializeFMUstate(Component component, const char* bytes, std::size_t size,
                                          State* state) {
-    return with_state("fmi2DeSerializeFMUstate", component, state,
-                      [=](Unit& unit, State& state) { state = unit.read_state(bytes, size, state); });
+    return with_state(
+        "fmi2DeSerializeFMUstate", component, state,
+        [=](Unit& unit, State& state) { state = unit.read_state(bytes, size, state); });
 }
 
 RTAMT_FMI Status fmi2GetDirectionalDerivative(Component component, const Reference*, std::size_t,

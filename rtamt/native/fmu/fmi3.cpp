@@ -25,7 +25,7 @@ Pointer make(const char* call, const char* name, const char* token, const char* 
         const auto folder = [=] {
             if (!simulates) throw Refusal("expected co-simulation without event mode");
             if (name == nullptr || *name == '\0') throw Refusal("expected a name of the instance");
-            if (resources == nullptr) throw Refusal("expected the folder of the resources, got a null pointer");
+            if (resources == nullptr) throw Refusal("expected the folder of the resources");
             return std::string(resources);
         };
         return make_unit(call, folder, token, log, logging);

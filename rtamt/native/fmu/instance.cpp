@@ -122,7 +122,8 @@ void Instance::require(Phase phase, const char* what) const {
 void Instance::set_times(double start, double stop) {
     require(Phase::instantiated, "before initialization");
     if (!std::isfinite(start) || std::isnan(stop))
-        throw Refusal("expected times that are numbers, got " + number_text(start) + " to " + number_text(stop));
+        throw Refusal("expected times that are numbers, got " + number_text(start) + " to " +
+                      number_text(stop));
     now_.time = start;
     now_.stop = stop;
 }
@@ -142,7 +143,8 @@ std::size_t Instance::samples(double size, double& fraction) const {
     const double steps = size / program_.period;
     double end = fraction + steps;
     if (!(end < kMostSamples))
-        throw Refusal("expected a step of less than 2^31 periods of " + number_text(program_.period) + " s, got " + number_text(size) + " s");
+        throw Refusal("expected a step of less than 2^31 periods of " +
+                      number_text(program_.period) + " s, got " + number_text(size) + " s");
     const double whole = std::nearbyint(end);
     if (std::abs(end - whole) < kTolerance * std::min(1.0, steps)) end = whole;
     const double due = std::ceil(end) - (fraction > 0 ? 1.0 : 0.0);
@@ -151,14 +153,16 @@ std::size_t Instance::samples(double size, double& fraction) const {
 }
 
 bool Instance::step(double time, double size) {
-    if (now_.phase != Phase::stepping) [[unlikely]] require(Phase::stepping, "after initialization");
+    require(Phase::stepping, "after initialization");
     if (!(size > 0 && std::isfinite(size)))
         throw Refusal("expected a step of more than 0 s, got " + number_text(size));
     const double slack = kTolerance * size + 1e-12 * std::abs(now_.time);
     if (!(std::abs(time - now_.time) <= slack))
-        throw Refusal("expected a step from " + number_text(now_.time) + " s, where the last one ended, got one from " + number_text(time) + " s");
+        throw Refusal("expected a step from " + number_text(now_.time) +
+                      " s, where the last one ended, got one from " + number_text(time) + " s");
     if (!(time + size <= now_.stop + slack))
-        throw Refusal("expected steps until " + number_text(now_.stop) + " s, the stop time, got one to " + number_text(time + size) + " s");
+        throw Refusal("expected steps until the stop time, " + number_text(now_.stop) +
+                      " s, got one to " + number_text(time + size) + " s");
     double fraction = now_.fraction;
     const std::size_t due = program_.period > 0 ? samples(size, fraction) : 1;
     engine_->step(now_.inputs.data(), time, due);

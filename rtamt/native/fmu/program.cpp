@@ -84,7 +84,8 @@ public:
         if (!empty()) refuse("the end of the line", rest_);
     }
     [[noreturn]] void refuse(const std::string& expected, std::string_view got = {}) const {
-        std::string text = std::string(kFile) + ", line " + std::to_string(number_) + ": expected " + expected;
+        std::string text = std::string(kFile) + ", line " + std::to_string(number_);
+        text += ": expected " + expected;
         if (!got.empty()) text += ", got '" + std::string(got.substr(0, 40)) + "'";
         throw Refusal(text + "; export the unit again");
     }
