@@ -6,11 +6,11 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn, get_args
+from typing import NoReturn, get_args
 
 from rtamt import InputError
 from rtamt_gym.commands.errors import refusal
-from rtamt_ros.generation import Generation, chosen, open_node
+from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
 
@@ -47,7 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str]) -> int:
-    options, remappings, arguments = _options(argv)
+    parsed, of_ros = split(_parser(), argv)
+    options = vars(parsed)
     asked = options.pop("ros", None)
     given = {_PARAMETERS_OF.get(name, name): value for name, value in options.items()}
     # Everything that can be wrong without ROS is found before a node waits for a master.
@@ -56,12 +57,12 @@ def _run(argv: Sequence[str]) -> int:
     if not specifications:
         raise InputError("nothing to monitor: write --stl FILE or --spec TEXT")
     generation = chosen(asked)
-    _check(generation, remappings, arguments)
+    arguments = of_ros.of(generation)
     if generation == 2:
         from rtamt_ros.ros2_lifecycle import run
 
         return run(_NODE, arguments, given)
-    ros = open_node(generation, _NODE, remappings)
+    ros = open_node(generation, _NODE, arguments)
     try:
         node = MonitorNode(ros, specifications, settings)
         node.start()
@@ -70,35 +71,6 @@ def _run(argv: Sequence[str]) -> int:
     finally:
         ros.close()
     return 0
-
-
-def _options(argv: Sequence[str]) -> tuple[dict[str, Any], list[str], list[str]]:
-    """The options, the remappings of ROS 1, and the arguments of ROS 2."""
-    own, arguments = list(argv), []
-    if "--ros-args" in own:
-        begin = own.index("--ros-args")
-        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
-        arguments = own[begin:end]
-        del own[begin:end]
-    parser = _parser()
-    options, rest = parser.parse_known_args(own)
-    unknown = [word for word in rest if ":=" not in word]
-    if unknown:
-        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-    return vars(options), rest, arguments
-
-
-def _check(generation: Generation, remappings: Sequence[str], arguments: Sequence[str]) -> None:
-    """Refuses the arguments of the other ROS, which this one would ignore."""
-    if generation == 1 and arguments:
-        raise InputError(
-            f"ROS 1 does not know {' '.join(arguments)}: write remappings as they are, "
-            "odom:=robot1/odom"
-        )
-    if generation == 2 and remappings:
-        raise InputError(
-            f"ROS 2 does not know {' '.join(remappings)}: write --ros-args -r {remappings[0]}"
-        )
 
 
 class _Parser(argparse.ArgumentParser):

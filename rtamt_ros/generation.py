@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from rtamt import InputError
 from rtamt_ros.middleware import Middleware
 
-__all__ = ["Generation", "chosen", "open_node"]
+__all__ = ["Generation", "RosArguments", "chosen", "open_node", "split"]
 
 Generation = Literal[1, 2]
 
@@ -66,3 +67,49 @@ def open_node(asked: int | None, name: str, arguments: Sequence[str]) -> Middlew
     from rtamt_ros.ros2 import Ros2
 
     return Ros2(name, arguments)
+
+
+class RosArguments(NamedTuple):
+    """What a command line says to ROS.
+
+    Attributes:
+        remappings: As ROS 1 has them: ``odom:=robot1/odom``.
+        arguments: As ROS 2 has them: ``--ros-args`` and what follows, up to ``--``.
+    """
+
+    remappings: list[str]
+    arguments: list[str]
+
+    def of(self, generation: Generation) -> list[str]:
+        """Those of a generation.
+
+        Raises:
+            InputError: On those of the other, which this one would ignore.
+        """
+        if generation == 1 and self.arguments:
+            raise InputError(
+                f"ROS 1 does not know {' '.join(self.arguments)}: write remappings as they are, "
+                "odom:=robot1/odom"
+            )
+        if generation == 2 and self.remappings:
+            raise InputError(
+                f"ROS 2 does not know {' '.join(self.remappings)}: write --ros-args -r "
+                f"{self.remappings[0]}"
+            )
+        return self.remappings if generation == 1 else self.arguments
+
+
+def split(
+    parser: argparse.ArgumentParser, argv: Sequence[str]
+) -> tuple[argparse.Namespace, RosArguments]:
+    """Reads the options of a program, and leaves to ROS what is its own."""
+    own, arguments = list(argv), []
+    if "--ros-args" in own:
+        begin = own.index("--ros-args")
+        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
+        arguments = own[begin:end]
+        del own[begin:end]
+    options, rest = parser.parse_known_args(own)
+    if unknown := [word for word in rest if ":=" not in word]:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    return options, RosArguments(rest, arguments)

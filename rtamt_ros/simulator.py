@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ import numpy as np
 from rtamt_envs.mobile_robot import ROUTE, SCENARIO, drive, next_point
 
 from rtamt import InputError
-from rtamt_ros.generation import open_node
+from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.middleware import Level, Middleware
 
 __all__ = ["Controller", "Robot", "Stuck", "Surge"]
@@ -72,7 +73,7 @@ class Robot:
         stuck: When its wheels are blocked.
 
     Raises:
-        InputError: If a parameter has no such name, or a value is not in its range.
+        InputError: If a parameter has no such name, or a value or the seed is not in its range.
     """
 
     def __init__(
@@ -92,6 +93,8 @@ class Robot:
                     f"expected {each.name} from {each.low:g} to {each.high:g}, "
                     f"got {given[each.name]:g}"
                 )
+        if seed < 0:
+            raise InputError(f"expected a seed of at least 0, got {seed}")
         self._at_once = SCENARIO.parameter_row({"lag": 0.0}, self._parameters)
         self._random = np.random.default_rng(seed)
         self._stuck = stuck
@@ -186,37 +189,42 @@ class Controller:
 
 def _stuck(text: str) -> Stuck:
     """Reads ``BEGIN:DURATION``."""
-    try:
-        begin, duration = map(float, text.split(":"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(
-            f"expected seconds BEGIN:DURATION, such as 5:1, got {text!r}"
-        ) from None
-    return Stuck(begin, duration)
+    return Stuck(*_numbers(text, ("BEGIN", "DURATION"), "5:1"))
 
 
 def _surge(text: str) -> Surge:
     """Reads ``BEGIN:DURATION:SPEED``."""
+    return Surge(*_numbers(text, ("BEGIN", "DURATION", "SPEED"), "5:1:-0.5"))
+
+
+def _numbers(text: str, names: Sequence[str], example: str) -> list[float]:
+    """Reads numbers between colons: a begin, a duration, and others."""
     try:
-        begin, duration, speed = map(float, text.split(":"))
+        begin, duration, *_ = found = list(map(float, text.split(":")))
+        good = begin >= 0 and duration > 0 and all(map(math.isfinite, found))
     except ValueError:
+        good = False
+    if not good or len(found) != len(names):
         raise argparse.ArgumentTypeError(
-            f"expected seconds and m/s BEGIN:DURATION:SPEED, such as 5:1:1, got {text!r}"
-        ) from None
-    return Surge(begin, duration, speed)
+            f"expected {':'.join(names)} in seconds, such as {example}, got {text!r}"
+        )
+    return found
 
 
 def _parser() -> argparse.ArgumentParser:
-    """The command line; ROS gets what it does not know."""
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="python -m rtamt_ros.simulator",
         description="A robot that drives through two rooms, and its controller, as a node of ROS. "
-        "It runs until Ctrl-C. Other arguments, such as remappings, go to ROS.",
+        "It runs until Ctrl-C.",
+        epilog="Remappings go to ROS: robot0/odom:=odom on ROS 1, --ros-args -r robot0/odom:=odom "
+        "on ROS 2.",
+        allow_abbrev=False,
     )
+    parser.add_argument("--only", choices=("robot", "controller"), help="one of both")
     parser.add_argument(
-        "part", nargs="?", choices=("robot", "controller"), help="one of both alone"
+        "--ros", type=int, choices=(1, 2), help="its generation (default: what is installed)"
     )
-    parser.add_argument("--ros", type=int, choices=(1, 2), help="ROS 1 or ROS 2")
     parser.add_argument(
         "--name", default="robot0", help="namespace of the topics (default: robot0)"
     )
@@ -253,13 +261,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         arguments: Those of the command line; None: those of the program.
     """
     parser = _parser()
-    options, others = parser.parse_known_args(arguments)
+    options, of_ros = split(parser, sys.argv[1:] if arguments is None else arguments)
     parameters = {each.name: getattr(options, each.name) for each in SCENARIO.parameters}
     try:
-        node = open_node(options.ros, options.part or "simulator", others)
-        if options.part != "controller":
+        generation = chosen(options.ros)
+        node = open_node(generation, options.only or "simulator", of_ros.of(generation))
+        if options.only != "controller":
             Robot(node, options.name, parameters=parameters, seed=options.seed, stuck=options.stuck)
-        if options.part != "robot":
+        if options.only != "robot":
             Controller(node, options.name, surge=options.surge)
     except InputError as error:
         parser.error(str(error))
