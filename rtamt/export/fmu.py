@@ -76,6 +76,13 @@ def export_fmu(
             the library was not built or does not exist for this platform.
         OSError: If the file cannot be written.
 
+    Example:
+        >>> import pathlib, tempfile, zipfile
+        >>> path = pathlib.Path(tempfile.mkdtemp(), "monitor.fmu")
+        >>> export_fmu("const float limit = 5; always(speed < limit)", path, period="100ms")
+        >>> zipfile.ZipFile(path).namelist()  # doctest: +NORMALIZE_WHITESPACE
+        ['modelDescription.xml', 'binaries/linux64/rtamt_monitor.so', 'resources/program.rtamt']
+
     Source: Functional Mock-up Interface 2.0.4 and 3.0.2, Modelica Association.
     """
     if fmi not in {2, 3}:

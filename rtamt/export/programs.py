@@ -133,7 +133,7 @@ def dense_programs(
 ) -> Programs:
     """The program of a unit over dense time; ``spec`` has traced constants."""
     *_, whole = compiled_dense(caller, spec, resolution, options, online=False)
-    online = whole.program.online("an FMU over dense time", "samples: give period=")
+    online = whole.program.online("an FMU over dense time", "a period, which takes samples")
     dense = DenseProgram(online, whole.resolution)
     # The simulator's time is in seconds, whatever the unit of the specification is.
     encoded = encoded_dense(dense)._replace(clock=clock_of(dense.resolution))

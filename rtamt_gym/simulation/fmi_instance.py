@@ -10,7 +10,12 @@ from typing import Any, Final, NamedTuple, NoReturn
 
 import fmpy  # type: ignore[import-untyped]
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
-from fmpy.fmi2 import fmi2Discard, fmi2Fatal, fmi2Terminated  # type: ignore[import-untyped]
+from fmpy.fmi2 import (  # type: ignore[import-untyped]
+    fmi2Discard,
+    fmi2Fatal,
+    fmi2LastSuccessfulTime,
+    fmi2Terminated,
+)
 
 from rtamt import InputError, StateError
 from rtamt_gym.simulation.fmi_variables import TYPES, Variable, size_of, start_values
@@ -109,12 +114,19 @@ class Instance:
             discarded = self._version == 2 and error.status == fmi2Discard
             if discarded and self._fmu.getBooleanStatus(fmi2Terminated):
                 self.ended = True
-                return False
+                return self._reached(now + 0.5 * size)
             self._fail(error)
         if answer is None:  # as in FMI 2.0
             return True
         _, self.ended, _, reached = answer
         return not self.ended or bool(reached >= now + 0.5 * size)
+
+    def _reached(self, time: float) -> bool:
+        """Whether an FMU of FMI 2.0 that ended its last step was successful up to a time."""
+        try:
+            return bool(self._fmu.getRealStatus(fmi2LastSuccessfulTime) >= time)
+        except FMICallException:  # it does not say
+            return False
 
     def reader(self, variables: Sequence[Variable]) -> Reader:
         """The function that reads variables, one call into the FMU for each type."""

@@ -1,0 +1,137 @@
+"""What the model description of an exported monitor says."""
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from exported import Drawn, texts
+from fmpy import read_model_description  # type: ignore[import-untyped]
+from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt import SpecificationError, export_fmu
+
+TEXT = """
+specification lane
+const float limit = 2; const float gain = 0.5; const float unused = 7; const float T = 3
+input float offset = 1.5
+output Odometry odom
+from nav_msgs.msg import Odometry
+near = abs(offset) * gain <= limit
+whole = always(near implies eventually[0:T](odom.twist[1].x < 0 and near))
+"""
+
+
+def test_every_export_is_valid(tmp_path: Path) -> None:
+    @settings(max_examples=30)
+    @given(drawn=texts(dense=True), fmi=st.sampled_from((2, 3)), dense=st.booleans())
+    def check(drawn: Drawn, fmi: Any, dense: bool) -> None:  # noqa: FBT001 - hypothesis draws it
+        kind: dict[str, Any] = {"dense": True} if dense else {"period": "500ms"}
+        try:
+            export_fmu(drawn.text, tmp_path / "drawn.fmu", fmi=fmi, **kind)
+        except SpecificationError:  # it has no variables, or a term of constants is no number
+            return
+        assert validate_fmu(tmp_path / "drawn.fmu") == []
+
+    check()
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Any) -> None:
+    path = tmp_path / "lane.fmu"
+    export_fmu(TEXT, path, period="100ms", fmi=fmi, stop_on_violation=True)
+    assert validate_fmu(path) == []
+    described = read_model_description(path)
+    said = [
+        (each.name, each.causality, each.start)
+        for each in described.modelVariables
+        if each.name != "time"
+    ]
+    assert said == [
+        ("robustness", "output", None),
+        ("lower", "output", None),
+        ("upper", "output", None),
+        ("verdict", "output", None),
+        ("stop_on_violation", "parameter", "true"),
+        ("offset", "input", "1.5"),
+        ("odom.twist[1].x", "input", "0.0"),
+        ("limit", "parameter", "2.0"),
+        ("gain", "parameter", "0.5"),
+        ("T", "local", "3.0"),
+        ("near", "output", None),
+        ("whole", "output", None),
+    ]
+    assert (described.modelName, described.fmiVersion) == ("lane", f"{fmi}.0")
+    assert described.description == (
+        "always(abs(offset) * gain <= limit implies "
+        "eventually[0:3](odom.twist[1].x < 0 and abs(offset) * gain <= limit))"
+    )
+    meaning = {each.name: each.description for each in described.modelVariables}
+    assert meaning["near"] == "abs(offset) * gain <= limit"
+    assert meaning["whole"] == described.description + ", late by 3 s"
+    assert meaning["T"] == "a constant in a bound of an interval, which cannot be set"
+    assert described.defaultExperiment.stepSize == "0.1"
+    names = zipfile.ZipFile(path).namelist()
+    folder = {2: "linux64", 3: "x86_64-linux"}[fmi]
+    assert names[1] == f"binaries/{folder}/rtamt_monitor.so"
+
+
+def test_dense_time_suggests_no_step(tmp_path: Path) -> None:
+    export_fmu("always(x < 1)", tmp_path / "dense.fmu", dense=True)
+    described = read_model_description(tmp_path / "dense.fmu")
+    assert described.defaultExperiment.stepSize is None
+    assert described.modelVariables[0].description == (
+        "the robustness at the last time for which it is settled"
+    )
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_outputs_depend_on_no_input_of_their_own_time(tmp_path: Path, fmi: Any) -> None:
+    export_fmu("a = x > 0; always(a)", tmp_path / "one.fmu", period=1, fmi=fmi)
+    described = read_model_description(tmp_path / "one.fmu")
+    known = [(each.variable.name, each.dependencies) for each in described.outputs]
+    assert known == [(n, []) for n in ("robustness", "lower", "upper", "verdict", "a")]
+
+
+def test_the_same_monitor_is_the_same_file(tmp_path: Path) -> None:
+    files = []
+    texts = (TEXT, TEXT, TEXT.replace("limit = 2", "limit = 3"))
+    for i, text in enumerate(texts):
+        path = tmp_path / f"{i}.fmu"
+        export_fmu(text, path, period="100ms")
+        files.append((path.read_bytes(), read_model_description(path).guid))
+    assert files[0] == files[1]
+    assert files[0][1] != files[2][1]
+
+
+def test_one_of_several_requirements_is_exported(tmp_path: Path) -> None:
+    spec = rtamt.parse("const float v = 5; apart = always(gap > 1); slow = always(speed < v)")
+    path = tmp_path / "slow.fmu"
+    export_fmu(spec.requirements["slow"], path, period=1)
+    names = [each.name for each in read_model_description(path).modelVariables]
+    assert names[5:] == ["speed", "v", "slow"]
+    export_fmu(spec.requirements["apart"], path, period=1)
+    names = [each.name for each in read_model_description(path).modelVariables]
+    assert names[5:] == ["gap", "apart"]
+
+
+def test_a_result_that_needs_the_whole_future_has_no_output_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "answer.fmu"
+    export_fmu("hot = x > 1; answer = always(hot implies eventually(y > 0))", path, period=1)
+    names = [each.name for each in read_model_description(path).modelVariables]
+    assert names[5:] == ["x", "y", "hot"]
+
+
+def test_a_constant_in_a_bound_is_fixed_in_terms_too(tmp_path: Path) -> None:
+    path = tmp_path / "both.fmu"
+    export_fmu("const float T = 2; eventually[0:T](x * T > 1)", path, period=1)
+    described = read_model_description(path)
+    assert [(v.name, v.causality) for v in described.modelVariables[5:]] == [
+        ("x", "input"),
+        ("T", "local"),
+    ]
+    program = zipfile.ZipFile(path).read("resources/program.rtamt").decode()
+    assert "CONST - 0 0 2.0" in program

@@ -1,0 +1,106 @@
+"""Exported monitors in FMPy's own simulation, and beside a plant that is stepped by hand."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import fmpy  # type: ignore[import-untyped]
+import numpy as np
+import pytest
+from bits import identical
+from exported import Unit, exported
+from fmpy import simulate_fmu
+from fmus import library, write_fmu
+from numpy.typing import NDArray
+
+from rtamt import EpisodeMonitor, Monitor, export_fmu, parse
+
+TEXT = """
+const float limit = 4
+fast = abs(x) > limit
+always(fast implies eventually[0:1](y > 0)) and always(abs(x) < 7)
+"""
+OUTPUTS = ("robustness", "lower", "upper", "verdict", "fast")
+
+
+def signals(n: int) -> NDArray[np.void]:
+    """Random samples of x and y, 250 ms apart."""
+    rng = np.random.default_rng(n)
+    kinds = [(name, np.float64) for name in ("time", "x", "y")]
+    rows = [(i / 4, *rng.integers(-24, 24, 2) / 4) for i in range(n)]
+    return np.array(rows, dtype=kinds)
+
+
+def rows_of(text: str, samples: NDArray[np.void]) -> list[list[float]]:
+    """What the outputs are after each sample, the values of a new monitor first."""
+    episode = EpisodeMonitor(text, "250ms", backend="python")
+    fast = Monitor(parse(text).formulas["fast"], backend="python")
+    rows = [[episode.robustness, *episode.bounds(), float(episode.verdict), np.nan]]
+    for _, x, y in samples:
+        robustness = episode.update(x=x, y=y)
+        rows.append([robustness, *episode.bounds(), float(episode.verdict), fast.update(x=x)])
+    return rows
+
+
+def table(result: NDArray[np.void]) -> list[list[float]]:
+    return [[float(row[name]) for name in OUTPUTS] for row in result]
+
+
+def same(x: Sequence[Sequence[float]], y: Sequence[Sequence[float]]) -> bool:
+    return len(x) == len(y) and all(identical(a, b) for a, b in zip(x, y, strict=True))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("limit", [4.0, 2.5])
+def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Any, limit: float) -> None:
+    path, samples = tmp_path / "monitor.fmu", signals(60)
+    export_fmu(TEXT, path, period="250ms", fmi=fmi)
+    found = simulate_fmu(
+        path,
+        input=samples,
+        start_values={"limit": limit},
+        stop_time=15,
+        output=OUTPUTS,
+    )
+    expected = rows_of(TEXT.replace("= 4", f"= {limit}"), samples)
+    assert same(table(found), expected)
+    assert {row[3] for row in expected} == {0, -1}
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("stops", ["by default", "by parameter", "not"])
+def test_the_first_certain_violation_ends_the_simulation(
+    tmp_path: Path, fmi: Any, stops: str
+) -> None:
+    path, samples = tmp_path / "monitor.fmu", signals(60)
+    export_fmu(TEXT, path, period="250ms", fmi=fmi, stop_on_violation=stops == "by default")
+    starts = {"stop_on_violation": True} if stops == "by parameter" else {}
+    found = simulate_fmu(path, input=samples, start_values=starts, stop_time=15, output=OUTPUTS)
+    expected = rows_of(TEXT, samples)
+    violated = [row[3] for row in expected].index(-1)
+    assert 1 < violated < 50
+    assert same(table(found), expected if stops == "not" else expected[: violated + 1])
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_monitor_beside_a_plant_sees_every_sample(tmp_path: Path, fmi: int) -> None:
+    text = "const float most = 3; rises = inflow > 1; always(rises implies level < most)"
+    tank = write_fmu(tmp_path / "tank.fmu", library(fmi, tmp_path), fmi)
+    plant = Unit(tank, Path(fmpy.extract(tank, tmp_path / "tank")))
+    episode = EpisodeMonitor(text, 0.1, backend="python")
+    rises = Monitor("inflow > 1", backend="python")
+    with exported(text, fmi, period=0.1) as monitor:
+        plant.begin()
+        monitor.begin()
+        verdicts = []
+        for i in range(60):
+            inputs = {"inflow": i / 10, "level": plant.get("level")[0]}
+            monitor.step(i * 0.1, 0.1, inputs)
+            plant.step(i * 0.1, 0.1, {"inflow": i / 10})
+            robustness = episode.update(inputs)
+            expected = [robustness, *episode.bounds(), episode.verdict, rises.update(i / 10)]
+            found = monitor.get("robustness", "lower", "upper", "verdict", "rises")
+            assert identical(found, expected)
+            verdicts.append(int(episode.verdict))
+        assert set(verdicts) == {0, -1}
+    plant.fmu.freeInstance()

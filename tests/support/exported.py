@@ -1,0 +1,134 @@
+"""Runs exported monitors with FMPy, call by call, and draws what is exported."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+import fmpy  # type: ignore[import-untyped]
+from fmpy import read_model_description
+from hypothesis import strategies as st
+from strategies import QUARTERS, formulas
+
+from rtamt import Formula, Specification, export_fmu, variable
+from rtamt.language.formula import make
+from rtamt.language.node import Node
+
+Spec = str | Formula | Specification
+
+
+class Unit:
+    """An instance of an exported monitor, which was instantiated."""
+
+    def __init__(self, path: Path, folder: Path, heard: Callable[..., None] | None = None) -> None:
+        self.described = read_model_description(path)
+        self.version = int(self.described.fmiVersion[0])
+        self.entries = {each.name: each for each in self.described.modelVariables}
+        self.fmu: Any = fmpy.instantiate_fmu(
+            str(folder), self.described, "CoSimulation", debug_logging=True, logger=heard
+        )
+
+    def set(self, values: Mapping[str, float]) -> None:
+        """Set variables by name."""
+        for name, value in values.items():
+            self._call("set", self.entries[name])([self.entries[name].valueReference], [value])
+
+    def get(self, *names: str) -> list[float]:
+        """The values of variables."""
+        entries = [self.entries[name] for name in names]
+        return [self._call("get", each)([each.valueReference])[0] for each in entries]
+
+    def outputs(self) -> tuple[str, ...]:
+        """The names of its outputs."""
+        return tuple(name for name, each in self.entries.items() if each.causality == "output")
+
+    def begin(self, parameters: Mapping[str, float] | None = None, start: float = 0.0) -> None:
+        """Initialize it."""
+        self.set(parameters or {})
+        if self.version == 2:
+            self.fmu.setupExperiment(startTime=start)
+            self.fmu.enterInitializationMode()
+        else:
+            self.fmu.enterInitializationMode(startTime=start)
+        self.fmu.exitInitializationMode()
+
+    def step(self, at: float, size: float, inputs: Mapping[str, float]) -> None:
+        """Set the inputs and make a step."""
+        self.set(inputs)
+        self.fmu.doStep(at, size)
+
+    def state(self) -> bytes:
+        """Its state, serialized."""
+        state = self.fmu.getFMUState()
+        data: bytes = self.fmu.serializeFMUState(state)
+        self.fmu.freeFMUState(state)
+        return data
+
+    def restore(self, data: bytes) -> None:
+        """Make a serialized state its own."""
+        state = self.fmu.deserializeFMUState(data)
+        self.fmu.setFMUState(state)
+        self.fmu.freeFMUState(state)
+
+    def _call(self, verb: str, entry: Any) -> Callable[..., Any]:
+        return cast("Callable[..., Any]", getattr(self.fmu, f"{verb}{entry.type}"))
+
+
+@contextmanager
+def exported(
+    spec: Spec, fmi: int, heard: Callable[..., None] | None = None, **options: Any
+) -> Iterator[Unit]:
+    """An instance of a monitor, which is exported for it."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        path = folder / "monitor.fmu"
+        export_fmu(spec, path, fmi=cast("Any", fmi), **options)
+        unit = Unit(path, Path(fmpy.extract(path, folder / "unpacked")), heard)
+        try:
+            yield unit
+        finally:
+            unit.fmu.freeInstance()
+    finally:
+        shutil.rmtree(folder)
+
+
+class Drawn(NamedTuple):
+    """A text with constants, its beginning that defines ``part``, and other values of constants."""
+
+    text: str
+    part: str
+    others: dict[str, float]
+
+
+@st.composite
+def texts(draw: st.DrawFn, *, dense: bool = False) -> Drawn:
+    """A text of a named formula and a result that uses it, whose numbers are constants."""
+    named = draw(formulas(2, dense=dense))
+    result = draw(formulas(2, endless=not dense, dense=dense))
+    values: dict[str, float] = {}
+
+    def with_names(formula: Formula) -> Formula:
+        made: dict[Node, Node] = {}
+        for node in formula.nodes():
+            if isinstance(node.leaf, float) and draw(st.booleans()):
+                name = f"k{len(values)}"
+                values[name] = node.leaf
+                made[node] = variable(name)
+            elif node.op is None:
+                made[node] = node
+            else:
+                args = tuple(made[each] for each in node.args)
+                made[node] = make(node.op.name, args, node.interval)
+        return cast("Formula", made[formula])
+
+    root = draw(st.sampled_from(("", "always", "eventually")))
+    lines = [f"part = {with_names(named)}", f"whole = {root}(part or ({with_names(result)}))"]
+    constants = [f"const float {name} = {value!r}" for name, value in values.items()]
+    number = st.sampled_from(QUARTERS)
+    others = {name: draw(number) for name in values if draw(st.booleans())}
+    *part, _ = text = [*constants, *lines]
+    return Drawn("\n".join(text), "\n".join(part), others)
