@@ -14,7 +14,7 @@ from rtamt.errors import InputError
 __all__ = ["MODEL", "Library", "library"]
 
 MODEL: Final = "rtamt_monitor"
-"""The name of the library in a unit, without its ending: its model identifier."""
+"""The name of the library without its ending, which is the model identifier of every unit."""
 
 _PLATFORMS: Final[Mapping[tuple[str, str], tuple[str, str, str]]] = {
     ("linux", "x86_64"): ("linux64", "x86_64-linux", ".so"),
@@ -48,10 +48,10 @@ def library() -> Library:
     *folders, ending = _PLATFORMS[here]
     built = find_spec("rtamt._native")  # installed in place, it lies elsewhere than this file
     folder = Path(__file__).parents[1] if built is None else Path(built.origin or "").parent
-    path = folder / f"librtamt_fmu{ending}"
+    path = folder / f"{MODEL}{ending}"
     try:
         data = path.read_bytes()
     except FileNotFoundError:
         msg = f"the library of FMUs, {path.name}, was not built"
         raise InputError(f"{msg}; reinstall rtamt where a C++20 compiler is found") from None
-    return Library(data, {v: f"binaries/{f}/{MODEL}{ending}" for v, f in enumerate(folders, start=2)})
+    return Library(data, {v: f"binaries/{f}/{path.name}" for v, f in enumerate(folders, start=2)})

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from strategies import QUARTERS, formulas
 
 from rtamt import Formula, Specification, export_fmu, variable
+from rtamt.export.programs import Fmi
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 
@@ -35,12 +36,12 @@ class Unit:
     def set(self, values: Mapping[str, float]) -> None:
         """Set variables by name."""
         for name, value in values.items():
-            self._call("set", self.entries[name])([self.entries[name].valueReference], [value])
+            self._call("set", name)([self.entries[name].valueReference], [value])
 
     def get(self, *names: str) -> list[float]:
         """The values of variables."""
-        entries = [self.entries[name] for name in names]
-        return [self._call("get", each)([each.valueReference])[0] for each in entries]
+        references = {name: self.entries[name].valueReference for name in names}
+        return [self._call("get", name)([at])[0] for name, at in references.items()]
 
     def outputs(self) -> tuple[str, ...]:
         """The names of its outputs."""
@@ -74,19 +75,23 @@ class Unit:
         self.fmu.setFMUState(state)
         self.fmu.freeFMUState(state)
 
-    def _call(self, verb: str, entry: Any) -> Callable[..., Any]:
-        return cast("Callable[..., Any]", getattr(self.fmu, f"{verb}{entry.type}"))
+    def _call(self, verb: str, name: str) -> Callable[..., Any]:
+        call: Callable[..., Any] = getattr(self.fmu, f"{verb}{self.entries[name].type}")
+        return call
 
 
 @contextmanager
 def exported(
-    spec: Spec, fmi: int, heard: Callable[..., None] | None = None, **options: Any
+    spec: Spec,
+    fmi: Fmi,
+    heard: Callable[..., None] | None = None,
+    **options: Any,  # noqa: ANN401 - those of export_fmu
 ) -> Iterator[Unit]:
     """An instance of a monitor, which is exported for it."""
     folder = Path(tempfile.mkdtemp())
     try:
         path = folder / "monitor.fmu"
-        export_fmu(spec, path, fmi=cast("Any", fmi), **options)
+        export_fmu(spec, path, fmi=fmi, **options)
         unit = Unit(path, Path(fmpy.extract(path, folder / "unpacked")), heard)
         try:
             yield unit

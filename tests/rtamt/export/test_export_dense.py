@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import Trace, length, sample, traces
 
-from rtamt import DenseMonitor, InputError, SpecificationError
+from rtamt import DenseMonitor, InputError, SpecificationError, parse
+from rtamt.export.programs import Fmi
 
 INF = math.inf
 
@@ -23,7 +24,7 @@ INF = math.inf
     steps=st.lists(st.sampled_from((0.25, 1.0, 1.5, 3.0)), min_size=12, max_size=12),
 )
 def test_a_monitor_over_dense_time_settles_what_the_dense_monitor_does(
-    fmi: int, drawn: Drawn, trace: Trace, steps: list[float]
+    fmi: Fmi, drawn: Drawn, trace: Trace, steps: list[float]
 ) -> None:
     try:
         dense = DenseMonitor(drawn.text, backend="python")
@@ -65,9 +66,7 @@ def bounds_of(text: str, first: float, last: float) -> list[float]:
 @pytest.mark.parametrize("unit", ["s", "ms"])
 def test_steps_are_in_seconds_whatever_the_unit_of_the_text(unit: str) -> None:
     size = {"s": 1.0, "ms": 0.001}[unit]
-    import rtamt
-
-    spec = rtamt.parse("eventually[0:2](x > 0)", unit=unit)
+    spec = parse("eventually[0:2](x > 0)", unit=unit)
     with exported(spec, 2, dense=True) as monitor:
         monitor.begin()
         settled = []

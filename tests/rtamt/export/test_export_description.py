@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt import SpecificationError, export_fmu
+from rtamt.export.programs import Fmi
 
 TEXT = """
 specification lane
@@ -28,7 +29,7 @@ whole = always(near implies eventually[0:T](odom.twist[1].x < 0 and near))
 def test_every_export_is_valid(tmp_path: Path) -> None:
     @settings(max_examples=30)
     @given(drawn=texts(dense=True), fmi=st.sampled_from((2, 3)), dense=st.booleans())
-    def check(drawn: Drawn, fmi: Any, dense: bool) -> None:  # noqa: FBT001 - hypothesis draws it
+    def check(drawn: Drawn, fmi: Fmi, dense: bool) -> None:  # noqa: FBT001 - hypothesis draws it
         kind: dict[str, Any] = {"dense": True} if dense else {"period": "500ms"}
         try:
             export_fmu(drawn.text, tmp_path / "drawn.fmu", fmi=fmi, **kind)
@@ -40,7 +41,7 @@ def test_every_export_is_valid(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Any) -> None:
+def test_the_variables_are_those_of_the_specification(tmp_path: Path, fmi: Fmi) -> None:
     path = tmp_path / "lane.fmu"
     export_fmu(TEXT, path, period="100ms", fmi=fmi, stop_on_violation=True)
     assert validate_fmu(path) == []
@@ -89,7 +90,7 @@ def test_dense_time_suggests_no_step(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_outputs_depend_on_no_input_of_their_own_time(tmp_path: Path, fmi: Any) -> None:
+def test_outputs_depend_on_no_input_of_their_own_time(tmp_path: Path, fmi: Fmi) -> None:
     export_fmu("a = x > 0; always(a)", tmp_path / "one.fmu", period=1, fmi=fmi)
     described = read_model_description(tmp_path / "one.fmu")
     known = [(each.variable.name, each.dependencies) for each in described.outputs]

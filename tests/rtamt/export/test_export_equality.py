@@ -21,6 +21,7 @@ from rtamt import (
     export_fmu,
     parse,
 )
+from rtamt.export.programs import Fmi
 
 
 class Expected:
@@ -37,7 +38,8 @@ class Expected:
         self.outputs = ("robustness", "lower", "upper", "verdict", *self.monitors)
 
     def update(self, values: Mapping[str, float]) -> None:
-        for monitor in (*self.monitors.values(), self.episode):
+        monitors: list[Monitor | EpisodeMonitor] = [*self.monitors.values(), self.episode]
+        for monitor in monitors:
             monitor.update({name: values[name] for name in monitor.variables})
 
     @property
@@ -67,7 +69,7 @@ def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> 
 @settings(max_examples=40)
 @given(drawn=texts(), trace=traces(), period=st.sampled_from((1.0, 0.5)))
 def test_an_exported_monitor_is_the_episode_monitor(
-    fmi: int, drawn: Drawn, trace: Trace, period: float
+    fmi: Fmi, drawn: Drawn, trace: Trace, period: float
 ) -> None:
     try:
         expected = Expected(drawn, period)
@@ -84,7 +86,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
 @settings(max_examples=40)
 @given(drawn=texts(), trace=traces())
 def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
-    fmi: int, drawn: Drawn, trace: Trace
+    fmi: Fmi, drawn: Drawn, trace: Trace
 ) -> None:
     try:
         EpisodeMonitor(drawn.text, 1)

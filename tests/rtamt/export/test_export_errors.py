@@ -20,8 +20,10 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             TIMED,
             {},
             InputError,
-            "expected the time between samples, period= in seconds or as text such as '100ms', "
-            "or dense=True",
+            (
+                "expected the time between samples, period= in seconds or as text such as '100ms', "
+                "or dense=True"
+            ),
         ),
         (
             TIMED,
@@ -40,53 +42,65 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             TIMED,
             {"period": 3},
             SpecificationError,
-            "STL:1:51: bound 2 s is not a multiple of the period 3 s (0.666667 steps)\n"
-            "  const float T = 2; always(x > 1 implies eventually[0:T](y > 0))\n"
-            "                                                    ^\n"
-            "  hint: use 0 s or 3 s, take samples 1 s apart, or let align= round it",
+            (
+                "STL:1:51: bound 2 s is not a multiple of the period 3 s (0.666667 steps)\n"
+                "  const float T = 2; always(x > 1 implies eventually[0:T](y > 0))\n"
+                "                                                    ^\n"
+                "  hint: use 0 s or 3 s, take samples 1 s apart, or let align= round it"
+            ),
         ),
         (
             "lower = x > 0; always(lower)",
             {"period": 1},
             SpecificationError,
-            "an FMU of a monitor has a variable 'lower' of its own; "
-            "give the 'lower' of the specification another name",
+            (
+                "an FMU of a monitor has a variable 'lower' of its own; "
+                "give the 'lower' of the specification another name"
+            ),
         ),
         (
             "const float upper = 3; always(x < upper)",
             {"dense": True},
             SpecificationError,
-            "an FMU of a monitor has a variable 'upper' of its own; "
-            "give the 'upper' of the specification another name",
+            (
+                "an FMU of a monitor has a variable 'upper' of its own; "
+                "give the 'upper' of the specification another name"
+            ),
         ),
         (
             "done = eventually(y > 0); always(x > 1 implies done)",
             {"period": 1},
             SpecificationError,
-            "STL:1:8: 'eventually' without an end needs the whole future, "
-            "for which the output of a named formula cannot wait\n"
-            "  done = eventually(y > 0); always(x > 1 implies done)\n"
-            "         ^\n"
-            "  hint: write an end, as in eventually[0:10], or use the formula in place of its name",
+            (
+                "STL:1:8: 'eventually' without an end needs the whole future, "
+                "for which the output of a named formula cannot wait\n"
+                "  done = eventually(y > 0); always(x > 1 implies done)\n"
+                "         ^\n"
+                "  hint: write an end, as in eventually[0:10], or use the formula in place of its name"
+            ),
         ),
         (
             "always(x > 1 implies eventually(y > 0))",
             {"dense": True},
             SpecificationError,
-            "STL:1:22: 'eventually' without an end needs the whole future, "
-            "for which an FMU over dense time cannot wait\n"
-            "  always(x > 1 implies eventually(y > 0))\n"
-            "                       ^\n"
-            "  hint: write an end, as in eventually[0:10], or use a period, which takes samples",
+            (
+                "STL:1:22: 'eventually' without an end needs the whole future, "
+                "for which an FMU over dense time cannot wait\n"
+                "  always(x > 1 implies eventually(y > 0))\n"
+                "                       ^\n"
+                "  hint: write an end, as in eventually[0:10], or use a period, which takes samples"
+            ),
         ),
         (
             "rise(x > 1)",
             {"dense": True},
             SpecificationError,
-            "STL:1:1: 'rise' speaks of neighbouring samples, and dense time has none\n"
-            "  rise(x > 1)\n"
-            "  ^\n"
-            "  hint: look a time d away with once[0:d], or use Monitor with a period",
+            (
+                "STL:1:1: 'rise' speaks of neighbouring samples, and dense time has none\n"
+                "  rise(x > 1)\n"
+                "  ^\n"
+                "  hint: look a time d away with once[0:d], or use Monitor with a period"
+            ),
         ),
     ],
 )
@@ -113,7 +127,7 @@ def test_without_the_library_nothing_is_exported(
     with pytest.raises(InputError) as raised:
         export_fmu(TIMED, tmp_path / "monitor.fmu", period=1)
     assert str(raised.value) == (
-        "the library of FMUs, librtamt_fmu.so, was not built; "
+        "the library of FMUs, rtamt_monitor.so, was not built; "
         "reinstall rtamt where a C++20 compiler is found"
     )
     assert list(tmp_path.iterdir()) == []

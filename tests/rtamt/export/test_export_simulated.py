@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import fmpy  # type: ignore[import-untyped]
 import numpy as np
@@ -14,6 +13,7 @@ from fmus import library, write_fmu
 from numpy.typing import NDArray
 
 from rtamt import EpisodeMonitor, Monitor, export_fmu, parse
+from rtamt.export.programs import Fmi
 
 TEXT = """
 const float limit = 4
@@ -52,7 +52,7 @@ def same(x: Sequence[Sequence[float]], y: Sequence[Sequence[float]]) -> bool:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("limit", [4.0, 2.5])
-def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Any, limit: float) -> None:
+def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Fmi, limit: float) -> None:
     path, samples = tmp_path / "monitor.fmu", signals(60)
     export_fmu(TEXT, path, period="250ms", fmi=fmi)
     found = simulate_fmu(
@@ -70,7 +70,7 @@ def test_fmpy_simulates_the_episode_monitor(tmp_path: Path, fmi: Any, limit: flo
 @pytest.mark.parametrize("fmi", [2, 3])
 @pytest.mark.parametrize("stops", ["by default", "by parameter", "not"])
 def test_the_first_certain_violation_ends_the_simulation(
-    tmp_path: Path, fmi: Any, stops: str
+    tmp_path: Path, fmi: Fmi, stops: str
 ) -> None:
     path, samples = tmp_path / "monitor.fmu", signals(60)
     export_fmu(TEXT, path, period="250ms", fmi=fmi, stop_on_violation=stops == "by default")
@@ -83,7 +83,7 @@ def test_the_first_certain_violation_ends_the_simulation(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_a_monitor_beside_a_plant_sees_every_sample(tmp_path: Path, fmi: int) -> None:
+def test_a_monitor_beside_a_plant_sees_every_sample(tmp_path: Path, fmi: Fmi) -> None:
     text = "const float most = 3; rises = inflow > 1; always(rises implies level < most)"
     tank = write_fmu(tmp_path / "tank.fmu", library(fmi, tmp_path), fmi)
     plant = Unit(tank, Path(fmpy.extract(tank, tmp_path / "tank")))

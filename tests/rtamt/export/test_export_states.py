@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from strategies import Trace, length, sample, traces
 
 from rtamt import SpecificationError, parse
+from rtamt.export.programs import Fmi
 
 KINDS: dict[str, dict[str, Any]] = {"samples": {"period": 1}, "dense": {"dense": True}}
 
@@ -32,7 +33,7 @@ def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> l
 @settings(max_examples=12)
 @given(drawn=texts(dense=True), trace=traces(4), at=st.integers(0, 4))
 def test_a_restored_monitor_goes_on_alike(
-    fmi: int, kind: str, drawn: Drawn, trace: Trace, at: int
+    fmi: Fmi, kind: str, drawn: Drawn, trace: Trace, at: int
 ) -> None:
     names = parse(drawn.text).variables
     try:
