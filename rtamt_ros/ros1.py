@@ -28,7 +28,7 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_ros.middleware import Handle, Level, Publisher
 
-__all__ = ["Ros1"]
+__all__ = ["Ros1", "legal_name"]
 
 # The messages of the package rtamt_msgs, which few have installed: they are made at run time.
 _STAMPED = ("FloatStamped", "FloatMessage")
@@ -61,7 +61,7 @@ class Ros1:
         # rospy takes remappings from `arguments`, but the namespace from `sys.argv` alone.
         namespace = rosgraph.names.get_ros_namespace(argv=arguments)
         rospy.names._set_caller_id(f"{namespace}unnamed")  # noqa: SLF001
-        rospy.init_node(_legal(name), list(arguments), anonymous=True, disable_signals=True)
+        rospy.init_node(legal_name(name), list(arguments), anonymous=True, disable_signals=True)
         self.name: str = rospy.get_name()
         self._timers: list[_Timer] = []
         self._ended: SimpleQueue[None] = SimpleQueue()  # whose `put` may interrupt its `get`
@@ -137,7 +137,7 @@ def _signals(end: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _legal(name: str) -> str:
+def legal_name(name: str) -> str:
     """The nearest name that ROS allows: letters of ASCII, digits and ``_``, a letter first."""
     words = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_")
     return words if words[:1].isalpha() else f"monitor_{words}".rstrip("_")

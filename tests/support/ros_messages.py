@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 from ros_processes import Ros
 from rosbags.rosbag1 import Writer as Writer1
@@ -71,15 +71,23 @@ class Probe:
         self._changed = threading.Condition()
         assert process.stdout is not None
         assert process.stdout.readline() == "null\n"
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(process.stdout,))
+        self._reader.start()
 
-    def _read(self) -> None:
-        for line in self._process.stdout or ():
-            said = json.loads(line)
-            data = bytes.fromhex(said.pop("data"))
-            with self._changed:
-                self._heard.append(Heard(data=data, generation=self._generation, **said))
-                self._changed.notify_all()
+    def _read(self, lines: IO[str]) -> None:
+        with lines:
+            for line in lines:
+                said = json.loads(line)
+                data = bytes.fromhex(said.pop("data"))
+                with self._changed:
+                    self._heard.append(Heard(data=data, generation=self._generation, **said))
+                    self._changed.notify_all()
+
+    def end(self) -> None:
+        """Ends the process."""
+        self._process.kill()
+        self._process.wait(10)
+        self._reader.join()
 
     def heard(self, topic: str) -> list[Heard]:
         """What came on a topic up to now."""
@@ -110,11 +118,11 @@ def probe(ros: Ros, topics: Mapping[str, str], *, last: bool = False) -> Iterato
         env=ros.environment,
         cwd=ros.folder,
     )
+    found = Probe(ros, process)
     try:
-        yield Probe(ros, process)
+        yield found
     finally:
-        process.kill()
-        process.wait(10)
+        found.end()
 
 
 def write_mcap(heard: list[Heard], folder: Path) -> Path:

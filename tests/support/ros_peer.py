@@ -112,6 +112,10 @@ class Desk:
             return f"{type(error).__name__}: {error}"
         return "none"
 
+    def path(self, folder: str) -> None:
+        """Lets packages be imported from a folder."""
+        sys.path.append(folder)
+
     def stamped(self, package: str, name: str, time: int | None) -> int | None:
         """The stamp of a new message, set to a time."""
         message = self.node.message_class(package, name)()
