@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -45,7 +46,6 @@ class StlMonitor:
 
     Attributes:
         ros: The middleware.
-        refused: Why the last transition failed; None if it did not.
     """
 
     def __init__(
@@ -55,7 +55,6 @@ class StlMonitor:
         parameters: Mapping[str, object] | None = None,
     ) -> None:
         self._monitor: MonitorNode | None = None
-        self.refused: RtamtError | None = None
         self.ros = Ros2(name, arguments, make=partial(_Node, self, parameters or {}))
         self.node: LifecycleNode = self.ros.node
 
@@ -87,14 +86,15 @@ class StlMonitor:
         self._monitor = None
 
     def transition(self, act: Callable[[], None]) -> TransitionCallbackReturn:
-        """Does what a transition asks for; what it refuses is logged, and kept in `refused`."""
+        """Does what a transition asks for; what it refuses is logged."""
         try:
             act()
         except RtamtError as error:
-            self.refused = error
             self.ros.log(Level.ERROR, _text(error))
             return TransitionCallbackReturn.FAILURE
-        self.refused = None
+        except Exception:  # noqa: BLE001 - rclpy would say nothing of it
+            self.ros.log(Level.ERROR, traceback.format_exc())
+            return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
     def set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
@@ -105,15 +105,19 @@ class StlMonitor:
                 self._change(given)
         except RtamtError as error:
             return SetParametersResult(successful=False, reason=_text(error))
+        except Exception as error:  # noqa: BLE001 - rclpy would not answer
+            self.ros.log(Level.ERROR, traceback.format_exc())
+            return SetParametersResult(successful=False, reason=f"{type(error).__name__}: {error}")
         return SetParametersResult(successful=True)
 
     def _change(self, given: Mapping[str, object]) -> None:
-        values = {**self._values(), **given}
+        before = self._values()
+        values = {**before, **given}
         specifications, settings = read(values)
         if self._monitor is None:
             return
         for name in ("qos", "depth"):
-            if name in given and self._monitor.running:
+            if values[name] != before[name] and self._monitor.running:
                 raise InputError(f"{name} is of subscriptions: deactivate the node, then set it")
         self._monitor.replace(_some(specifications), settings)
         self._hear(values)

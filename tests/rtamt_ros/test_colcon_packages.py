@@ -1,0 +1,52 @@
+"""The packages for colcon fit the Python package that they start."""
+
+import re
+import tomllib
+import xml.etree.ElementTree as ET
+
+import pytest
+from paths import ROOT
+
+import rtamt
+from rtamt_ros.parameters import PARAMETERS
+
+PACKAGES = ROOT / "ros"
+VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+
+
+@pytest.mark.parametrize("package", ["rtamt_ros", "rtamt_msgs"])
+def test_a_package_has_its_name_and_the_version_of_rtamt(package: str) -> None:
+    manifest = ET.parse(PACKAGES / package / "package.xml").getroot()  # noqa: S314 - our own file
+    assert (manifest.findtext("name"), manifest.findtext("version")) == (package, VERSION)
+
+
+def test_what_is_installed_is_there_and_what_is_there_is_installed() -> None:
+    folder = PACKAGES / "rtamt_ros"
+    setup = (folder / "setup.py").read_text()
+    assert f'version="{VERSION}"' in setup
+    named = set(re.findall(r'"((?:config|launch|resource|scripts)/[^"]+|package\.xml)"', setup))
+    files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
+    assert named == files - {"setup.py", "setup.cfg"}
+
+
+def test_the_file_of_parameters_says_their_defaults() -> None:
+    text = (PACKAGES / "rtamt_ros/config/stl_monitor.yaml").read_text()
+    found = dict(re.findall(r"^    (\w+): (\S+)", text, re.MULTILINE))
+    assert found.pop("stale") == "0.5"  # five periods of 100 ms
+    assert found == {
+        name: str(PARAMETERS[name][0]).lower()
+        for name in ("period", "unit", "stamps", "qos", "autostart")
+    }
+
+
+def test_the_example_reads_what_the_simulated_robot_says() -> None:
+    specification = rtamt.load(PACKAGES / "rtamt_ros/config/follows.stl")
+    topics = {each.topic: each.message for each in rtamt.subscriptions(specification)}
+    assert topics == {"robot0/cmd_vel": "Twist", "robot0/odom": "Odometry"}
+
+
+def test_both_names_of_the_stamped_message_have_its_fields() -> None:
+    for name in ("FloatStamped", "FloatMessage"):
+        text = (PACKAGES / f"rtamt_msgs/msg/{name}.msg").read_text()
+        fields = [line for line in text.splitlines() if not line.startswith("#")]
+        assert fields == ["std_msgs/Header header", "float64 value"]
