@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
-from rtamt import Specification
+from rtamt import InputError, Specification, parse
+from rtamt_ros.core.classes import check_input, check_output
+from rtamt_ros.core.inputs import Input
+from rtamt_ros.core.judges import Judges
+from rtamt_ros.core.outputs import bound_topics, outputs_of
+from rtamt_ros.core.publishing import BOUNDS, Diagnostics, Publishing
 from rtamt_ros.core.report import Report
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.middleware import Middleware
+from rtamt_ros.middleware import Handle, Middleware
 
 __all__ = ["MonitorNode", "Report", "Settings"]
 
@@ -34,10 +42,6 @@ class MonitorNode:
         SpecificationError: On a text that is no specification, or that a monitor cannot run; on
             messages of an unknown class; if two requirements have one name or one topic.
         InputError: On a class of messages that is not installed.
-
-    Attributes:
-        settings: How it samples.
-        specifications: What it monitors, parsed.
     """
 
     def __init__(
@@ -46,28 +50,50 @@ class MonitorNode:
         specifications: Sequence[str | Specification],
         settings: Settings | None = None,
     ) -> None:
-        raise NotImplementedError
+        self._middleware = middleware
+        self._lock = threading.RLock()
+        self._plan = _Plan(middleware, specifications, settings or Settings())
+        self._running: _Running | None = None
 
-    settings: Settings
-    specifications: tuple[Specification, ...]
+    @property
+    def settings(self) -> Settings:
+        """How it samples."""
+        return self._plan.settings
+
+    @property
+    def specifications(self) -> tuple[Specification, ...]:
+        """What it monitors, parsed."""
+        return self._plan.specifications
 
     @property
     def running(self) -> bool:
         """Whether it was started and not stopped."""
-        raise NotImplementedError
+        return self._running is not None
 
     @property
     def reports(self) -> tuple[Report, ...]:
         """What it said last of every requirement; empty before the first look."""
-        raise NotImplementedError
+        running = self._running
+        return () if running is None else running.judges.reports
 
     def start(self) -> None:
-        """Subscribe, publish and sample; the monitors begin anew. Twice is once."""
-        raise NotImplementedError
+        """Subscribe, publish and sample; the monitors begin anew. Twice is once.
+
+        Raises:
+            InputError: If ROS refuses a topic; then nothing is left open.
+        """
+        with self._lock:
+            if self._running is None:
+                running = _Running(self._middleware, self._plan)
+                running.open()
+                self._running = running
 
     def stop(self) -> None:
         """Close every subscription, publisher and timer; the record is complete. Twice is once."""
-        raise NotImplementedError
+        with self._lock:
+            running, self._running = self._running, None
+        if running is not None:
+            running.close()
 
     def replace(
         self, specifications: Sequence[str | Specification], settings: Settings | None = None
@@ -80,6 +106,130 @@ class MonitorNode:
 
         Raises:
             SpecificationError: As for the class. The node then goes on with what it had.
-            InputError: As for the class. The node then goes on with what it had.
+            InputError: As for the class, or if ROS refuses a topic, for which a running node has
+                begun anew with what it had.
         """
-        raise NotImplementedError
+        with self._lock:
+            before, was_running = self._plan, self.running
+            plan = _Plan(self._middleware, specifications, settings or before.settings)
+            self.stop()
+            self._plan = plan
+            if was_running:
+                try:
+                    self.start()
+                except InputError:
+                    self._plan = before
+                    self.start()
+                    raise
+
+
+class _Plan:
+    """What a node needs before it starts, found and checked."""
+
+    def __init__(
+        self,
+        middleware: Middleware,
+        specifications: Sequence[str | Specification],
+        settings: Settings,
+    ) -> None:
+        self.settings = settings
+        self.specifications = tuple(
+            parse(each) if isinstance(each, str) else each for each in specifications
+        )
+        if not self.specifications:
+            raise InputError("expected a specification or more, got none")
+        judges = self.judges()
+        self.outputs = outputs_of(judges.requirements)
+        self.bounds = bound_topics(self.outputs)
+        self.formulas = {each.name: str(each.specification.formula) for each in judges.requirements}
+        wanted = {("std_msgs", message) for message in BOUNDS.values()}
+        wanted |= {(each.package, each.message) for each in self.outputs}
+        wanted |= {_class(each) for each in judges.inputs}
+        self.classes = {each: middleware.message_class(*each) for each in sorted(wanted)}
+        for source in judges.inputs:
+            for field in source.fields:
+                name = "/".join(_class(source))
+                check_input(self.of(source), name, field.variable, field.path)
+        for output in self.outputs:
+            key = output.package, output.message
+            for path in output.formulas.values():
+                check_output(self.classes[key], "/".join(key), path)
+
+    def judges(self) -> Judges:
+        """Monitors that have seen nothing."""
+        return Judges(self.specifications, self.settings)
+
+    def of(self, source: Input) -> type:
+        """The class of the messages of an input."""
+        return self.classes[_class(source)]
+
+
+def _class(source: Input) -> tuple[str, str]:
+    return source.package or "", source.message or ""
+
+
+class _Running:
+    """A node while it runs: its monitors, and all that it has open."""
+
+    def __init__(self, middleware: Middleware, plan: _Plan) -> None:
+        self.judges = plan.judges()
+        self._middleware = middleware
+        self._plan = plan
+        self._lock = threading.RLock()  # of what is published, and of monitors in dense time
+        self._closed = False
+        self._handles: list[Handle] = []
+
+    def open(self) -> None:
+        plan, middleware = self._plan, self._middleware
+        publishing = Publishing(middleware, plan.outputs, plan.bounds, plan.classes)
+        self._publish = publishing.publish
+        self._diagnostics = Diagnostics(middleware, plan.formulas)
+        self._handles += [publishing, self._diagnostics]
+        try:
+            for source in self.judges.inputs:
+                callback = self._callback(source)
+                self._handles.append(middleware.subscribe(source.topic, plan.of(source), callback))
+            self._handles.append(middleware.every(plan.settings.period, self._look))
+        except InputError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        with self._lock:
+            self._closed = True
+        # Not under the lock: a handle may wait for a callback that waits for the lock.
+        while self._handles:
+            self._handles.pop().close()
+        with self._lock:
+            self.judges.close()
+
+    def _callback(self, source: Input) -> Callable[[Any], None]:
+        """What a message of a topic does."""
+        now, stamp, take = self._middleware.now, self._middleware.stamp, source.take
+        if self._plan.settings.dense:
+            return partial(self._take, source)
+
+        def by_stamp(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+            take(message, stamp(message) or now())
+
+        def by_receipt(message: Any) -> None:  # noqa: ANN401
+            take(message, now())
+
+        return by_stamp if self._plan.settings.stamps else by_receipt
+
+    def _take(self, source: Input, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+        with self._lock:
+            if not self._closed:
+                now = self._middleware.now()
+                time = (self._plan.settings.stamps and self._middleware.stamp(message)) or now
+                for report in self.judges.take(source, message, time, now):
+                    self._publish(report)
+
+    def _look(self) -> None:
+        with self._lock:
+            if not self._closed:
+                now = self._middleware.now()
+                for report in self.judges.look(now):
+                    self._publish(report)
+                if self._diagnostics.tell(self.judges.reports, now):
+                    self.judges.flush()

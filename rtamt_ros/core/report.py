@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple
 
-from rtamt import Verdict
+from rtamt import Verdict, holds
 from rtamt_ros.middleware import Level
 
-__all__ = ["Report"]
+__all__ = ["Report", "seconds"]
+
+_NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class Report(NamedTuple):
     """What a monitor says of a requirement at one time.
 
     Attributes:
@@ -20,17 +22,18 @@ class Report:
         time: Nanoseconds of the clock of ROS: the time of the last sample; in dense time the one up
             to which the robustness is known. The time of the look while there is neither.
         level: How bad it is.
-        text: One line: ``"satisfied so far"``, ``"waiting for odom"``, ``"odom stale 0.4 s"``.
+        problem: Why there is no robustness, or what is wrong with an input; empty if all is well.
         robustness: None while nothing can be said: an input has not come, or the latency has not
             passed since the start. nan while an input is stale.
         about: The time that the robustness is about: `time` less the latency. None without a
             robustness.
-        values: The robustness of every named formula of the requirement, under the same rule.
         lower: The least robustness since the last start, over all continuations; nan while an input
             is stale; None before the first sample.
         upper: The greatest.
         verdict: The verdict since the last start; UNDECIDED while an input is stale; None before
             the first sample.
+        values: The robustness of every named formula of the requirement, nan until its own latency
+            has passed; empty while there is nothing to say.
         worst: The least robustness since the node was started; None before the first.
         worst_time: The time that it is about.
         stale: The inputs that are stale.
@@ -41,18 +44,19 @@ class Report:
         out_of_order: Messages left out because they are older than the one before.
         errors: Messages left out because a field was nan, or was not there.
         restarts: How often the monitor began anew, after a gap or a jump of the clock.
+        restarted_because: Why it did so last.
     """
 
     name: str
     time: int
     level: Level
-    text: str
+    problem: str = ""
     robustness: float | None = None
     about: int | None = None
-    values: Mapping[str, float | None] = field(default_factory=dict)
     lower: float | None = None
     upper: float | None = None
     verdict: Verdict | None = None
+    values: Mapping[str, float] = _NO_VALUES
     worst: float | None = None
     worst_time: int | None = None
     stale: tuple[str, ...] = ()
@@ -63,3 +67,45 @@ class Report:
     out_of_order: int = 0
     errors: int = 0
     restarts: int = 0
+    restarted_because: str = ""
+
+    @property
+    def text(self) -> str:
+        """All of it in one line, ``"holds so far, robustness 0.5"`` or ``"odom stale 0.4 s"``."""
+        parts = [self._robustness_text(), self.problem]
+        if self.violations:
+            times, at = _counted(self.violations, "time"), seconds(self.violated_at or 0, 3)
+            parts.append(f"violated {times} since start, first at {at}")
+        if self.restarts:
+            last = "" if self.restarts == 1 else ", the last"
+            times = _counted(self.restarts, "time")
+            parts.append(f"restarted {times}{last} because {self.restarted_because}")
+        if self.missed:
+            parts.append(f"{_counted(self.missed, 'sample')} late")
+        return "; ".join(part for part in parts if part)
+
+    def _robustness_text(self) -> str:
+        robustness, violated = self.robustness, self.verdict is Verdict.VIOLATED
+        if self.verdict is None or robustness != robustness:  # noqa: PLR0124 - nan
+            return ""
+        if robustness is None:
+            return "violated, robustness not known yet" if violated else "robustness not known yet"
+        said = "holds" if violated else "holds so far"
+        if not holds(robustness):
+            said = "violated" if violated else "does not hold"
+            said = "not yet" if self.level < Level.ERROR else said
+        elif self.verdict is Verdict.SATISFIED:
+            said = "satisfied"
+        at = ""
+        if self.about is not None and self.about != self.time:
+            at = f" at {seconds(self.about, 3)}"
+        return f"{said}, robustness {robustness:.4g}{at}"
+
+
+def seconds(nanoseconds: float, digits: int = 1) -> str:
+    """A duration or a time for a reader: ``0.4 s``."""
+    return f"{nanoseconds / 1e9:.{digits}f} s"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"

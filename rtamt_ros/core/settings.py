@@ -28,8 +28,9 @@ class Settings:
             periods, and at least half a second.
         stale_of: The same for single topics, named as in the specification.
         semantics: As for `rtamt.Monitor`.
-        record: A CSV file for times, variables and robustness of every sample. The first run of the
-            monitor goes to the file itself, the one after the n-th restart to ``NAME-n.csv``.
+        record: A CSV file for times, variables and robustness of every sample, or in dense time for
+            times and variables of every event. A run of the monitor after a restart has a file of
+            its own, ``NAME-2.csv``; of several requirements each has, ``NAME-REQUIREMENT.csv``.
 
     Raises:
         InputError: On a period or a time that is not positive.
@@ -57,9 +58,14 @@ class Settings:
                     "inf is never"
                 )
 
+    @property
+    def gap(self) -> int:
+        """Nanoseconds that are no delay but a gap: five periods, and at least half a second."""
+        return max(5 * self.period, _SECOND // 2)
+
     def stale_after(self, topic: str) -> float:
         """Nanoseconds without a message after which an input is stale; inf: never."""
         seconds = self.stale_of.get(topic, self.stale)
         if seconds is None:
-            return max(5 * self.period, _SECOND // 2)
+            return self.gap
         return seconds if math.isinf(seconds) else round(seconds * _SECOND)

@@ -1,0 +1,152 @@
+"""What was found of a requirement since the node was started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rtamt import Verdict, holds
+from rtamt_ros.core.report import Report, seconds
+from rtamt_ros.core.requirements import Requirement
+from rtamt_ros.middleware import Level
+
+__all__ = ["Account"]
+
+_NAN = float("nan")
+_UNKNOWN: Mapping[str, Any] = {
+    "robustness": _NAN,
+    "lower": _NAN,
+    "upper": _NAN,
+    "verdict": Verdict.UNDECIDED,
+}
+"""What is reported in place of what is no longer known."""
+
+
+class Account:
+    """Counts what happens to a requirement, and makes its reports.
+
+    Args:
+        requirement: The requirement.
+
+    Attributes:
+        last: The last report.
+        missed: As in `Report`.
+        restarts: As in `Report`.
+    """
+
+    def __init__(self, requirement: Requirement) -> None:
+        self.name = requirement.name
+        self.inputs = requirement.inputs
+        self.last: Report | None = None
+        self.missed = self.restarts = 0
+        self._began = False
+        self._why = ""
+        self._worst: float | None = None
+        self._worst_time: int | None = None
+        self._violations = 0
+        self._violated_at: int | None = None
+
+    def begin(self, why: str) -> None:
+        """A run begins; why the one before has ended."""
+        if self._began:
+            self.restarts += 1
+            self._why = why
+        self._began = True
+
+    def found(self, robustness: float, about: int) -> None:
+        """A robustness is known."""
+        if self._worst is None or robustness < self._worst:
+            self._worst, self._worst_time = robustness, about
+
+    def violated(self, time: int) -> None:
+        """The violation is certain; once a run."""
+        self._violations += 1
+        if self._violated_at is None:
+            self._violated_at = time
+
+    def without_clock(self) -> Report:
+        """The report before a simulated clock has begun."""
+        return self._report(0, Level.WARN, "waiting for the clock")
+
+    def without(self, now: int) -> tuple[Report, str]:
+        """The report while inputs have not come or are stale, and why a run ends."""
+        waiting = [each for each in self.inputs if each.time is None]
+        stale = [each for each in self.inputs if each.is_stale(now)]
+        gone = [each.name for each in self.inputs if each in waiting or each in stale]
+        what = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []
+        what += [f"{each.name} stale {seconds(each.age(now))}" for each in stale]
+        what += [each.error for each in (*waiting, *stale) if each.error]
+        level = Level.ERROR if any(each.error for each in waiting) else Level.WARN
+        report = self._report(
+            now,
+            Level.STALE if stale else level,
+            "; ".join(what),
+            stale=tuple(each.name for each in stale),
+            waiting=tuple(each.name for each in waiting),
+            **(_UNKNOWN if self._began else {}),
+        )
+        return report, f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
+
+    def failed(self, time: int, reason: str) -> Report:
+        """The report of values that have no robustness, such as ``sqrt(-1)``."""
+        return self._report(time, Level.ERROR, reason, **_UNKNOWN)
+
+    def judged(
+        self,
+        time: int,
+        robustness: float | None,
+        about: int | None,
+        bounds: tuple[float, float],
+        verdict: Verdict,
+        values: Mapping[str, float],
+        *,
+        may_rise: bool,
+    ) -> Report:
+        """The report of a time at which the monitor has all it needs.
+
+        A robustness that may rise, as that of a goal without an end does, is no error while it is
+        negative.
+        """
+        problem = ""
+        for source in self.inputs:
+            if source.error:
+                problem = f"{problem}; {source.error}" if problem else source.error
+        level = Level.WARN if problem or self._violations else Level.OK
+        if robustness is None:
+            level = Level.ERROR if verdict is Verdict.VIOLATED else level
+        elif not holds(robustness) and (verdict is Verdict.VIOLATED or not may_rise):
+            level = Level.ERROR
+        return self._report(
+            time,
+            level,
+            problem,
+            robustness=robustness,
+            about=about,
+            lower=bounds[0],
+            upper=bounds[1],
+            verdict=verdict,
+            values=values,
+        )
+
+    def _report(self, time: int, level: Level, problem: str, **found: Any) -> Report:  # noqa: ANN401
+        out_of_order = errors = 0
+        for source in self.inputs:
+            out_of_order += source.out_of_order
+            errors += source.errors
+        self.last = Report(
+            self.name,
+            time,
+            level,
+            problem,
+            worst=self._worst,
+            worst_time=self._worst_time,
+            violations=self._violations,
+            violated_at=self._violated_at,
+            missed=self.missed,
+            out_of_order=out_of_order,
+            errors=errors,
+            restarts=self.restarts,
+            restarted_because=self._why,
+            **found,
+        )
+        return self.last

@@ -1,0 +1,195 @@
+"""A requirement in dense time: messages are events at their times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from operator import itemgetter
+from typing import Any
+
+from rtamt import DenseMonitor, InputError, Verdict, holds
+from rtamt_ros.core.account import Account
+from rtamt_ros.core.inputs import Input
+from rtamt_ros.core.record import Record
+from rtamt_ros.core.report import Report, seconds
+from rtamt_ros.core.requirements import Requirement, unbounded
+from rtamt_ros.core.settings import Settings
+
+__all__ = ["Dense"]
+
+_UNKNOWN = (-math.inf, math.inf)
+
+
+class Dense:
+    """Judges a requirement on events: a value lasts until the next message of its topic.
+
+    A run begins when every input has come and none is stale. The robustness of a time is reported
+    as soon as it is known: with receive times, whenever a message comes or a look is taken, as
+    topics that are silent have kept their values; with stamps, when every topic has a later one.
+
+    Args:
+        requirement: What to judge.
+        settings: The semantics, and what the times of messages are.
+        record: Where the events go.
+
+    Raises:
+        SpecificationError: If a monitor cannot run the requirement.
+    """
+
+    def __init__(
+        self, requirement: Requirement, settings: Settings, record: Record | None = None
+    ) -> None:
+        spec = requirement.specification
+        options: Any = {"semantics": settings.semantics}
+        self.account = Account(requirement)
+        self.inputs = requirement.inputs
+        self._monitor = DenseMonitor(spec, **options)
+        self._read = {
+            source: [
+                (name, place) for name, (of, place) in requirement.cells.items() if of is source
+            ]
+            for source in self.inputs
+        }
+        self._variables = self._monitor.variables
+        top = unbounded(spec)
+        self._invariant, self._goal = top == "always", top == "eventually"
+        self._silence = not settings.stamps
+        self._record = record
+        self._origin: int | None = None
+        self._fresh = True
+        self._last: dict[Input, int] = {}
+        self._why = ""
+        self._jumps = 0
+        self._robustness: tuple[float, int] | None = None
+        self._bounds, self._verdict = _UNKNOWN, Verdict.UNDECIDED
+
+    def stop(self, why: str) -> None:
+        """End the run; the next event with which every input is there begins another."""
+        if self._origin is not None:
+            self._why = why
+            self._origin = None
+
+    def event(self, source: Input, now: int) -> Sequence[Report]:
+        """The reports of what a message that was taken makes known."""
+        if self._origin is None:
+            return self._begin(now)
+        if self._has_jumped():
+            self.stop(f"the stamps of {source.name} went back by {seconds(source.went_back)}")
+            return self._begin(now)
+        return self._feed([source], now)
+
+    def look(self, now: int) -> Sequence[Report]:
+        """The reports of a time at which no message came."""
+        if self._is_absent(now):
+            report, why = self.account.without(now)
+            self.stop(why)
+            return [report]
+        if self._origin is None:
+            return self._begin(now)
+        return self._feed([], now)
+
+    def _begin(self, now: int) -> Sequence[Report]:
+        if self._is_absent(now):
+            return []
+        self._monitor.reset()
+        self._has_jumped()
+        self._origin = min(each.time or 0 for each in self.inputs)
+        self._robustness, self._last = None, {}
+        self._bounds, self._verdict = _UNKNOWN, Verdict.UNDECIDED
+        self._fresh = True
+        return self._feed(self.inputs, now)
+
+    def _is_absent(self, now: int) -> bool:
+        return any(each.time is None or each.is_stale(now) for each in self.inputs)
+
+    def _has_jumped(self) -> bool:
+        before, self._jumps = self._jumps, sum(each.jumps for each in self.inputs)
+        return before != self._jumps
+
+    def _feed(self, sources: Sequence[Input], now: int) -> Sequence[Report]:
+        origin = self._origin or 0
+        events: dict[str, list[tuple[float, float]]] = {}
+        rows: list[tuple[int, dict[str, float]]] = []
+        for source in sources:
+            time, values = source.time or 0, source.values
+            if self._silence:  # a clock may slip back a little, or have one time for two messages
+                time = max(time, self._last.get(source, time - 1) + 1)
+            self._last[source] = time
+            row = {name: values[place] for name, place in self._read[source]}
+            for name, value in row.items():
+                events[name] = [((time - origin) / 1e9, value)]
+            rows.append((time, row))
+        if self._silence:
+            self._extend(events, now, origin)
+        try:
+            found = self._monitor.update(events)
+        except InputError as error:  # a term is no number
+            self.stop("there was no robustness")
+            return [self.account.failed(now, str(error))]
+        if self._fresh:
+            self._fresh = False
+            self.account.begin(self._why)
+            if self._record is not None:
+                self._record.begin()
+        if self._record is not None:
+            for time, row in sorted(rows, key=itemgetter(0)):
+                self._record.row(time, [row.get(name) for name in self._variables])
+        return self._judged(found)
+
+    def _extend(self, events: dict[str, list[tuple[float, float]]], now: int, origin: int) -> None:
+        """The values of silent topics last until just before now."""
+        for source in self.inputs:
+            if self._last[source] < now - 1:
+                self._last[source] = now - 1
+                for name, place in self._read[source]:
+                    same = ((now - 1 - origin) / 1e9, source.values[place])
+                    events.setdefault(name, []).append(same)
+
+    def _judged(self, found: Sequence[tuple[float, float]]) -> Sequence[Report]:
+        settled = self._monitor.settled
+        if math.isinf(settled):
+            return []
+        time = self._time(settled)
+        reports = []
+        for begin, robustness in found:
+            about = self._time(begin)
+            self._robustness = robustness, about
+            self.account.found(robustness, about)
+            self._decide(robustness, time)
+            reports.append(self._report(time))
+        if not found:
+            self._report(time)
+        return reports
+
+    def _decide(self, robustness: float, time: int) -> None:
+        """What the robustness up to a time says of the run; the verdict is about its begin."""
+        if self._verdict is not Verdict.UNDECIDED and not (self._invariant or self._goal):
+            return
+        before = self._verdict
+        if self._invariant:
+            self._bounds = -math.inf, robustness
+        elif self._goal:
+            self._bounds = robustness, math.inf
+        else:
+            self._bounds = robustness, robustness
+        if not self._goal and not holds(robustness):
+            self._verdict = Verdict.VIOLATED
+        elif not self._invariant and holds(robustness):
+            self._verdict = Verdict.SATISFIED
+        if self._verdict is Verdict.VIOLATED and before is not self._verdict:
+            self.account.violated(time)
+
+    def _time(self, time: float) -> int:
+        return (self._origin or 0) + round(time * 1e9)
+
+    def _report(self, time: int) -> Report:
+        robustness, about = self._robustness or (None, None)
+        return self.account.judged(
+            time,
+            robustness,
+            about,
+            self._bounds,
+            self._verdict,
+            self._monitor.values,
+            may_rise=self._goal,
+        )

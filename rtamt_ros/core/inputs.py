@@ -1,0 +1,151 @@
+"""The last message of every topic, and how old it is."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rtamt import SubscribedField
+from rtamt_ros.core.settings import Settings
+
+__all__ = ["Input"]
+
+_UNREADABLE = (AttributeError, IndexError, KeyError, TypeError, ValueError, OverflowError)
+
+
+class Input:
+    """A topic, and what the specifications read of its last message.
+
+    `take` may be called by several threads. Nothing of a message is kept but its numbers.
+
+    Args:
+        name: What the specifications call it.
+        topic: As it is written there.
+        settings: When it is stale, and what the times of messages are.
+
+    Attributes:
+        package: The package of the class of its messages.
+        message: The name of the class.
+        fields: What is read of a message; `values` has the same order.
+        values: Those of the last message, in order; empty before the first.
+        time: Nanoseconds at which it came, or those of its stamp; None before the first.
+        taken: How many messages were taken.
+        out_of_order: How many were left out because they are older than the one before.
+        errors: How many were left out because they could not be read.
+        error: Why the last message could not be read; empty if it could.
+        jumps: How often the stamps went back by more than a gap, and stayed there.
+        went_back: By how many nanoseconds they did so last.
+    """
+
+    __slots__ = (
+        "_again",
+        "_gap",
+        "_lock",
+        "_reads",
+        "_stamps",
+        "error",
+        "errors",
+        "fields",
+        "jumps",
+        "message",
+        "name",
+        "out_of_order",
+        "package",
+        "stale_after",
+        "taken",
+        "time",
+        "topic",
+        "values",
+        "went_back",
+    )
+
+    def __init__(self, name: str, topic: str, settings: Settings) -> None:
+        self.name = name
+        self.topic = topic
+        self.package: str | None = None
+        self.message: str | None = None
+        self.stale_after = settings.stale_after(topic)
+        self.fields: list[SubscribedField] = []
+        self._reads: list[Callable[[Any], Any]] = []
+        self._stamps = settings.stamps
+        self._again = 0 if settings.dense else -1  # two events of a topic need two times
+        self._gap = settings.gap
+        self._lock = threading.Lock()
+        self.values: list[float] = []
+        self.time: int | None = None
+        self.taken = self.out_of_order = self.errors = 0
+        self.jumps = self.went_back = 0
+        self.error = ""
+
+    def add(self, field: SubscribedField) -> int:
+        """Read a field too; gives its place in `values`."""
+        paths = [each.path for each in self.fields]
+        if field.path in paths:
+            return paths.index(field.path)
+        self.fields.append(field)
+        self._reads.append(field.read)
+        return len(paths)
+
+    def take(self, message: Any, time: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
+        """Hold what is read of a message; False if it is left out."""
+        try:
+            values = [float(read(message)) for read in self._reads]
+        except _UNREADABLE as error:
+            return self._refuse(message, error)
+        for value in values:
+            if value != value:  # noqa: PLR0124 - nan
+                return self._refuse(message, None)
+        with self._lock:
+            last = self.time
+            if self._stamps and last is not None and time - last <= self._again:
+                if last - time <= self._gap:
+                    self.out_of_order += 1
+                    return False
+                self.jumps += 1
+                self.went_back = last - time
+            self.values = values
+            self.time = time
+            self.taken += 1
+            self.error = ""
+        return True
+
+    def age(self, now: int) -> int:
+        """Nanoseconds since the last message, of which there must be one."""
+        return 0 if self.time is None else now - self.time
+
+    def is_stale(self, now: int) -> bool:
+        """Whether the last message is too old; it is not if there was none."""
+        return self.age(now) > self.stale_after
+
+    def forget_after(self, now: int) -> None:
+        """Forget a message that came later than now, before the clock went back."""
+        with self._lock:
+            if self.time is not None and self.time > now:
+                self.time = None
+                self.values = []
+
+    def came_before_the_clock(self, now: int) -> None:
+        """Take now for the time of a message that came before a simulated clock began."""
+        with self._lock:
+            if self.time == 0:
+                self.time = now
+
+    def _refuse(self, message: Any, error: Exception | None) -> bool:  # noqa: ANN401
+        reason = self._reason(message, error)
+        with self._lock:
+            self.errors += 1
+            self.error = reason
+        return False
+
+    def _reason(self, message: Any, error: Exception | None) -> str:  # noqa: ANN401
+        """The first field that cannot be read, and why."""
+        for field in self.fields:
+            try:
+                value = field.read(message)
+                number = float(value)
+            except _UNREADABLE as unreadable:
+                return f"{field.variable} cannot be read: {unreadable}"
+            if number != number:  # noqa: PLR0124 - nan
+                return f"{field.variable} is nan"
+        return f"a message of {self.topic} cannot be read: {error}"

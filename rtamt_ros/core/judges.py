@@ -1,0 +1,112 @@
+"""All requirements of a node: what messages and the clock do to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rtamt import Specification
+from rtamt_ros.core.dense import Dense
+from rtamt_ros.core.inputs import Input
+from rtamt_ros.core.record import Record
+from rtamt_ros.core.report import Report, seconds
+from rtamt_ros.core.requirements import Requirement, requirements_of
+from rtamt_ros.core.sampled import Sampled
+from rtamt_ros.core.settings import Settings
+
+__all__ = ["Judges"]
+
+
+class Judges:
+    """Judges every requirement of some specifications.
+
+    On samples, several threads may `take` messages while one takes `look` after look. In dense time
+    all calls come one after the other.
+
+    Args:
+        specifications: What to judge.
+        settings: How.
+
+    Raises:
+        SpecificationError: If a monitor cannot run a requirement, or a topic has no class of
+            messages or two.
+
+    Attributes:
+        inputs: The topics that are read, each once.
+        requirements: What is judged.
+        settings: How.
+    """
+
+    def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
+        self.settings = settings
+        self.inputs, self.requirements = requirements_of(specifications, settings)
+        self._records = [self._record(each) for each in self.requirements]
+        make: type[Sampled | Dense] = Dense if settings.dense else Sampled
+        self._judges = [
+            make(each, settings, record)
+            for each, record in zip(self.requirements, self._records, strict=True)
+        ]
+        self._now = 0
+
+    @property
+    def reports(self) -> tuple[Report, ...]:
+        """The last report of every requirement of which there is one."""
+        last = (each.account.last for each in self._judges)
+        return tuple(each for each in last if each is not None)
+
+    def take(self, source: Input, message: Any, time: int, now: int) -> Sequence[Report]:  # noqa: ANN401
+        """Take a message, at the time that counts; in dense time, the reports that it brings."""
+        if not source.take(message, time):
+            return []
+        reports: list[Report] = []
+        for judge in self._judges:
+            if isinstance(judge, Dense) and source in judge.inputs:
+                reports += judge.event(source, now)
+        return reports
+
+    def look(self, now: int) -> Sequence[Report]:
+        """The reports of a time: on samples, those that are due."""
+        if now <= 0:
+            return [each.account.without_clock() for each in self._judges]
+        self._follow_clock(now)
+        reports: list[Report] = []
+        for judge in self._judges:
+            found = judge.look(now)
+            if isinstance(found, Report):
+                reports.append(found)
+            elif found is not None:
+                reports += found
+        return reports
+
+    def _follow_clock(self, now: int) -> None:
+        back = self._now - now
+        if not self._now:
+            for source in self.inputs:
+                source.came_before_the_clock(now)
+        elif back > self.settings.period:
+            for source in self.inputs:
+                source.forget_after(now)
+            for judge in self._judges:
+                judge.stop(f"the clock went back by {seconds(back)}")
+            self._now = now
+        self._now = max(self._now, now)
+
+    def flush(self) -> None:
+        """Put on the disk what was recorded."""
+        for record in self._records:
+            if record is not None:
+                record.flush()
+
+    def close(self) -> None:
+        """End the records."""
+        for record in self._records:
+            if record is not None:
+                record.close()
+
+    def _record(self, requirement: Requirement) -> Record | None:
+        path = self.settings.record
+        if path is None:
+            return None
+        if len(self.requirements) > 1:
+            path = path.with_stem(f"{path.stem}-{requirement.name}")
+        return Record(path, requirement.specification.variables)

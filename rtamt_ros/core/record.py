@@ -1,0 +1,56 @@
+"""The samples or events of a requirement as a CSV file that ``rtamt monitor`` reads."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+__all__ = ["Record"]
+
+
+class Record:
+    """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
+
+    Args:
+        path: The file of the first run.
+        variables: The columns beside the time.
+
+    Raises:
+        OSError: If the file cannot be written; when the first run begins.
+    """
+
+    def __init__(self, path: Path, variables: Sequence[str]) -> None:
+        self._path = path
+        self._variables = tuple(variables)
+        self._runs = 0
+        self._file: IO[str] | None = None
+        self._write: Any = None
+
+    def begin(self, more: Iterable[str] = ()) -> None:
+        """Begin the file of the next run; more columns come after the variables."""
+        self.close()
+        self._runs += 1
+        path = self._path
+        if self._runs > 1:
+            path = path.with_stem(f"{path.stem}-{self._runs}")
+        self._file = path.open("w", encoding="utf-8", newline="")
+        self._write = csv.writer(self._file, lineterminator="\n").writerow
+        self._write(("time", *self._variables, *more))
+
+    def row(self, time: int, values: Iterable[float | None]) -> None:
+        """Write a row; the time is in nanoseconds, and in seconds in the file. None is no event."""
+        whole, rest = divmod(time, 1_000_000_000)
+        self._write((f"{whole}.{rest:09d}", *values))
+
+    def flush(self) -> None:
+        """Put on the disk what was written."""
+        if self._file is not None:
+            self._file.flush()
+
+    def close(self) -> None:
+        """End the file of this run."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None

@@ -1,0 +1,145 @@
+"""A requirement on samples: the last values, once a period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rtamt import EpisodeMonitor, InputError, Monitor, SpecificationError, Verdict
+from rtamt_ros.core.account import Account
+from rtamt_ros.core.record import Record
+from rtamt_ros.core.report import Report, seconds
+from rtamt_ros.core.requirements import Requirement, unbounded
+from rtamt_ros.core.settings import Settings
+
+__all__ = ["Sampled"]
+
+
+class Sampled:
+    """Judges a requirement on the last values, once a period.
+
+    The n-th sample of a run is that of its begin + n periods, whatever the jitter of the looks. One
+    that comes late by several periods takes the values held then for all of them. The robustness is
+    that of `Monitor`; of a requirement for which no monitor can wait, that of `EpisodeMonitor`.
+
+    Args:
+        requirement: What to judge.
+        settings: The period and the semantics.
+        record: Where the samples go.
+
+    Raises:
+        SpecificationError: If a monitor cannot run the requirement.
+    """
+
+    def __init__(
+        self, requirement: Requirement, settings: Settings, record: Record | None = None
+    ) -> None:
+        self.account = Account(requirement)
+        self.inputs = requirement.inputs
+        self._period, self._gap = settings.period, settings.gap
+        options: Any = {"period": f"{settings.period}ns", "semantics": settings.semantics}
+        self._episode = EpisodeMonitor(requirement.specification, **options)
+        self._monitor: Monitor | None = None
+        try:
+            self._monitor = Monitor(requirement.specification, **options)
+        except SpecificationError:  # an unbounded future inside the formula
+            self._latency = 0
+        else:
+            self._latency = self._monitor.latency * settings.period
+        self._may_rise = (
+            self._monitor is None or unbounded(requirement.specification) == "eventually"
+        )
+        order = {source: at for at, source in enumerate(self.inputs)}
+        cells = [requirement.cells[name] for name in self._episode.variables]
+        self._places = [(order[source], place) for source, place in cells]
+        self._named = bool(requirement.specification.formulas)
+        self._record = record
+        self._why = ""
+        self._start: int | None = None
+        self._count = 0
+        self._decided = False
+        self._jumps = 0
+
+    def stop(self, why: str) -> None:
+        """End the run; the next look at which every input is there begins another."""
+        if self._start is not None:
+            self._why = why
+            self._start = None
+
+    def look(self, now: int) -> Report | None:
+        """The report of a time; None if no sample is due."""
+        jumps = 0
+        for source in self.inputs:
+            if source.time is None or now - source.time > source.stale_after:
+                report, why = self.account.without(now)
+                self.stop(why)
+                return report
+            jumps += source.jumps
+        if jumps != self._jumps:
+            self._jumps = jumps
+            back = max(self.inputs, key=lambda source: source.went_back)
+            self.stop(f"the stamps of {back.name} went back by {seconds(back.went_back)}")
+        if self._start is None:
+            return self._begin(now)
+        # The nearest sample: a timer may be early.
+        due = (2 * (now - self._start) + self._period) // (2 * self._period)
+        late = due - self._count
+        if late < 0:
+            return None
+        since = now - self._start - (self._count - 1) * self._period
+        if since > self._gap:
+            self.stop(f"nothing was sampled for {seconds(since)}")
+            return self._begin(now)
+        self.account.missed += late
+        return self._feed(late + 1)
+
+    def _begin(self, now: int) -> Report:
+        self._episode.reset()
+        if self._monitor is not None:
+            self._monitor.reset()
+        self._start, self._count, self._decided = now, 0, False
+        return self._feed(1)
+
+    def _feed(self, count: int) -> Report:
+        held = [source.values for source in self.inputs]
+        sample = [held[at][place] for at, place in self._places]
+        time = about = 0
+        known: float | None = None
+        for _ in range(count):
+            time = (self._start or 0) + self._count * self._period
+            try:
+                robustness = self._step(sample)
+            except InputError as error:  # a term is no number
+                self.stop("there was no robustness")
+                return self.account.failed(time, str(error))
+            if not self._count:
+                self.account.begin(self._why)
+                if self._record is not None:
+                    self._record.begin(("robustness",))
+            self._count += 1
+            if self._record is not None:
+                self._record.row(time, (*sample, robustness))
+            known, about = None, time - self._latency
+            if robustness == robustness:  # noqa: PLR0124 - not nan: the latency has passed
+                known = robustness
+                self.account.found(robustness, about)
+            if not self._decided and self._episode.verdict:
+                self._decided = True
+                if self._episode.verdict is Verdict.VIOLATED:
+                    self.account.violated(time)
+        return self.account.judged(
+            time,
+            known,
+            None if known is None else about,
+            self._episode.bounds(),
+            self._episode.verdict,
+            self._monitor.values if self._monitor is not None and self._named else {},
+            may_rise=self._may_rise,
+        )
+
+    def _step(self, sample: Sequence[float]) -> float:
+        if self._monitor is None:
+            return self._episode.update(*sample)
+        robustness = self._monitor.update(*sample)
+        self._episode.update(*sample)
+        return robustness

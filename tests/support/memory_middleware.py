@@ -1,0 +1,187 @@
+"""A middleware without ROS: messages, a clock and timers that a test moves by hand."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from rtamt import InputError
+from rtamt_ros.middleware import Handle, Level, Publisher
+
+__all__ = ["CLASSES", "MemoryMiddleware", "message"]
+
+SECOND = 1_000_000_000
+
+
+def _fields(**defaults: Any) -> type:
+    """A class of messages with slots and defaults, as genpy makes them."""
+
+    def __init__(self: Any) -> None:  # noqa: N807
+        for name, default in defaults.items():
+            setattr(self, name, default() if isinstance(default, type) else copy.copy(default))
+
+    return type("Message", (), {"__slots__": tuple(defaults), "__init__": __init__})
+
+
+Stamp = _fields(ns=0)
+Header = _fields(stamp=Stamp, frame_id="")
+Vector3 = _fields(x=0.0, y=0.0, z=0.0)
+Twist = _fields(linear=Vector3, angular=Vector3)
+TwistWithCovariance = _fields(twist=Twist, covariance=[0.0] * 36)
+
+CLASSES: dict[tuple[str, str], type] = {
+    ("std_msgs", "Float64"): _fields(data=0.0),
+    ("std_msgs", "Float32"): _fields(data=0.0),
+    ("std_msgs", "Int8"): _fields(data=0),
+    ("std_msgs", "Int64"): _fields(data=0),
+    ("std_msgs", "Bool"): _fields(data=False),
+    ("std_msgs", "String"): _fields(data=""),
+    ("geometry_msgs", "Twist"): Twist,
+    ("nav_msgs", "Odometry"): _fields(header=Header, twist=TwistWithCovariance),
+    ("sensor_msgs", "LaserScan"): _fields(header=Header, ranges=[]),
+    ("rtamt_msgs", "FloatMessage"): _fields(header=Header, value=0.0),
+    ("my_msgs", "Parts"): _fields(header=Header, a=0.0, b=0.0, inner=Vector3, count=0),
+    ("diagnostic_msgs", "DiagnosticArray"): _fields(header=Header, status=[]),
+    ("diagnostic_msgs", "DiagnosticStatus"): _fields(
+        level=0, name="", message="", hardware_id="", values=[]
+    ),
+    ("diagnostic_msgs", "KeyValue"): _fields(key="", value=""),
+}
+
+
+def message(package: str, name: str, *, stamp: int | None = None, **values: Any) -> Any:
+    """A message with values by path: ``twist__twist__linear__x=1.0``."""
+    made = CLASSES[package, name]()
+    if stamp is not None:
+        made.header.stamp.ns = stamp
+    for path, value in values.items():
+        holder = made
+        *outer, last = path.split("__")
+        for step in outer:
+            holder = getattr(holder, step)
+        setattr(holder, last, value)
+    return made
+
+
+@dataclass
+class _Open:
+    """What is open until it is closed."""
+
+    of: list[Any]
+    callback: Callable[..., None]
+    topic: str = ""
+    message: type = object
+    period: int = 0
+
+    def close(self) -> None:
+        self.of.remove(self)
+
+
+@dataclass
+class _Publisher:
+    middleware: MemoryMiddleware
+    topic: str
+    message: type
+    latched: bool
+
+    def publish(self, message: Any) -> None:
+        assert type(message) is self.message
+        assert self in self.middleware.publishers
+        self.middleware.published.append((self.topic, message))
+
+    def close(self) -> None:
+        self.middleware.publishers.remove(self)
+
+
+@dataclass
+class MemoryMiddleware:
+    """A node of no ROS.
+
+    Attributes:
+        time: What `now` gives.
+        published: Every (topic, message), in order.
+        lines: What was logged.
+        missing: Packages that are not installed.
+        refused: Topics that it refuses.
+    """
+
+    generation: int = 1
+    name: str = "/monitor"
+    time: int = 1000 * SECOND
+    published: list[tuple[str, Any]] = field(default_factory=list)
+    lines: list[tuple[Level, str]] = field(default_factory=list)
+    missing: set[str] = field(default_factory=set)
+    refused: set[str] = field(default_factory=set)
+    subscriptions: list[_Open] = field(default_factory=list)
+    publishers: list[_Publisher] = field(default_factory=list)
+    timers: list[_Open] = field(default_factory=list)
+
+    def message_class(self, package: str, name: str) -> type:
+        if package in self.missing or (package, name) not in CLASSES:
+            raise InputError(f"{package} is not installed")
+        return CLASSES[package, name]
+
+    def now(self) -> int:
+        return self.time
+
+    def stamp(self, message: Any) -> int | None:
+        return message.header.stamp.ns or None if hasattr(message, "header") else None
+
+    def set_stamp(self, message: Any, time: int) -> None:
+        if hasattr(message, "header"):
+            message.header.stamp.ns = time
+
+    def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+        if topic in self.refused:
+            raise InputError(f"{topic} is refused")
+        self.subscriptions.append(_Open(self.subscriptions, callback, topic, message))
+        return self.subscriptions[-1]
+
+    def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+        if topic in self.refused:
+            raise InputError(f"{topic} is refused")
+        self.publishers.append(_Publisher(self, topic, message, latched))
+        return self.publishers[-1]
+
+    def every(self, period: int, callback: Callable[[], None]) -> Handle:
+        self.timers.append(_Open(self.timers, callback, period=period))
+        return self.timers[-1]
+
+    def log(self, level: Level, text: str) -> None:
+        self.lines.append((level, text))
+
+    def spin(self) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+    # What a test does. --------------------------------------------------------------------------
+
+    def send(self, topic: str, message: Any) -> None:
+        """A message comes to every subscription of its topic."""
+        for each in list(self.subscriptions):
+            if each.topic == topic:
+                assert type(message) is each.message
+                each.callback(message)
+
+    def tick(self, time: int | None = None) -> None:
+        """The timers are due, at a time; without one, now."""
+        self.time = self.time if time is None else time
+        for each in list(self.timers):
+            each.callback()
+
+    def on(self, topic: str) -> list[Any]:
+        """The messages published on a topic."""
+        return [message for at, message in self.published if at == topic]
+
+    def data(self, topic: str) -> list[float]:
+        """The numbers published on a topic."""
+        return [message.data for message in self.on(topic)]
+
+    def latched(self, topic: str) -> float:
+        """What a subscriber that comes late gets of a topic."""
+        assert all(each.latched for each in self.publishers if each.topic == topic)
+        return float(self.data(topic)[-1])
