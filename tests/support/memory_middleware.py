@@ -1,5 +1,6 @@
 """A middleware without ROS: messages, a clock and timers that a test moves by hand."""
 
+# ruff: noqa: ANN401 - the classes of messages have no types
 from __future__ import annotations
 
 import copy
