@@ -94,7 +94,7 @@ def export_fmu(
         if period is not None:
             raise InputError("expected period= or dense=True, which takes events at any time")
         if align is not None:
-            raise InputError("align= rounds bounds to samples; expected none with dense=True")
+            raise InputError("align= rounds bounds to samples; expected none with dense time")
         options: Options = {"semantics": semantics, "inputs": inputs, "outputs": outputs}
         programs = dense_programs(export_fmu, known, resolution, options)
     else:

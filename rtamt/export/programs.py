@@ -111,9 +111,7 @@ def _named(program: Program) -> Program | None:
         if named[name] is not program.specification.formula
     }
     if others:
-        _part(program, others).online(
-            "the output of a named formula", "the formula in place of its name"
-        )
+        _part(program, others).online("the output of a named formula", "the formula unnamed")
     try:
         online = program.online()
     except SpecificationError:

@@ -35,7 +35,7 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             TIMED,
             {"align": "outward", "dense": True},
             InputError,
-            "align= rounds bounds to samples; expected none with dense=True",
+            "align= rounds bounds to samples; expected none with dense time",
         ),
         (TIMED, {"period": 1, "fmi": 1}, InputError, "expected fmi=2 or fmi=3, got 1"),
         (
@@ -76,7 +76,7 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
                 "for which the output of a named formula cannot wait\n"
                 "  done = eventually(y > 0); always(x > 1 implies done)\n"
                 "         ^\n"
-                "  hint: write an end, as in eventually[0:10], or use the formula in place of its name"
+                "  hint: write an end, as in eventually[0:10], or use the formula unnamed"
             ),
         ),
         (

@@ -1,0 +1,108 @@
+"""`rtamt export`: what it writes, and mistakes."""
+
+from pathlib import Path
+
+import pytest
+from fmpy import read_model_description  # type: ignore[import-untyped]
+from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
+
+import rtamt
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+ONE = (
+    "const float limit = 3; const float T = 2; "
+    "always(req >= limit implies eventually[0:T](gnt > 1))"
+)
+TWO = "apart = always(gap > 1)\nslow = always(speed < 5)\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory, with two specifications."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.stl").write_text(ONE)
+    (tmp_path / "two.stl").write_text(TWO)
+    return tmp_path
+
+
+def refused(words: list[str], capsys: Output) -> str:
+    assert main(["export", *words]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert not Path("m.fmu").exists()
+    return output.err.removeprefix("rtamt: error: ").removesuffix("\n")
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_it_writes_what_the_function_writes(capsys: Output, fmi: str) -> None:
+    assert main(["export", "one.stl", "-o", "m.fmu", "--period", "100ms", "--fmi", fmi]) == 0
+    assert capsys.readouterr().out == f"m.fmu: FMI {fmi}.0, inputs 'req', 'gnt'\n"
+    rtamt.export_fmu(ONE, "same.fmu", period=0.1, fmi=3 if fmi == "3" else 2)
+    assert Path("m.fmu").read_bytes() == Path("same.fmu").read_bytes()
+    assert validate_fmu("m.fmu") == []
+
+
+def test_every_option_reaches_the_monitor() -> None:
+    words = ["--dense", "--stop-on-violation", "--constant", "limit=4", "--constant", "T=1"]
+    assert main(["export", "one.stl", "-o", "m.fmu", *words]) == 0
+    spec = rtamt.parse(ONE, constants={"limit": 4, "T": 1})
+    rtamt.export_fmu(spec, "same.fmu", dense=True, stop_on_violation=True)
+    assert Path("m.fmu").read_bytes() == Path("same.fmu").read_bytes()
+    words = ["--period", "0.3", "--align", "outward", "--semantics", "boolean"]
+    assert main(["export", "one.stl", "-o", "m.fmu", *words]) == 0
+    rtamt.export_fmu(ONE, "same.fmu", period=0.3, align="outward", semantics="boolean")
+    assert Path("m.fmu").read_bytes() == Path("same.fmu").read_bytes()
+
+
+def test_one_of_several_requirements_is_chosen(capsys: Output) -> None:
+    words = ["two.stl", "-o", "m.fmu", "--period", "1"]
+    assert refused(words, capsys) == (
+        "expected one requirement, got 'apart', 'slow'; give --only with its name"
+    )
+    assert refused([*words, "--only", "slwo"], capsys) == (
+        "--only: no requirement is called 'slwo'; did you mean 'slow'?"
+    )
+    assert main(["export", *words, "--only", "slow"]) == 0
+    names = [each.name for each in read_model_description("m.fmu").modelVariables]
+    assert names[5:] == ["speed", "slow"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["one.stl", "-o", "m.fmu"],
+            "expected --period, the time between samples such as 100ms, or --dense; got neither",
+        ),
+        (
+            ["one.stl", "-o", "m.fmu", "--period", "1", "--dense"],
+            "expected --period, the time between samples such as 100ms, or --dense; got both",
+        ),
+        (
+            ["one.stl", "-o", "m.fmu", "--dense", "--align", "inward"],
+            "--align rounds bounds to samples; expected none with dense time",
+        ),
+        (
+            ["one.stl", "-o", "no/m.fmu", "--period", "1"],
+            "cannot write no/m.fmu: there is no folder no",
+        ),
+        (
+            ["one.stl", "-o", "one.stl", "--period", "1"],
+            "cannot write one.stl: it is read",
+        ),
+        (
+            ["none.stl", "-o", "m.fmu", "--period", "1"],
+            "cannot open none.stl: No such file or directory",
+        ),
+        (
+            ["lower = x > 0; always(lower)", "-o", "m.fmu", "--period", "1"],
+            (
+                "an FMU of a monitor has a variable 'lower' of its own; "
+                "give the 'lower' of the specification another name"
+            ),
+        ),
+    ],
+)
+def test_what_cannot_be_exported_is_refused(words: list[str], message: str, capsys: Output) -> None:
+    assert refused(words, capsys) == message
