@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
@@ -49,6 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "write the robustness of every formula of one trace to a file, "
         "whose name ends in .csv, .csv.gz, .parquet, .feather or .arrow",
     )
+    add_output(
+        parser,
+        "--write-mcap",
+        "write a copy of one bag with the robustness and the verdicts as topics, for Foxglove and "
+        "PlotJuggler",
+    )
     add_output(parser, "--plot", "draw the signals and the robustness of one trace")
     parser.add_argument(
         "--all",
@@ -69,12 +76,16 @@ def run(options: argparse.Namespace) -> int:
 
     asked, paths = read_arguments(options)
     inputs = [word for word in (*options.specs, *paths) if word != SEPARATOR]
-    outputs = options.junit, options.markdown, options.out
+    outputs = options.junit, options.markdown, options.out, options.write_mcap
     check_outputs(*outputs, picture=options.plot, inputs=inputs)
     if options.out:
         from rtamt_gym.recorded.output import check_output
 
         check_output(options.out)
+    if options.write_mcap and len(paths) == 1:
+        from rtamt_gym.recorded import bag_output
+
+        bag_output.check_output(options.write_mcap, paths[0])
     wanted = options.json or options.junit or options.markdown
     explain = (Verdict.VIOLATED,) if wanted else ()
     judged = None
@@ -82,9 +93,9 @@ def run(options: argparse.Namespace) -> int:
         judged = judge_file(asked, paths[0], formulas=True)
         rows = [row_of(asked, judged, explain=explain)]
     else:
-        for option in ("out", "plot"):
-            if getattr(options, option):
-                raise InputError(f"expected one trace for --{option}, got {len(paths)}")
+        for option in ("--out", "--plot", "--write-mcap"):
+            if getattr(options, option.strip("-").replace("-", "_")):
+                raise InputError(f"expected one trace for {option}, got {len(paths)}")
         rows = judge_files(asked, paths, workers=options.workers, explain=explain)
     matrix = matrix_of(asked, rows)
     if options.json:
@@ -145,6 +156,12 @@ def _write(
 
         save_robustness(judged.judgements, options.out, dense=asked.rules.dense)
         said.append(f"robustness: {options.out}\n")
+    if options.write_mcap:
+        from rtamt_gym.recorded.bag_output import write_mcap
+
+        topics = write_mcap(judged.trace, judged.judgements, asked.specs, options.write_mcap)
+        copied = f"copy of the bag: {options.write_mcap}, with {', '.join(topics)}"
+        said.append(fill(copied, 80, subsequent_indent="  ", break_on_hyphens=False) + "\n")
     if options.plot:
         from rtamt_gym.drawing import save
         from rtamt_gym.recorded.judge import signals_of

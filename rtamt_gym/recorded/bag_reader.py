@@ -120,12 +120,24 @@ class Bag:
         Raises:
             InputError: If the bag is damaged.
         """
+        read = self.reader.deserialize
+        for connection, time, raw in self.raw(topics):
+            try:
+                message = read(raw, connection.msgtype)
+            except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
+                raise _damaged(self.source, error) from None
+            yield connection.topic, time, message
+
+    def raw(self, topics: Collection[str] | None = None) -> Iterator[tuple[Any, int, bytes]]:
+        """The messages of some topics, or of all: connection of rosbags, time, and bytes.
+
+        Raises:
+            InputError: If the bag is damaged.
+        """
         reader = self.reader
-        connections = [each for each in reader.connections if each.topic in topics]
-        read = reader.deserialize
+        wanted = [each for each in reader.connections if topics is None or each.topic in topics]
         try:
-            for connection, time, raw in reader.messages(connections):
-                yield connection.topic, time, read(raw, connection.msgtype)
+            yield from reader.messages(wanted)
         except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
             raise _damaged(self.source, error) from None
 

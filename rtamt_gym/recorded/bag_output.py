@@ -1,0 +1,248 @@
+"""Writes a copy of a bag as MCAP, with robustness and verdicts as topics of their own."""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import ConnectionExtRosbag2
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+import rtamt
+from rtamt import InputError, Verdict
+from rtamt_gym.recorded.bag_reader import Bag, open_bag
+from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.trace import EventTrace, Trace
+
+__all__ = ["check_output", "write_mcap"]
+
+_SIGNS = {Verdict.VIOLATED: -1, Verdict.UNDECIDED: 0, Verdict.SATISFIED: 1}
+
+
+@dataclass(frozen=True, slots=True)
+class _Topic:
+    """A topic that is added.
+
+    Attributes:
+        kind: The class of its messages.
+        times: Their times in seconds.
+        values: Their numbers.
+    """
+
+    kind: str
+    times: Floats
+    values: NDArray[Any]
+
+
+def check_output(out: Path, path: str) -> None:
+    """Checks that a copy of a trace can be written to a file.
+
+    Raises:
+        InputError: If the trace is no bag, the file is a part of it, or the name does not end in
+            ``.mcap``.
+    """
+    from rtamt_gym.recorded.readers import format_of
+
+    if not format_of(path).bag:
+        raise InputError(
+            f"--write-mcap copies a bag, got {path}; --out writes the robustness of any trace"
+        )
+    if out.suffix.lower() != ".mcap":
+        raise InputError(f"cannot write {out}: expected a name that ends in .mcap")
+    if Path(path).resolve() in out.resolve().parents:
+        raise InputError(f"cannot write {out}: it is in the bag that is read")
+
+
+def write_mcap(
+    trace: Trace | EventTrace,
+    judgements: Mapping[str, Judgement],
+    specs: Mapping[str, rtamt.Specification],
+    out: Path,
+) -> list[str]:
+    """Writes all messages of a bag and, at the times of the samples, what was found.
+
+    The robustness of a requirement is on the topic of its output variable, else on
+    ``/rtamt/NAME``, and its verdict so far (-1, 0 or 1) on that topic with ``/verdict``; named
+    formulas have topics of their own. Where the bag has such a topic already, ours ends in
+    ``/offline``. Messages of ROS 1 become those of ROS 2 with the same fields, but for the ``seq``
+    of headers.
+
+    Args:
+        trace: What was read of the bag, whose name is its source.
+        judgements: What it came to, with the series of all formulas.
+        specs: The requirements.
+        out: The file.
+
+    Returns:
+        The added topics.
+
+    Raises:
+        InputError: If the bag is damaged.
+    """
+    with open_bag(trace.source) as bag, TemporaryDirectory(dir=out.parent) as folder:
+        added = _added(trace, judgements, specs, bag)
+        made = Path(folder) / "copy"
+        writer = Writer(made, version=8, storage_plugin=StoragePlugin.MCAP)
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        with writer:
+            _write(writer, bag, added, trace.epoch)
+        (made / "copy.mcap").replace(out)
+    return [*added]
+
+
+def _write(writer: Any, bag: Bag, added: Mapping[str, _Topic], epoch: int) -> None:  # noqa: ANN401
+    """Writes the messages of a bag and those that are added, in the order of their times."""
+    reader = bag.reader
+    store = _store(bag)
+    channels: dict[tuple[str, str], Any] = {}
+
+    def channel(topic: str, kind: str, extra: Any = None) -> Any:  # noqa: ANN401 - of rosbags
+        if (topic, kind) not in channels:
+            known = isinstance(extra, ConnectionExtRosbag2)
+            qos = extra.offered_qos_profiles if known else ()
+            channels[topic, kind] = writer.add_connection(
+                topic, kind, typestore=store, offered_qos_profiles=qos
+            )
+        return channels[topic, kind]
+
+    for each in reader.connections:
+        if each.msgtype in store.fielddefs:
+            channel(each.topic, each.msgtype, each.ext)
+
+    def copied() -> Iterator[tuple[int, Any, Any]]:
+        for connection, time, raw in bag.raw():
+            to = channels.get((connection.topic, connection.msgtype))
+            if to is not None:  # a class that the bag does not define cannot be written
+                data = raw if reader.is2 else store.ros1_to_cdr(raw, connection.msgtype)
+                yield time, to, data
+
+    sources = [copied()]
+    for topic, found in added.items():
+        to = channel(topic, found.kind)
+        sources.append(_messages(to, found, _maker(store, found.kind), epoch))
+    for time, to, data in heapq.merge(*sources, key=lambda each: each[0]):
+        writer.write(to, time, data)
+
+
+def _messages(
+    to: Any,  # noqa: ANN401 - of rosbags
+    found: _Topic,
+    made: Callable[[int, Any], Any],
+    epoch: int,
+) -> Iterator[tuple[int, Any, Any]]:
+    """The messages of a topic that is added: time, connection, and bytes."""
+    times = epoch + np.rint(found.times * 1e9).astype(np.int64)
+    for time, value in zip(times.tolist(), found.values.tolist(), strict=True):
+        yield time, to, made(time, value)
+
+
+_FLOAT, _INT = "std_msgs/msg/Float64", "std_msgs/msg/Int8"
+_STAMPED = ("rtamt_msgs/msg/FloatStamped", "rtamt_msgs/msg/FloatMessage")
+_STAMPED_TEXT = "std_msgs/Header header\nfloat64 value\n"
+_HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
+
+
+def _store(bag: Bag) -> Any:  # noqa: ANN401 - of rosbags
+    """The classes of the copy: those of the bag, of ROS 2, and those of our topics."""
+    ours = get_typestore(Stores.ROS2_JAZZY).fielddefs
+    known = bag.reader.typestore.fielddefs
+    store = get_typestore(Stores.EMPTY)
+    head = known if bag.reader.is2 and _HEADER in known else ours
+    store.register({**known, _HEADER: head[_HEADER]})
+    store.register({kind: ours[kind] for kind in (_FLOAT, _INT) if kind not in known})
+    for kind in _STAMPED:
+        if kind not in known:
+            store.register({kind: get_types_from_msg(_STAMPED_TEXT, kind)[kind]})
+    return store
+
+
+def _maker(store: Any, kind: str) -> Callable[[int, Any], Any]:  # noqa: ANN401 - of rosbags
+    """Gives the bytes of a message with a time and a number."""
+    made = store.types[kind]
+    if kind not in _STAMPED:
+        return lambda _time, value: store.serialize_cdr(made(data=value), kind)
+    stamp, header = store.types[_TIME], store.types[_HEADER]
+
+    def stamped(time: int, value: float) -> Any:  # noqa: ANN401 - of rosbags
+        at = stamp(sec=time // 10**9, nanosec=time % 10**9)
+        return store.serialize_cdr(made(header=header(stamp=at, frame_id=""), value=value), kind)
+
+    return stamped
+
+
+def _added(
+    trace: Trace | EventTrace,
+    judgements: Mapping[str, Judgement],
+    specs: Mapping[str, rtamt.Specification],
+    bag: Bag,
+) -> dict[str, _Topic]:
+    """The topics of all formulas, and those of the verdicts."""
+    added: dict[str, _Topic] = {}
+    for name, judgement in judgements.items():
+        spec = specs[name]
+        *parts, result = judgement.series
+        for part in parts:
+            found = _Topic(_kind(spec, part), *_points(judgement.series[part]))
+            topic = _named(spec, part, part, bag)
+            if topic in added and not _same(added[topic], found):
+                topic = f"{_named(spec, RESULT, name, bag)}/{_clean(part)}"
+            added[topic] = found
+        topic = _named(spec, result, name, bag)
+        series = judgement.series[result]
+        added[topic] = _Topic(_kind(spec, result), *_points(series))
+        added[f"{topic}/verdict"] = _Topic(_INT, *_verdicts(judgement, series, trace))
+    return added
+
+
+def _points(series: Series) -> tuple[Floats, Floats]:
+    return series.times, series.values
+
+
+def _same(one: _Topic, other: _Topic) -> bool:
+    return np.array_equal(one.times, other.times) and np.array_equal(one.values, other.values)
+
+
+def _verdicts(
+    judgement: Judgement, series: Series, trace: Trace | EventTrace
+) -> tuple[Floats, NDArray[np.int8]]:
+    """The verdict so far at each time: 0 until it is certain, or until the trace ends."""
+    end = trace.span[1] if isinstance(trace, EventTrace) else float(series.times[-1])
+    since = judgement.certain_from
+    at = end if since is None else since
+    times = np.union1d(series.times[np.abs(series.times - at) > 1e-9], [at, end])
+    sign = _SIGNS[judgement.verdict]
+    return times, np.where(times >= at, sign, 0).astype(np.int8)
+
+
+def _named(spec: rtamt.Specification, formula: str, name: str, bag: Bag) -> str:
+    """The topic of a formula: that of its output variable, else ``/rtamt/NAME``."""
+    message = formula.partition(".")[0]
+    given = spec.topics.get(formula) or spec.topics.get(message) or f"rtamt/{_clean(name)}"
+    topic = f"/{given.lstrip('/')}"
+    return f"{topic}/offline" if topic in bag.types else topic
+
+
+def _clean(name: str) -> str:
+    """A name with the letters that names of topics can have; no part begins with a digit."""
+    parts = (re.sub(r"\W", "_", part, flags=re.ASCII) for part in name.split("."))
+    return "/".join(f"_{part}" if part[:1].isdigit() else part for part in parts)
+
+
+def _kind(spec: rtamt.Specification, formula: str) -> str:
+    """The class of the messages of a formula: the stamped one, if it is declared."""
+    message, _, field = formula.partition(".")
+    declared = spec.declarations.get(message)
+    if declared is None or field != "value":
+        return _FLOAT
+    package = spec.imports.get(declared.type, "").removesuffix(".msg")
+    kind = f"{package}/msg/{declared.type}"
+    return kind if kind in _STAMPED else _FLOAT
