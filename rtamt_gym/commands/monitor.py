@@ -16,6 +16,7 @@ from rtamt_gym.commands.traces import add_arguments as add_traces
 
 if TYPE_CHECKING:
     from rtamt_gym.commands.judging import Judged
+    from rtamt_gym.recorded.columns import Columns
     from rtamt_gym.recorded.outcome import Matrix
 
 __all__ = ["add_arguments", "run"]
@@ -101,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from rtamt_gym.recorded.outcomes_json import to_json
 
-        print(to_json(matrix, _rules(asked), asked.columns))
+        print(to_json(matrix, _rules(asked), _columns(asked, paths)))
     else:
         print(*_report(matrix, judged), sep="\n", end="")
     said = _write(options, asked, matrix, judged)
@@ -124,6 +125,17 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
 
     (row,) = matrix.rows
     return [*report(judged.judgements, row.described, judged.trace.notes), ""]
+
+
+def _columns(asked: Asked, paths: Sequence[str]) -> Columns:
+    """How the columns were read; of bags with the topics that the specifications name."""
+    from rtamt_gym.recorded.readers import is_bag
+
+    if not all(map(is_bag, paths)):
+        return asked.columns
+    from rtamt_gym.recorded.bag_topics import columns_of
+
+    return columns_of(asked.specs, asked.columns)
 
 
 def _rules(asked: Asked) -> dict[str, str]:

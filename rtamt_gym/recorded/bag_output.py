@@ -20,6 +20,7 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.recorded.bag_reader import Bag, open_bag
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
+from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
@@ -50,9 +51,7 @@ def check_output(out: Path, path: str) -> None:
         InputError: If the trace is no bag, the file is a part of it, or the name does not end in
             ``.mcap``.
     """
-    from rtamt_gym.recorded.readers import format_of
-
-    if not format_of(path).bag:
+    if not is_bag(path):
         raise InputError(
             f"--write-mcap copies a bag, got {path}; --out writes the robustness of any trace"
         )

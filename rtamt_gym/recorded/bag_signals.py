@@ -116,10 +116,10 @@ def read_signals(
             numbers = np.array(values, np.float64)[kept]
             signals[variable] = _numbers(bag, messages.topic, variable, times, numbers)
     _check_clocks(bag, apart)
-    zero, end = bag.begin, bag.end
-    if clock == "header":
-        zero = min((int(times[0]) for times in spans.values()), default=zero)
-        end = max((int(times[-1]) for times in spans.values()), default=end)
+    zero = min((int(times[0]) for times in spans.values()), default=bag.begin)
+    end = max((int(times[-1]) for times in spans.values()), default=bag.end)
+    if clock == "log":  # the metadata of a bag in several files may tell of the first alone
+        zero, end = min(zero, bag.begin), max(end, bag.end)
     offset = min(apart.values(), key=abs, default=0.0)
     epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
     ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}

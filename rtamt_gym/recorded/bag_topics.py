@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import rtamt
 from rtamt import InputError, SubscribedField, Subscription
@@ -92,13 +92,17 @@ def topic_fields(
     return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
 
 
-def columns_of(specs: Mapping[str, rtamt.Specification]) -> dict[str, str]:
-    """The topic and the field of every variable, as ``--signal`` writes them."""
+def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Columns:
+    """The same columns with the topic and the field of every variable, which the texts name.
+
+    With them a bag is read alike under formulas that have lost their declarations.
+    """
     wishes, parts = _wishes(specs)
-    return {
-        variable: f"{wishes[message].whole}.{path_text(path)}"
-        for variable, (message, path) in parts.items()
-    }
+    signals = dict(columns.signals)
+    for variable, (message, path) in parts.items():
+        if variable not in signals and message not in signals:
+            signals[variable] = f"{wishes[message].whole}.{path_text(path)}"
+    return replace(columns, signals=signals)
 
 
 _DATA: Path_ = ("data",)
@@ -152,7 +156,7 @@ def _source(text: str) -> tuple[str, Path_]:
     if not dot:
         return topic, ()
     path = tuple(int(element) if element else field for field, element in _STEP.findall(f".{rest}"))
-    if not topic.strip("/") or path_text(path) != rest:
+    if not (topic.strip("/") and path) or path_text(path) != rest:
         raise InputError(
             "--signal: expected TOPIC.FIELD, such as /robot0/odom.twist.twist.linear.x, "
             f"got {text!r}"

@@ -12,7 +12,15 @@ from rtamt import InputError
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 
-__all__ = ["FORMATS", "Format", "extensions", "format_of", "is_bag_folder", "open_recording"]
+__all__ = [
+    "FORMATS",
+    "Format",
+    "extensions",
+    "format_of",
+    "is_bag",
+    "is_bag_folder",
+    "open_recording",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +86,14 @@ def format_of(path: str) -> Format:
             f"{extensions()[-1]}"
         )
     return FORMATS[0]
+
+
+def is_bag(path: str) -> bool:
+    """Whether a name is that of a bag."""
+    try:
+        return format_of(path).bag
+    except InputError:
+        return False
 
 
 @contextmanager

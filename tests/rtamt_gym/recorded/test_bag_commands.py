@@ -1,0 +1,188 @@
+"""Bags are traces of the command line like any other."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+from bags import START, Said, twist, write_bag
+
+from rtamt_gym.__main__ import main
+
+Output = pytest.CaptureFixture[str]
+
+SPEC = """
+from geometry_msgs.msg import Twist
+input Twist cmd
+@ topic(cmd, robot0/cmd_vel)
+slow = always(cmd.linear.x < 1)
+moves = eventually[0:0.5](cmd.linear.x > 0.2)
+"""
+
+
+def drive(path: Path, fastest: float) -> Path:
+    """A second of commands every 0.1 s, up to a speed in the middle."""
+    speeds = [fastest * min(i, 10 - i) / 5 for i in range(11)]
+    return write_bag(path, [twist(START + i * 10**8, speed) for i, speed in enumerate(speeds)])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a specification and bags of every kind."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spec.stl").write_text(SPEC)
+    (tmp_path / "bags").mkdir()
+    drive(tmp_path / "bags" / "a.mcap", 0.5)
+    drive(tmp_path / "bags" / "b.bag", 1.5)
+    drive(tmp_path / "bags" / "c", 0.9)
+    drive(tmp_path / "bags" / "d.db3", 0.1)
+    return tmp_path
+
+
+def test_a_bag_is_judged_like_the_table_of_its_samples(folder: Path, capsys: Output) -> None:
+    rows = [f"{i / 10},{1.5 * min(i, 10 - i) / 5}" for i in range(11)]
+    (folder / "b.csv").write_text("\n".join(["time,cmd.linear.x", *rows]))
+    assert main(["monitor", "spec.stl", "b.csv"]) == 1
+    expected = capsys.readouterr().out.replace("b.csv", "bags/b.bag")
+    assert main(["monitor", "spec.stl", "--period", "100ms", "bags/b.bag"]) == 1
+    assert capsys.readouterr().out == expected
+    assert main(["monitor", "spec.stl", "--dense", "b.csv"]) == 1
+    expected = capsys.readouterr().out.replace("b.csv", "bags/b.bag")
+    assert main(["monitor", "spec.stl", "--dense", "bags/b.bag"]) == 1
+    assert capsys.readouterr().out == expected
+    assert main(["explain", "spec.stl", "b.csv"]) == 1
+    expected = capsys.readouterr().out
+    assert main(["explain", "spec.stl", "--period", "0.1", "bags/b.bag"]) == 1
+    assert capsys.readouterr().out == expected
+    for source, out in (("bags/b.bag", "bag.csv"), ("b.csv", "table.csv")):
+        main(["monitor", "spec.stl", "--period", "0.1", source, "--out", out])
+    assert (folder / "bag.csv").read_text() == (folder / "table.csv").read_text()
+    assert main(["monitor", "spec.stl", "--period", "0.1", "bags/c", "--plot", "c.png"]) == 0
+    assert (folder / "c.png").stat().st_size > 10_000
+
+
+def test_a_folder_of_bags_is_judged_and_one_of_rosbag2_is_one_trace(
+    folder: Path, capsys: Output
+) -> None:
+    command = ["monitor", "spec.stl", "--period", "100ms", "--junit", "out.xml"]
+    assert main([*command, "--markdown", "out.md", "--", "bags"]) == 1
+    found = capsys.readouterr().out
+    assert found.splitlines()[:6] == [
+        "trace        verdict    slow    moves",
+        "bags/a.mcap  SATISFIED   0.5      0.3",
+        "bags/b.bag   VIOLATED   -0.5 V    1.3",
+        "bags/c       SATISFIED   0.1      0.7",
+        "bags/d.db3   VIOLATED    0.9     -0.1 V",
+        "",
+    ]
+    assert "bags/c" in (folder / "out.md").read_text()
+    suites = ET.parse(folder / "out.xml").getroot()  # noqa: S314 - our own file
+    counts = [(each.get("name"), each.get("failures")) for each in suites.iter("testsuite")]
+    assert counts == [
+        ("bags/a.mcap", "0"),
+        ("bags/b.bag", "1"),
+        ("bags/c", "0"),
+        ("bags/d.db3", "1"),
+    ]
+    named = ["bags/a.mcap", "bags/b.bag", "bags/c", "bags/d.db3"]
+    for traces in (["-j", "2", "--", "bags/*"], ["--", *named]):
+        assert main(["monitor", "spec.stl", "--period", "0.1", *traces]) == 1
+        assert capsys.readouterr().out.splitlines() == [
+            line for line in found.splitlines() if not line.startswith("outcomes: ")
+        ]
+    assert main(["monitor", "spec.stl", "--period", "0.1", "bags/a.mcap"]) == 0
+    assert main(["monitor", "slow = spec.stl", "bags/c", "bags/d.db3"]) == 2
+
+
+def test_several_bags_without_a_separator_are_told_apart(folder: Path, capsys: Output) -> None:
+    assert main(["monitor", "spec.stl", "bags/c", "bags/a.mcap"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: expected a specification, got the trace bags/c; for several traces write "
+        "spec.stl -- bags/c bags/a.mcap\n"
+    )
+    assert (folder / "bags" / "c").is_dir()
+
+
+def test_json_says_how_a_bag_was_read_and_a_report_reads_it_again(
+    folder: Path, capsys: Output
+) -> None:
+    command = ["monitor", "spec.stl", "--period", "100ms", "--json", "--", "bags"]
+    assert main(command) == 1
+    text = capsys.readouterr().out
+    outcomes = json.loads(text)
+    assert outcomes["period"] == "1/10"
+    assert outcomes["columns"] == {"signals": {"cmd.linear.x": "robot0/cmd_vel.linear.x"}}
+    assert [each["verdict"] for each in outcomes["traces"]] == [
+        "SATISFIED",
+        "VIOLATED",
+        "SATISFIED",
+        "VIOLATED",
+    ]
+    assert outcomes["traces"][1]["requirements"]["slow"]["certain_from"] == 0.4
+    (folder / "outcomes.json").write_text(text)
+    assert main(["report", "outcomes.json", "-o", "page.html"]) == 0
+    assert "not shown in full" not in (folder / "page.html").read_text()
+    assert "is not shown" not in capsys.readouterr().out
+
+
+def test_a_bag_that_lacks_a_topic_is_judged_by_the_other_requirements(
+    folder: Path, capsys: Output
+) -> None:
+    command = ["monitor", "spec.stl", "warm = always(temperature > 3)", "--period", "0.1"]
+    assert main([*command, "bags/a.mcap"]) == 2
+    said = capsys.readouterr()
+    assert said.out.startswith("slow: SATISFIED, robustness 0.5, at the end of the trace\n")
+    assert said.err == (
+        "rtamt: error: bags/a.mcap: no topic 'rtamt/temperature', which 'temperature' reads; the "
+        "topics are /robot0/cmd_vel; give --signal temperature=TOPIC.FIELD\n"
+    )
+    (folder / "bags" / "d.db3").write_bytes(b"SQLite format 3\0" + bytes(200))
+    assert main(["monitor", "spec.stl", "--period", "0.1", "--", "bags"]) == 2
+    said = capsys.readouterr()
+    assert "bags/d.db3   ERROR" in said.out
+    assert said.err.startswith("rtamt: error: bags/d.db3: expected a whole bag of rosbag2, got ")
+
+
+def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsys: Output) -> None:
+    said = [twist(START + i * 10**8, 0.5) for i in range(20)]
+    said.append(Said(START + 10**10, "/name", "std_msgs/String", {}))
+    path = str(write_bag(folder / "quiet.bag", said))
+    assert main(["monitor", "spec.stl", "--period", "0.1", "--only", "slow", path]) == 0
+    assert "\n".join(capsys.readouterr().out.splitlines()[1:4]) == (
+        f"{path}: 101 samples, one every 0.1 s, 0 s to 10 s\n"
+        "note: /robot0/cmd_vel: the message at 1.9 s is held for 8.1 s, to the end\n"
+    )
+    assert main(["monitor", "spec.stl", "--period", "0.1", "--json", path]) == 0
+    (trace,) = json.loads(capsys.readouterr().out)["traces"]
+    assert trace["notes"] == ["/robot0/cmd_vel: the message at 1.9 s is held for 8.1 s, to the end"]
+
+
+def test_options_of_tables_are_refused_for_bags(folder: Path, capsys: Output) -> None:
+    period = (
+        "expected --period 100ms, at which the messages of a bag are sampled, or --dense, which "
+        "takes them as events"
+    )
+    clock = "expected --time log, the times of recording of a bag, or --time header, got 'stamp'"
+    for options, message in (
+        (["--dense", "--jitter", "5%"], "expected --jitter for a table, got it for a bag"),
+        (["--dense", "--time", "stamp"], clock),
+        ([], period),
+    ):
+        assert main(["monitor", "spec.stl", *options, "bags/a.mcap"]) == 2
+        assert capsys.readouterr().err == f"rtamt: error: bags/a.mcap: {message}\n"
+    assert main(["monitor", "spec.stl", "--signal", "dmc=/x", "bags/a.mcap"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: --signal: no specification reads 'dmc'; they read 'cmd.linear.x'\n"
+    )
+    assert (folder / "bags").is_dir()
+
+
+def test_constants_are_mined_from_bags(folder: Path, capsys: Output) -> None:
+    signal = "x=/robot0/cmd_vel.linear.x"
+    bags = ["bags/a.mcap", "bags/b.bag"]
+    command = ["mine", "always(x < ?v)", "--range", "v=0:9", "--signal", signal]
+    assert main([*command, "--period", "0.1", "--", *bags]) == 0
+    assert capsys.readouterr().out.startswith("v = 1.500")
+    assert (folder / "bags").is_dir()

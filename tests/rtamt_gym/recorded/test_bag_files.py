@@ -1,0 +1,224 @@
+"""Bags as recorders leave them: compressed, split, without an index, cut, of other versions."""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import sqlite3
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from bags import START, Said, plain_mcap, twist, write_bag
+from rosbags.highlevel import AnyReader
+
+import rtamt
+from rtamt_gym.__main__ import main
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import Rules
+from rtamt_gym.recorded.readers import open_recording
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import Trace
+
+SPEC = rtamt.parse(
+    "from geometry_msgs.msg import Twist; input Twist cmd; @ topic(cmd, robot0/cmd_vel);"
+    "always(cmd.linear.x < 99)"
+)
+SAID = [twist(START + i * 10**8, float(i)) for i in range(40)]
+SPEEDS = [float(i) for i in range(40)]
+
+
+def read(path: Path, rules: Rules | None = None) -> Trace:
+    trace, _ = read_ruled(str(path), {"": SPEC}, rules or Rules(Fraction(1, 10)), Columns())
+    assert isinstance(trace, Trace)
+    return trace
+
+
+def speeds(path: Path) -> list[float]:
+    found: list[float] = read(path).columns["cmd.linear.x"].tolist()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "compression"),
+    [
+        ("run.mcap", "STORAGE"),
+        ("run.bag", "BZ2"),
+        ("run.bag", "LZ4"),
+        ("run", "MESSAGE"),
+        ("run", "FILE"),
+    ],
+)
+def test_compressed_bags_are_read(name: str, compression: str, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / name, SAID, compression=compression)
+    assert speeds(path) == SPEEDS
+
+
+def test_an_mcap_file_needs_neither_chunks_nor_an_index(tmp_path: Path) -> None:
+    assert speeds(plain_mcap(tmp_path / "run.mcap", SAID)) == SPEEDS
+
+
+def test_messages_without_an_index_and_out_of_order_are_refused(tmp_path: Path) -> None:
+    path = plain_mcap(tmp_path / "run.mcap", [SAID[1], SAID[0]])
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected a whole MCAP file of ROS 2, got an error: Unindexed MCAP messages are "
+        "not in timestamp order. Use an indexed file; what is whole in it: mcap recover FILE -o "
+        "WHOLE.mcap"
+    )
+
+
+def test_messages_that_were_written_out_of_order_count_at_their_times(tmp_path: Path) -> None:
+    shuffled = [SAID[(7 * i) % 40] for i in range(40)]
+    for extension in (".mcap", ".db3", ".bag"):
+        assert speeds(write_bag(tmp_path / f"run{extension}", shuffled)) == SPEEDS
+
+
+def test_a_recording_that_was_not_closed_is_refused_with_the_way_out(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", SAID)
+    path.write_bytes(path.read_bytes()[:-50])
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected a whole MCAP file of ROS 2, got an error: File end magic is invalid; "
+        "what is whole in it: mcap recover FILE -o WHOLE.mcap"
+    )
+    path = write_bag(tmp_path / "run.bag", SAID)
+    whole = path.read_bytes()
+    at = whole.index(b"index_pos=") + len(b"index_pos=")
+    path.write_bytes(whole[:at] + bytes(8) + whole[at + 8 :])  # as while it is recorded
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected a whole bag of ROS 1, got an error: Bag is not indexed, reindex before "
+        "reading; rosbag reindex FILE writes the index of a bag that was not closed"
+    )
+
+
+def split(folder: Path, parts: list[list[Said]]) -> Path:
+    """A bag of rosbag2 in several files, as a recorder with a limit of size leaves it."""
+    names = []
+    for i, part in enumerate(parts):
+        write_bag(folder.with_name(f"part{i}"), part)
+        folder.mkdir(exist_ok=True)
+        names.append(f"run_{i}.db3")
+        shutil.move(folder.with_name(f"part{i}") / f"part{i}.db3", folder / names[-1])
+    text = (folder.with_name("part0") / "metadata.yaml").read_text()
+    listed = "".join(f"\n  - {name}" for name in names)
+    (folder / "metadata.yaml").write_text(
+        text.replace("relative_file_paths: [part0.db3]", f"relative_file_paths:{listed}").replace(
+            "relative_file_paths:\n  - part0.db3", f"relative_file_paths:{listed}"
+        )
+    )
+    return folder
+
+
+def test_a_bag_in_several_files_is_one_trace(tmp_path: Path) -> None:
+    path = split(tmp_path / "run", [SAID[:15], SAID[15:]])
+    with AnyReader([path]) as reader:
+        assert len([*reader.messages()]) == 40
+    assert speeds(path) == SPEEDS  # though metadata.yaml tells of the first file alone
+    (path / "run_1.db3").unlink()
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected a whole bag of rosbag2, got an error: Some database files are missing: "
+        f"['{path}/run_1.db3']"
+    )
+
+
+def test_bags_without_definitions_have_the_classes_of_humble(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.db3", SAID)
+    with sqlite3.connect(path) as database:
+        database.execute("DROP TABLE message_definitions")
+        database.execute("DROP TABLE schema")
+    database.close()
+    assert speeds(path) == SPEEDS
+    assert [*read(path).notes] == [
+        "the bag defines no classes of messages: they are those of Humble"
+    ]
+
+
+def test_topics_with_messages_of_two_classes_are_refused(tmp_path: Path) -> None:
+    other = Said(START, "/robot0/cmd_vel", "std_msgs/Bool", {})
+    path = plain_mcap(tmp_path / "run.mcap", SAID)
+    data = plain_mcap(tmp_path / "two.mcap", [other]).read_bytes()
+    # The records of the second file, with other numbers, before the end of the first.
+    body = data[data.index(b"\x03", 30) : data.index(b"\x0f" + (4).to_bytes(8, "little"))]
+    body = renumbered(body)
+    whole = path.read_bytes()
+    at = whole.index(b"\x0f" + (4).to_bytes(8, "little"))
+    path.write_bytes(whole[:at] + body + whole[at:])
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected messages of one class on /robot0/cmd_vel, got geometry_msgs/Twist and "
+        "std_msgs/Bool"
+    )
+
+
+def renumbered(records: bytes) -> bytes:
+    """Records of MCAP with 9 in the place of the numbers of schema and channel."""
+    made, at = b"", 0
+    while at < len(records):
+        kind, size = records[at], int.from_bytes(records[at + 1 : at + 9], "little")
+        body = bytearray(records[at + 9 : at + 9 + size])
+        body[0] = 9
+        if kind == 4:
+            body[2] = 9
+        made += records[at : at + 9] + bytes(body)
+        at += 9 + size
+    return made
+
+
+def test_a_bag_is_sampled_or_read_as_events(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", SAID)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, Rules())
+    assert str(caught.value) == (
+        f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
+        "--dense, which takes them as events"
+    )
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path, Rules(Fraction(1, 10**9)))
+    assert str(caught.value) == (
+        f"{path}: expected 10000000 samples at most, got 3900000001, one every 1e-09 s for 3.9 s; "
+        "give a longer --period, or --dense"
+    )
+    with pytest.raises(rtamt.InputError) as caught, open_recording(str(path)):
+        pass
+    assert str(caught.value) == f"{path}: expected a table, got a bag; rtamt monitor reads it"
+
+
+def test_an_empty_bag_has_no_topics(tmp_path: Path) -> None:
+    for extension in (".mcap", ".db3", ".bag"):
+        path = write_bag(tmp_path / f"run{extension}", [])
+        with pytest.raises(rtamt.InputError) as caught:
+            read(path)
+        assert str(caught.value) == (
+            f"{path}: no topic 'robot0/cmd_vel', which 'cmd' reads; the topics are none; "
+            "give --signal cmd=TOPIC.FIELD"
+        )
+
+
+def test_packed_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_bytes(gzip.compress(write_bag(tmp_path / "whole.mcap", SAID).read_bytes()))
+    with pytest.raises(rtamt.InputError, match="got an error: File magic is invalid; "):
+        read(path)
+
+
+def test_a_missing_package_names_its_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_bag(tmp_path / "run.mcap", SAID)
+    for name in [*sys.modules]:
+        if name.partition(".")[0] == "rosbags" or "recorded.bag_" in name:
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    assert main(["monitor", "always(x < 1)", "--dense", str(path)]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: rosbags is not installed; from the checkout: pip install '.[bags]'\n"
+    )
