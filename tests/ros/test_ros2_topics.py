@@ -1,0 +1,102 @@
+"""A monitor hears every publisher, late listeners hear it, and its time is that of the clock."""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from ros2_client import BEST_EFFORT, LATCHED, RELIABLE, Client, client
+from ros_processes import ros
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64
+
+BOTH = "input float64 x\ninput float64 y\n@ topic(x, x)\n@ topic(y, y)\nout = x > y"
+ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
+
+
+@pytest.fixture(scope="module")
+def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+    with ros(2, tmp_path_factory.mktemp("ros")) as found, client(found) as connected:
+        yield connected
+
+
+@pytest.fixture
+def tools(domain: Client) -> Iterator[Client]:
+    yield domain
+    domain.end_test()
+
+
+def messages(array: DiagnosticArray) -> list[str]:
+    """What diagnostics say of requirements."""
+    return [status.message for status in array.status]
+
+
+def test_best_effort_hears_sensor_data_and_reliable_publishers(tools: Client) -> None:
+    tools.source("all/x", 3.0, BEST_EFFORT)
+    tools.source("all/y", 2.0, RELIABLE)
+    robustness = tools.hear("all/rtamt/out", Float64)
+    tools.monitor("all", spec=BOTH, period=20)
+    assert robustness.next(bool).data == 1.0
+
+
+def test_a_publisher_that_cannot_be_heard_is_reported_with_the_way_out(tools: Client) -> None:
+    tools.source("deaf/x", 3.0, BEST_EFFORT)
+    tools.source("deaf/y", 2.0, RELIABLE)
+    robustness = tools.hear("deaf/rtamt/out", Float64)
+    diagnostics = tools.hear("/diagnostics", DiagnosticArray)
+    monitor = tools.monitor("deaf", spec=BOTH, period=20, qos="reliable")
+    assert diagnostics.next(lambda each: messages(each) == ["waiting for x"])  # and not for y
+    reason = "[deaf.stl_monitor]: a publisher of x is not reliable: none of its messages come; "
+    tools.until(lambda: f"{reason}set qos to best_effort\n" in monitor.process.output)
+    assert robustness.all() == []
+    assert monitor.do("deactivate")
+    assert monitor.set(qos="best_effort") == ""
+    assert monitor.do("activate")
+    assert robustness.next(bool).data == 1.0
+
+
+def test_who_comes_late_hears_the_last_value_and_of_a_stale_input_nan(tools: Client) -> None:
+    source = tools.source("late/x", 3.0)
+    early = tools.hear("late/rtamt/out", Float64)
+    monitor = tools.monitor("late", spec=ABOVE, period=20, stale=0.3)
+    assert early.next(bool).data == 2.0
+    source.close()
+    assert early.next(lambda each: math.isnan(each.data))
+    late = tools.hear("late/rtamt/out", Float64, LATCHED)
+    assert math.isnan(late.all(1)[0].data)
+    assert monitor.state == "active"
+
+
+def test_samples_follow_a_simulated_clock_that_jumps_back(tools: Client) -> None:
+    node = tools.middleware.node
+    clock = node.create_publisher(Clock, "/clock", RELIABLE)
+    x = node.create_publisher(Float64, "simulated/x", RELIABLE)
+    robustness = tools.hear("simulated/rtamt/out", Float64)
+    diagnostics = tools.hear("/diagnostics", DiagnosticArray)
+    monitor = tools.monitor("simulated", spec=ABOVE, period=100, use_sim_time=True)
+    assert monitor.state == "active"
+    tools.until(lambda: clock.get_subscription_count() == x.get_subscription_count() == 1)
+
+    def step(tenth: int, value: float) -> None:
+        """A value, and a tick of the clock after it."""
+        x.publish(Float64(data=value))
+        tick = Clock()
+        tick.clock.sec, tick.clock.nanosec = tenth // 10, tenth % 10 * 100_000_000
+        clock.publish(tick)
+
+    for begin, value in ((500, 3.0), (100, 0.5)):
+        ticks = itertools.count(begin)
+        before = len(robustness.all())
+        while not robustness.all(before + 1, 0.1)[before:]:  # until the value has come
+            step(next(ticks), value)
+        begun = len(robustness.all())
+        for more in range(1, 21):
+            step(next(ticks), value)
+            robustness.all(begun + more)
+        found = [each.data for each in robustness.all()[begun:]]
+        assert found == [value - 1] * 20
+    why = "restarted 1 time because the clock went back by "
+    assert why in " ".join(messages(diagnostics.all()[-1]))
+    late = tools.hear("simulated/rtamt/out", Float64, LATCHED)  # the clock stands: nothing is new
+    assert [each.data for each in late.all(1)] == [-0.5]

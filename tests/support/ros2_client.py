@@ -1,0 +1,217 @@
+"""A node of ROS 2 that asks a monitor for transitions and parameters, as tools do."""
+
+from __future__ import annotations
+
+import json
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_processes import Process, Ros
+from std_msgs.msg import Float64
+
+from rtamt_ros.ros2 import Ros2
+
+with warnings.catch_warnings():  # of a parser that rclpy loads with its first message
+    warnings.simplefilter("ignore", DeprecationWarning)
+    import_module("rosidl_generator_py")
+
+__all__ = ["BEST_EFFORT", "LATCHED", "Client", "Heard", "Monitor", "Source", "client"]
+
+PROGRAM = "from rtamt_ros.ros2_lifecycle import main; main()"
+PATIENCE = 10.0  # seconds; nothing that a test waits for takes so long unless it is broken
+STEP = 0.02
+RELIABLE = QoSProfile(depth=10)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Heard:
+    """Messages of a topic, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._messages: list[Any] = []
+        self._news = threading.Condition()
+
+    def keep(self, message: Any) -> None:  # noqa: ANN401 - its class is of ROS
+        """Takes a message."""
+        with self._news:
+            self._messages.append(message)
+            self._news.notify_all()
+
+    def next(self, met: Callable[[Any], bool], patience: float = PATIENCE) -> Any:  # noqa: ANN401
+        """The first message from now on that is as asked; fails if none comes."""
+        with self._news:
+            begin = len(self._messages)
+            self._news.wait_for(lambda: any(map(met, self._messages[begin:])), patience)
+            found = [each for each in self._messages[begin:] if met(each)]
+            assert found, f"no such message came; the last: {self._messages[-1:]}"
+            return found[0]
+
+    def all(self, count: int = 0, patience: float = PATIENCE) -> list[Any]:
+        """All of them, as soon as there are so many, or the patience is over."""
+        with self._news:
+            self._news.wait_for(lambda: len(self._messages) >= count, patience)
+            return list(self._messages)
+
+
+class Client:
+    """A node in this process, and monitors in others.
+
+    Args:
+        ros: The domain of all.
+    """
+
+    def __init__(self, ros: Ros) -> None:
+        self.ros = ros
+        self.middleware = Ros2("client")
+        self._spinner = threading.Thread(target=self.middleware.spin)
+        self._spinner.start()
+        self._shared: dict[str, Monitor] = {}
+        self._ends: list[Callable[[], object]] = []
+
+    def end_test(self) -> None:
+        """Ends what a test has started; shared monitors stay."""
+        while self._ends:
+            self._ends.pop()()
+
+    def close(self) -> None:
+        """Ends the node of this process."""
+        self.middleware.close()
+        self._spinner.join()
+
+    def monitor(self, name: str, **parameters: object) -> Monitor:
+        """Starts a monitor in the namespace of this name, with these parameters."""
+        words = ["-r", f"__ns:=/{name}"]
+        for each, value in parameters.items():
+            words += ["-p", f"{each}:={json.dumps(value)}"]
+        monitor = Monitor(
+            self, name, self.ros.start("-c", PROGRAM, "--ros-args", *words, name=name)
+        )
+        self._ends.append(monitor.process.ask_to_end)
+        return monitor
+
+    def shared(self, name: str, **parameters: object) -> Monitor:
+        """The monitor of this name that several tests share; the first starts it."""
+        if name not in self._shared:
+            self._shared[name] = self.monitor(name, **parameters)
+            self._ends.pop()
+        return self._shared[name]
+
+    def until(self, met: Callable[[], bool]) -> None:
+        """Waits until something holds that nobody is told of."""
+        for _ in range(round(PATIENCE / STEP)):
+            if met():
+                return
+            threading.Event().wait(STEP)
+        raise AssertionError("it does not come to hold")
+
+    def hear(self, topic: str, message: type, profile: QoSProfile = RELIABLE) -> Heard:
+        """Keeps the messages of a topic."""
+        heard = Heard()
+        node = self.middleware.node
+        subscription = node.create_subscription(message, topic, heard.keep, profile)
+        self._ends.append(lambda: node.destroy_subscription(subscription))
+        return heard
+
+    def source(self, topic: str, value: float, profile: QoSProfile = RELIABLE) -> Source:
+        """Publishes a number on a topic, 50 times a second."""
+        source = Source(self.middleware, topic, value, profile)
+        self._ends.append(source.close)
+        return source
+
+
+class Source:
+    """A number that is published 50 times a second, until it is closed.
+
+    Attributes:
+        value: The number.
+    """
+
+    def __init__(self, node: Ros2, topic: str, value: float, profile: QoSProfile) -> None:
+        self.value = value
+        self._publisher = node.node.create_publisher(Float64, topic, profile)
+        self._timer = node.every(20_000_000, self._publish)
+
+    def _publish(self) -> None:
+        self._publisher.publish(Float64(data=self.value))
+
+    def close(self) -> None:
+        """Publishes nothing more; its last value stays."""
+        self._timer.close()
+
+
+class Monitor:
+    """A monitor in a process of its own, asked by the services of its node."""
+
+    def __init__(self, client: Client, name: str, process: Process) -> None:
+        self._client = client
+        self._node = client.middleware.node
+        self._name = name
+        self.process = process
+        self._services: dict[str, Any] = {}
+
+    def send(self, kind: Any, service: str, **request: Any) -> Any:  # noqa: ANN401
+        """Calls a service of the node; the answer to come."""
+        found = self._services.get(service)
+        if found is None:
+            found = self._node.create_client(kind, f"/{self._name}/stl_monitor/{service}")
+            self._services[service] = found
+        self._client.until(lambda: found.service_is_ready() or not self.process.runs())
+        assert self.process.runs(), self.process.output
+        return found.call_async(kind.Request(**request))
+
+    def call(self, kind: Any, service: str, **request: Any) -> Any:  # noqa: ANN401
+        """The answer of a service of the node."""
+        answered = threading.Event()
+        answer = self.send(kind, service, **request)
+        answer.add_done_callback(lambda _: answered.set())
+        assert answered.wait(PATIENCE), f"{service} does not answer: {self.process.output}"
+        return answer.result()
+
+    @property
+    def state(self) -> str:
+        """The state of the life cycle."""
+        return str(self.call(GetState, "get_state").current_state.label)
+
+    def do(self, transition: str) -> bool:
+        """Asks for a transition; whether it went well."""
+        asked = Transition(label=transition)
+        return bool(self.call(ChangeState, "change_state", transition=asked).success)
+
+    def set(self, **values: object) -> str:
+        """Sets parameters, all or none; the reason of a refusal, or an empty text."""
+        asked = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        result = self.call(
+            SetParametersAtomically, "set_parameters_atomically", parameters=asked
+        ).result
+        assert result.successful == (not result.reason)
+        return str(result.reason)
+
+    def get(self, name: str) -> object:
+        """The value of a parameter."""
+        found = self.call(GetParameters, "get_parameters", names=[name]).values[0]
+        value: object = parameter_value_to_python(found)
+        return value
+
+
+@contextmanager
+def client(ros: Ros) -> Iterator[Client]:
+    """A client in a domain, which is that of this process until the end of the block."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in ros.environment.items():
+            patch.setenv(name, value)
+        found = Client(ros)
+        try:
+            yield found
+        finally:
+            found.close()
