@@ -20,7 +20,7 @@ from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
 from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
-from rtamt_gym.recorded.readers import extensions, is_bag_folder
+from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
@@ -202,11 +202,14 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         jitter=options.jitter,
     )
     variables = variables_of(every)
-    messages = {v[: match.start()] for v in variables for match in re.finditer(r"[.\[]", v)}
     for name in columns.signals:
-        if name not in variables and name not in messages:
+        if name not in variables and name not in _messages(every):
             hint = nearest(name, variables) or f"; they read {listing(variables)}"
             raise InputError(f"--signal: no specification reads {name!r}{hint}")
+    if any(map(is_bag, found)):
+        from rtamt_gym.recorded.bag_topics import check_topics
+
+        check_topics(requirements)
     return Asked(requirements, rules, columns), found
 
 
@@ -220,6 +223,11 @@ def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction
     from rtamt_gym.recorded.ruled import read_ruled
 
     return read_ruled(path, asked.specs, asked.rules, asked.columns)
+
+
+def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:
+    """The messages whose fields specifications read."""
+    return {each.variable for spec in specs.values() for each in rtamt.subscriptions(spec)}
 
 
 _SURE = tuple(extension for extension in extensions() if extension != ".txt")

@@ -13,13 +13,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
+from rtamt_gym.recorded.bag_paths import Steps, path_text
 
-__all__ = ["Bag", "Path_", "open_bag", "path_text"]
+__all__ = ["Bag", "open_bag"]
 
-Path_ = tuple[str | int, ...]
-"""The fields and elements that lead to a value in a message."""
-
-_KINDS = {".mcap": "MCAP file of ROS 2", ".bag": "bag of ROS 1"}
+_KINDS = {".mcap": "an MCAP file of ROS 2", ".bag": "a bag of ROS 1"}
 _RECOVERY = {
     ".mcap": "; what is whole in it: mcap recover FILE -o WHOLE.mcap",
     ".bag": "; rosbag reindex FILE writes the index of a bag that was not closed",
@@ -68,7 +66,7 @@ class Bag:
         fields = self._fields(_long(kind)) or {}
         return fields.get("header") == _HEADER
 
-    def class_at(self, topic: str, path: Path_) -> str | None:
+    def class_at(self, topic: str, path: Steps) -> str | None:
         """The class of the message at a path in those of a topic; None if a number is there.
 
         Raises:
@@ -136,6 +134,8 @@ class Bag:
         """
         reader = self.reader
         wanted = [each for each in reader.connections if topics is None or each.topic in topics]
+        if not wanted:
+            return  # rosbags takes none for all
         try:
             yield from reader.messages(wanted)
         except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
@@ -168,15 +168,6 @@ def open_bag(path: str) -> Iterator[Bag]:
         yield Bag(reader, path)
 
 
-def path_text(path: Path_) -> str:
-    """A path as it is written, ``ranges[0]``."""
-    return "".join(map(_step_text, path)).removeprefix(".")
-
-
-def _step_text(step: str | int) -> str:
-    return f".{step}" if isinstance(step, str) else f"[{step}]"
-
-
 def _short(name: str) -> str:
     """``geometry_msgs/Twist`` for ``geometry_msgs/msg/Twist``."""
     return name.replace("/msg/", "/")
@@ -189,9 +180,16 @@ def _long(name: str) -> str:
 
 
 def _damaged(path: str, error: Exception) -> InputError:
+    """The error about a bag that rosbags cannot read."""
     ending = Path(path).suffix.lower()
+    kind = _KINDS.get(ending, "a bag of rosbag2")
     said = " ".join(str(error).split()) or type(error).__name__
+    if "Profile" in said:
+        return InputError(f"{path}: expected {kind}, got one with another profile")
+    if isinstance(error, KeyError):
+        return InputError(f"{path}: expected {kind}, got messages or schemas of {said}")
+    whole = f"a whole {kind.partition(' ')[2]}"
     return InputError(
-        f"{path}: expected a whole {_KINDS.get(ending, 'bag of rosbag2')}, "
-        f"got an error: {said.removesuffix('.')}{_RECOVERY.get(ending, '')}"
+        f"{path}: expected {whole}, got an error: {said.removesuffix('.')}"
+        f"{_RECOVERY.get(ending, '')}"
     )

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import rtamt
 from rtamt import InputError, SubscribedField, Subscription
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.recorded.bag_reader import Bag, Path_, path_text
+from rtamt_gym.recorded.bag_paths import Steps, path_text, read_source
 from rtamt_gym.recorded.columns import Columns
 
-__all__ = ["TopicFields", "columns_of", "topic_fields"]
+if TYPE_CHECKING:
+    from rtamt_gym.recorded.bag_reader import Bag
+
+__all__ = ["TopicFields", "check_topics", "columns_of", "topic_fields"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +95,16 @@ def topic_fields(
     return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
 
 
+def check_topics(specs: Mapping[str, rtamt.Specification]) -> None:
+    """Checks that specifications say the same of the topics that several of them read.
+
+    Raises:
+        InputError: If they do not.
+        SpecificationError: As of `rtamt.subscriptions`.
+    """
+    _wishes(specs)
+
+
 def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Columns:
     """The same columns with the topic and the field of every variable, which the texts name.
 
@@ -105,16 +118,16 @@ def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Co
     return replace(columns, signals=signals)
 
 
-_DATA: Path_ = ("data",)
+_DATA: Steps = ("data",)
 """Where the messages of ``std_msgs`` hold their number."""
 
 
 def _wishes(
     specs: Mapping[str, rtamt.Specification],
-) -> tuple[dict[str, _Wish], dict[str, tuple[str, Path_]]]:
+) -> tuple[dict[str, _Wish], dict[str, tuple[str, Steps]]]:
     """What the texts say of each message, and the message and the path of each variable."""
     wishes: dict[str, _Wish] = {}
-    parts: dict[str, tuple[str, Path_]] = {}
+    parts: dict[str, tuple[str, Steps]] = {}
     for spec in specs.values():
         for each in rtamt.subscriptions(spec):
             name = each.variable
@@ -130,41 +143,20 @@ def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
 
 
 def _placed(
-    bag: Bag, variable: str, message: str, path: Path_, wish: _Wish, columns: Columns
-) -> tuple[str, Path_]:
+    bag: Bag, variable: str, message: str, path: Steps, wish: _Wish, columns: Columns
+) -> tuple[str, Steps]:
     """The topic of a variable in the bag, and its path there."""
     given = columns.signals.get(variable)
     if given is not None and variable != message:
         wish, path = _Wish(), ()  # a field with a source of its own
     else:
         given = columns.signals.get(message)
-    where, prefix = _source(given or wish.whole)
+    where, prefix = read_source(given or wish.whole)
     topic = _topic(bag, where, message, named=bool(given or wish.topic))
     if prefix and variable == message:
         wish, path = _Wish(), ()  # the number itself, not a message that holds it
     _check_class(bag, topic, prefix, wish, message)
     return topic, (*prefix, *path) or _DATA
-
-
-def _source(text: str) -> tuple[str, Path_]:
-    """The topic and the path in ``/robot0/scan.ranges[0]``; names of topics have no dots.
-
-    Raises:
-        InputError: If it is written otherwise.
-    """
-    topic, dot, rest = text.partition(".")
-    if not dot:
-        return topic, ()
-    path = tuple(int(element) if element else field for field, element in _STEP.findall(f".{rest}"))
-    if not (topic.strip("/") and path) or path_text(path) != rest:
-        raise InputError(
-            "--signal: expected TOPIC.FIELD, such as /robot0/odom.twist.twist.linear.x, "
-            f"got {text!r}"
-        )
-    return topic, path
-
-
-_STEP = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]", re.ASCII)
 
 
 def _topic(bag: Bag, written: str, variable: str, *, named: bool) -> str:
@@ -217,7 +209,7 @@ def _listed(topics: Collection[str]) -> str:
     return f"{', '.join(names[:_MOST])}{more}" or "none"
 
 
-def _check_class(bag: Bag, topic: str, prefix: Path_, wish: _Wish, message: str) -> None:
+def _check_class(bag: Bag, topic: str, prefix: Steps, wish: _Wish, message: str) -> None:
     """Checks that messages are of the class that a text declares.
 
     Every message of ``std_msgs`` that holds a number stands for any other: its values are doubles

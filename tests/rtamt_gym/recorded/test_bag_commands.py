@@ -186,3 +186,23 @@ def test_constants_are_mined_from_bags(folder: Path, capsys: Output) -> None:
     assert main([*command, "--period", "0.1", "--", *bags]) == 0
     assert capsys.readouterr().out.startswith("v = 1.500")
     assert (folder / "bags").is_dir()
+
+
+def test_texts_that_differ_in_a_topic_are_refused_before_anything_is_read(
+    folder: Path, capsys: Output
+) -> None:
+    (folder / "other.stl").write_text(SPEC.replace("robot0", "robot1").replace("slow", "calm"))
+    assert main(["monitor", "spec.stl", "o=other.stl", "--dense", "--json", "bags/a.mcap"]) == 2
+    said = capsys.readouterr()
+    assert not said.out
+    assert said.err == (
+        "rtamt: error: expected one topic for 'cmd', which two specifications read, got "
+        "robot0/cmd_vel and robot1/cmd_vel; give one of them another name, or judge them one at a "
+        "time\n"
+    )
+    spec = "always(cmd.linear.x < 9)"
+    assert main(["monitor", spec, "--signal", "cmd.linear=/x", "bags/a.mcap"]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: --signal: no specification reads 'cmd.linear'; did you mean "
+        "'cmd.linear.x'?\n"
+    )

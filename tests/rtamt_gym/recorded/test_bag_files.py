@@ -203,6 +203,31 @@ def test_an_empty_bag_has_no_topics(tmp_path: Path) -> None:
         )
 
 
+def test_files_of_another_profile_or_encoding_are_refused(tmp_path: Path) -> None:
+    path = plain_mcap(tmp_path / "run.mcap", SAID)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"\x04\0\0\0ros2", b"\x04\0\0\0ros1", 1))
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected an MCAP file of ROS 2, got one with another profile"
+    )
+    path.write_bytes(whole.replace(b"\x07\0\0\0ros2msg", b"\x07\0\0\0protobu", 1))
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected an MCAP file of ROS 2, got messages or schemas of 'protobu'"
+    )
+
+
+def test_a_specification_without_variables_is_judged_from_begin_to_end(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", SAID)
+    spec = rtamt.parse("always(true)")
+    trace, _ = read_ruled(str(path), {"": spec}, Rules(Fraction(1, 10)), Columns())
+    assert isinstance(trace, Trace)
+    assert (trace.samples, trace.start) == (40, 0.0)
+
+
 def test_packed_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(gzip.compress(write_bag(tmp_path / "whole.mcap", SAID).read_bytes()))

@@ -202,8 +202,7 @@ def test_numbers_that_are_missing_are_refused_or_leave_the_value_before(tmp_path
         f"{path}, message 2 of /scan, recorded at 1 s: expected a number for 'x', got nan; "
         "give --missing hold or --missing drop"
     )
-    for missing in ("hold", "drop"):
-        columns = Columns(signals, missing=missing)  # type: ignore[arg-type]
+    for columns in (Columns(signals, missing="hold"), Columns(signals, missing="drop")):
         trace, _ = read_ruled(path, {"": spec}, Rules(Fraction(1)), columns)
         assert isinstance(trace, Trace)
         assert trace.columns["x"].tolist() == [0.5, 0.5, 0.5, 0.25, float("inf")]
