@@ -20,12 +20,17 @@ from rtamt.language.formula import make
 from rtamt.language.node import Node
 
 Spec = str | Formula | Specification
+Listener = Callable[..., None]
+
+_listeners: list[Listener] = []
+"""All that were given: FMPy calls that of the last unit of FMI 2.0, even after it was freed."""
 
 
 class Unit:
     """An instance of an exported monitor, which was instantiated."""
 
-    def __init__(self, path: Path, folder: Path, heard: Callable[..., None] | None = None) -> None:
+    def __init__(self, path: Path, folder: Path, heard: Listener = lambda *_: None) -> None:
+        _listeners.append(heard)
         self.described = read_model_description(path)
         self.version = int(self.described.fmiVersion[0])
         self.entries = {each.name: each for each in self.described.modelVariables}
@@ -84,7 +89,7 @@ class Unit:
 def exported(
     spec: Spec,
     fmi: Fmi,
-    heard: Callable[..., None] | None = None,
+    heard: Listener = lambda *_: None,
     **options: Any,  # noqa: ANN401 - those of export_fmu
 ) -> Iterator[Unit]:
     """An instance of a monitor, which is exported for it."""
@@ -111,7 +116,7 @@ class Drawn(NamedTuple):
 
 @st.composite
 def texts(draw: st.DrawFn, *, dense: bool = False) -> Drawn:
-    """A text of a named formula and a result that uses it, whose numbers are constants."""
+    """A text of a named formula and a result that uses it, with numbers that are constants."""
     named = draw(formulas(2, dense=dense))
     result = draw(formulas(2, endless=not dense, dense=dense))
     values: dict[str, float] = {}
@@ -133,6 +138,7 @@ def texts(draw: st.DrawFn, *, dense: bool = False) -> Drawn:
     root = draw(st.sampled_from(("", "always", "eventually")))
     lines = [f"part = {with_names(named)}", f"whole = {root}(part or ({with_names(result)}))"]
     constants = [f"const float {name} = {value!r}" for name, value in values.items()]
+    constants += ["input float a", "output float b", "float c"]
     number = st.sampled_from(QUARTERS)
     others = {name: draw(number) for name in values if draw(st.booleans())}
     *part, _ = text = [*constants, *lines]

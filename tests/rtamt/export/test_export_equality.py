@@ -4,6 +4,7 @@ import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
+from typing import Any, get_args
 
 import pytest
 from bits import identical
@@ -22,19 +23,25 @@ from rtamt import (
     parse,
 )
 from rtamt.export.programs import Fmi
+from rtamt.program.interface import Semantics
 
 
 class Expected:
     """The monitors of a specification, in Python."""
 
     def __init__(
-        self, drawn: Drawn, period: float, constants: Mapping[str, float] | None = None
+        self,
+        drawn: Drawn,
+        period: float,
+        constants: Mapping[str, float] | None = None,
+        semantics: Semantics = "standard",
     ) -> None:
         whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
-        self.episode = EpisodeMonitor(whole, period, backend="python")
-        self.monitors = {"part": Monitor(part, period, backend="python")}
+        options: Any = {"semantics": semantics, "backend": "python"}
+        self.episode = EpisodeMonitor(whole, period, **options)
+        self.monitors = {"part": Monitor(part, period, **options)}
         with suppress(SpecificationError):  # it needs the whole future
-            self.monitors["whole"] = Monitor(whole, period, backend="python")
+            self.monitors["whole"] = Monitor(whole, period, **options)
         self.outputs = ("robustness", "lower", "upper", "verdict", *self.monitors)
 
     def update(self, values: Mapping[str, float]) -> None:
@@ -101,4 +108,17 @@ def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
                 unit.begin(others)
             return
         unit.begin(others)
+        check_steps(unit, expected, trace, 1)
+
+
+@pytest.mark.parametrize("semantics", get_args(Semantics)[1:])
+@settings(max_examples=12)
+@given(drawn=texts(), trace=traces())
+def test_every_semantics_is_exported(semantics: Semantics, drawn: Drawn, trace: Trace) -> None:
+    try:
+        expected = Expected(drawn, 1, semantics=semantics)
+    except SpecificationError:  # a term of constants is no number
+        return
+    with exported(drawn.text, 2, period=1, semantics=semantics) as unit:
+        unit.begin()
         check_steps(unit, expected, trace, 1)
