@@ -28,7 +28,8 @@ def check_input(message: type, of: str, variable: str, path: Iterable[str | int]
     value = _follow(message(), of, path)
     if value is not None and not _is_number(value):
         raise SpecificationError(
-            f"expected a number as '{variable}', got a {type(value).__name__}{_fields(value)}"
+            f"expected a number as '{variable}', got a value of type "
+            f"{type(value).__name__}{_fields(value)}"
         )
 
 
@@ -38,8 +39,8 @@ def check_output(message: type, of: str, path: Iterable[str]) -> None:
     value = _follow(message(), of, path)
     if not isinstance(value, float):
         raise SpecificationError(
-            f"expected a floating-point field for a robustness, got {of}.{'.'.join(path)}, "
-            f"a {type(value).__name__}"
+            f"expected a floating-point field for a robustness, got {of}.{'.'.join(path)} "
+            f"of type {type(value).__name__}"
         )
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+from rtamt import InputError
+
 __all__ = ["Record"]
 
 
@@ -18,10 +20,12 @@ class Record:
         variables: The columns beside the time.
 
     Raises:
-        OSError: If the file cannot be written; when the first run begins.
+        InputError: If there is no such folder.
     """
 
     def __init__(self, path: Path, variables: Sequence[str]) -> None:
+        if not path.parent.is_dir():
+            raise InputError(f"expected a folder for the record, there is no {path.parent}")
         self._path = path
         self._variables = tuple(variables)
         self._runs = 0

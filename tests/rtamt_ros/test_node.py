@@ -1,0 +1,427 @@
+"""What a node subscribes to, publishes, refuses and records."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from memory_middleware import CLASSES, SECOND, MemoryMiddleware, message
+
+import rtamt
+from rtamt import InputError, SpecificationError, evaluate
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode, Settings
+
+MS = 1_000_000
+PAPER = """
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from rtamt_msgs.msg import FloatMessage
+
+input Twist cmd
+output Odometry odom
+output FloatMessage out
+
+@ topic(cmd, robot0/cmd_vel)
+@ topic(odom, /robot0/odom)
+@ topic(out, rtamt/c)
+
+near = abs(cmd.linear.x - odom.twist.twist.linear.x) <= 0.1
+out.value = always[0:0.2](near)
+"""
+
+
+def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
+    """A node that runs."""
+    ros = MemoryMiddleware()
+    node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
+    node.start()
+    return ros, node
+
+
+def send(ros: MemoryMiddleware, name: str, value: float) -> None:
+    """A number on a topic."""
+    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
+
+
+def drive(ros: MemoryMiddleware, speeds: list[tuple[float, float]]) -> None:
+    """Commands and speeds, one pair a period."""
+    for command, speed in speeds:
+        ros.send("robot0/cmd_vel", message("geometry_msgs", "Twist", linear__x=command))
+        ros.send("/robot0/odom", message("nav_msgs", "Odometry", twist__twist__linear__x=speed))
+        ros.tick()
+        ros.time += 100 * MS
+
+
+def open_ends(ros: MemoryMiddleware) -> tuple[int, int, int]:
+    """How many publishers, subscriptions and timers are open."""
+    return len(ros.publishers), len(ros.subscriptions), len(ros.timers)
+
+
+def topics(ros: MemoryMiddleware) -> dict[str, str]:
+    """The topics that are published, with the packages of their messages."""
+    packages = {kind: package for (package, _), kind in CLASSES.items()}
+    return {each.topic: packages[each.message] for each in ros.publishers}
+
+
+def test_a_text_of_the_paper_is_monitored_as_it_stands() -> None:
+    ros, _ = started(PAPER)
+    assert [each.topic for each in ros.subscriptions] == ["robot0/cmd_vel", "/robot0/odom"]
+    assert topics(ros) == {
+        "rtamt/near": "std_msgs",
+        "rtamt/c": "rtamt_msgs",
+        "rtamt/c/lower": "std_msgs",
+        "rtamt/c/upper": "std_msgs",
+        "rtamt/c/verdict": "std_msgs",
+        "/diagnostics": "diagnostic_msgs",
+    }
+    assert [each.topic for each in ros.publishers if not each.latched] == ["/diagnostics"]
+    begin = ros.time
+    drive(ros, [(1.0, 0.25), (1.0, 0.5), (1.0, 1.0), (1.0, 1.0)])
+    assert ros.data("rtamt/near") == pytest.approx([-0.65, -0.4, 0.1, 0.1])
+    found = [(each.header.stamp.ns, each.value) for each in ros.on("rtamt/c")]
+    assert found == [(begin, -0.65), (begin + 100 * MS, -0.4)]
+    # The verdict is about the begin, at which the robot is too slow.
+    assert ros.data("rtamt/c/verdict") == [-1, -1, -1, -1]
+    assert ros.data("rtamt/c/upper") == pytest.approx([-0.65] * 4)
+
+
+def test_one_subscription_serves_all_that_read_a_topic() -> None:
+    other = """
+    specification slow
+    from nav_msgs.msg import Odometry
+    input Odometry o
+    @ topic(o, /robot0/odom)
+    o.twist.twist.linear"""
+    ros, node = started(PAPER, f"{other}.x < 2", f"{other}.y < 2")
+    assert [each.topic for each in ros.subscriptions] == ["robot0/cmd_vel", "/robot0/odom"]
+    drive(ros, [(1.0, 0.5)])
+    assert [each.name for each in node.reports] == ["out.value", "slow", "slow_2"]
+    assert ros.data("rtamt/slow") == [1.5]
+    assert ros.data("rtamt/slow_2") == [2.0]
+
+
+MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; float64 x; "
+
+
+def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
+    text = f"""{MESSAGES}
+    output Parts out
+    output Float32 alone
+    out.a = x > 1
+    out.inner.y = eventually[0:0.1](x > 2)
+    out.b = always(out.a or out.inner.y)
+    alone = x < 9
+    """
+    ros, _ = started(text.replace("; ", "\n"))
+    assert "rtamt/out" in topics(ros)
+    assert "rtamt/alone" in topics(ros)
+    begin = ros.time
+    for value in (3.0, 0.5, 4.0):
+        send(ros, "x", value)
+        ros.tick()
+        ros.time += 100 * MS
+    found = [(m.header.stamp.ns, m.a, m.inner.y, m.b) for m in ros.on("rtamt/out")]
+    # out.b is late by one sample; its parts come with it, each as late as itself.
+    assert found == [(begin, -0.5, 1.0, 2.0), (begin + 100 * MS, 3.0, 2.0, 2.0)]
+    assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
+
+
+def test_two_requirements_in_one_message_have_bounds_of_their_own() -> None:
+    text = f"{MESSAGES}output Parts out; @ topic(out, /safe); out.a = x > 1; out.inner.x = x < 5"
+    ros, _ = started(text)
+    assert {topic for topic in topics(ros) if "verdict" in topic} == {
+        "/safe/a/verdict",
+        "/safe/inner/x/verdict",
+    }
+    send(ros, "x", 2.0)
+    ros.tick()
+    assert [(m.a, m.inner.x) for m in ros.on("/safe")] == [(1.0, 3.0)]
+
+
+@pytest.mark.parametrize(
+    ("texts", "text"),
+    [
+        (
+            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear.w > 0"],
+            "geometry_msgs/Twist.linear has no field 'w'; its fields are x, y, z",
+        ),
+        (
+            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linar.x > 0"],
+            "geometry_msgs/Twist has no field 'linar'; did you mean 'linear'?",
+        ),
+        (
+            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear > 0"],
+            (
+                "expected a number as 'cmd.linear', got a value of type Message; "
+                "its fields are x, y, z"
+            ),
+        ),
+        (
+            ["from nav_msgs.msg import Odometry; input Odometry o; o.header.frame_id > 0"],
+            "expected a number as 'o.header.frame_id', got a value of type str",
+        ),
+        (
+            ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear.x[2] > 0"],
+            "geometry_msgs/Twist.linear.x is no list and has no element [2]",
+        ),
+        (
+            ["robot.pose.x > 0"],
+            (
+                "expected the class of the message 'robot', got none; declare it: from PACKAGE.msg "
+                "import CLASS, then input CLASS robot"
+            ),
+        ),
+        (
+            ["float64 x; @ topic(x, a); x > 0", "int64 y; @ topic(y, a); y > 0"],
+            (
+                "expected one class of messages on the topic a, got std_msgs/Float64 as 'x' and "
+                "std_msgs/Int64 as 'y'"
+            ),
+        ),
+        (
+            [f"{MESSAGES}output Parts out; out = x > 0"],
+            (
+                "expected a field of the message 'out' as the name of a formula, such as "
+                "out.value, got 'out' itself; a my_msgs/Parts is no number"
+            ),
+        ),
+        (
+            [f"{MESSAGES}output Parts out; out.count = x > 0"],
+            "expected a floating-point field for a robustness, got my_msgs/Parts.count of type int",
+        ),
+        (
+            [f"{MESSAGES}output Parts out; out.d = x > 0"],
+            "my_msgs/Parts has no field 'd'; its fields are header, a, b, inner, count",
+        ),
+        (
+            ["float64 x; @ topic(out, c); out = x > 0", "float64 x; @ topic(p, c); p = x > 1"],
+            (
+                "expected a topic for 'p' that nothing else is published on, got c; write another: "
+                "@ topic(p, PATH)"
+            ),
+        ),
+        (
+            ["always[0:0.25](x > 0)"],
+            (
+                "STL:1:7: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
+                "  always[0:0.25](x > 0)\n        ^\n"
+                "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let align= round it"
+            ),
+        ),
+    ],
+)
+def test_what_cannot_be_monitored_is_refused_before_it_starts(texts: list[str], text: str) -> None:
+    ros = MemoryMiddleware()
+    with pytest.raises(SpecificationError) as error:
+        MonitorNode(ros, texts)
+    assert str(error.value) == text
+    assert open_ends(ros) == (0, 0, 0)
+
+
+def test_a_class_that_is_not_installed_is_refused_before_it_starts() -> None:
+    ros = MemoryMiddleware(missing={"rtamt_msgs"})
+    with pytest.raises(InputError, match="rtamt_msgs is not installed"):
+        MonitorNode(ros, [PAPER])
+    with pytest.raises(InputError, match="expected a specification or more, got none"):
+        MonitorNode(ros, [])
+
+
+def test_start_and_stop_open_and_close_everything_once() -> None:
+    ros = MemoryMiddleware()
+    node = MonitorNode(ros, [PAPER])
+    assert open_ends(ros) == (0, 0, 0)
+    assert (node.running, node.reports) == (False, ())
+    node.start()
+    node.start()
+    assert open_ends(ros) == (6, 2, 1)
+    assert ros.timers[0].period == 100 * MS
+    tick = ros.timers[0].callback
+    node.stop()
+    node.stop()
+    assert open_ends(ros) == (0, 0, 0)
+    assert not node.running
+    before = len(ros.published)
+    tick()  # a callback that was waiting
+    assert len(ros.published) == before
+
+
+def test_a_start_that_ros_refuses_leaves_nothing_open() -> None:
+    for topic in ("/robot0/odom", "rtamt/c/upper"):
+        ros = MemoryMiddleware(refused={topic})
+        node = MonitorNode(ros, [PAPER])
+        with pytest.raises(InputError, match="is refused"):
+            node.start()
+        assert open_ends(ros) == (0, 0, 0)
+        assert not node.running
+
+
+def test_a_monitor_begins_anew_when_it_is_started_again() -> None:
+    ros, node = started("historically(x > 0)")
+    send(ros, "x", 1.0)
+    ros.tick()
+    node.stop()
+    node.start()
+    ros.tick(ros.time + 100 * MS)
+    assert node.reports[0].text == "waiting for x"
+    send(ros, "x", 5.0)
+    ros.tick(ros.time + 100 * MS)
+    assert ros.data("rtamt/spec") == [1.0, 5.0]
+    assert node.reports[0].restarts == 0
+
+
+def test_a_replacement_that_is_refused_leaves_the_old_one_running() -> None:
+    ros, node = started("historically(x > 0)")
+    send(ros, "x", 1.0)
+    ros.tick()
+    before = node.specifications
+    for bad in ("historically(x >", "robot.x > 0", "always[0:0.25](x > 0)"):
+        with pytest.raises(SpecificationError):
+            node.replace([bad])
+    with pytest.raises(InputError):
+        node.replace(["from no_msgs.msg import None_; input None_ x; x.y > 0"])
+    assert node.specifications is before
+    send(ros, "x", 5.0)
+    ros.tick(ros.time + 100 * MS)
+    assert ros.data("rtamt/spec") == [1.0, 1.0]
+
+
+def test_a_replacement_begins_anew_with_its_own_topics_and_settings() -> None:
+    ros, node = started("historically(x > 0)")
+    node.replace(["slow = y < 3"], Settings(period=10 * MS))
+    assert [each.topic for each in ros.subscriptions] == ["rtamt/y"]
+    assert ros.timers[0].period == node.settings.period == 10 * MS
+    node.replace([rtamt.parse("fast = y > 3")])
+    assert node.settings.period == 10 * MS
+    send(ros, "y", 5.0)
+    ros.tick()
+    assert ros.data("rtamt/fast") == [2.0]
+    assert "rtamt/slow" not in topics(ros)
+    ros.refused.add("rtamt/z")
+    with pytest.raises(InputError, match="rtamt/z is refused"):
+        node.replace(["z > 0"])
+    assert node.running
+    assert [each.topic for each in ros.subscriptions] == ["rtamt/y"]
+    node.stop()
+    node.replace(["z > 0"])
+    assert not node.running
+
+
+@pytest.mark.parametrize("generation", [1, 2])
+def test_diagnostics_come_once_a_second_and_when_a_level_changes(generation: int) -> None:
+    ros = MemoryMiddleware(generation=generation, name="/ns/monitor")
+    node = MonitorNode(ros, ["bounded = always(x < 3)", PAPER])
+    node.start()
+    for n in range(30):
+        send(ros, "x", 1.0 if n < 15 else 4.0)
+        ros.tick()
+        ros.time += 100 * MS
+    found = ros.on("/diagnostics")
+    begin = 1000 * SECOND
+    assert [(each.header.stamp.ns - begin) // MS for each in found] == [0, 1000, 1500, 2500]
+    first, second = found[-1].status
+    assert (first.level, second.level) == ((2, 1) if generation == 1 else (b"\x02", b"\x01"))
+    assert (first.name, second.name) == ("ns/monitor: bounded", "ns/monitor: out.value")
+    at = "1001.500 s"
+    assert first.message == (f"violated, robustness -1; violated 1 time since start, first at {at}")
+    assert second.message == "waiting for cmd, odom"
+    assert {each.key: each.value for each in first.values} == {
+        "formula": "always(x < 3)",
+        "robustness": "-1",
+        "at": "1002.500 s",
+        "lower": "-inf",
+        "upper": "-1",
+        "verdict": "VIOLATED",
+        "worst robustness": "-1",
+        "worst at": at,
+        "violations": "1",
+        "first violation at": at,
+        "waiting for": "",
+        "stale inputs": "",
+        "late samples": "0",
+        "messages out of order": "0",
+        "unreadable messages": "0",
+        "restarts": "0",
+    }
+    assert [level for level, _ in ros.lines] == [Level.OK, Level.WARN, Level.ERROR]
+    assert ros.lines[1][1] == "out.value: waiting for cmd, odom"
+
+
+def test_without_the_messages_of_diagnostics_the_rest_goes_on() -> None:
+    ros = MemoryMiddleware(missing={"diagnostic_msgs"})
+    node = MonitorNode(ros, ["x > 0"])
+    node.start()
+    send(ros, "x", 1.0)
+    ros.tick()
+    assert ros.data("rtamt/spec") == [1.0]
+    assert ros.lines[0] == (
+        Level.WARN,
+        "there is no /diagnostics: diagnostic_msgs is not installed",
+    )
+    node.stop()
+    assert not ros.publishers
+
+
+# Records. ----------------------------------------------------------------------------------------
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_record_gives_the_same_values_offline(tmp_path: Path) -> None:
+    text = "always[0:0.2](x - y > 1)"
+    ros, node = started(text, record=tmp_path / "run.csv")
+    ros.time = 1_700_000_000 * SECOND + 123_456_789
+    for n in range(12):
+        send(ros, "x", 0.1 * n + 1 / 3)
+        send(ros, "y", -0.7)
+        ros.tick()
+        ros.time += (100 + 70 * (n == 5)) * MS  # one sample is late
+    node.stop()
+    table = rows(tmp_path / "run.csv")
+    assert table[0]["time"] == "1700000000.123456789"
+    assert table[12]["time"] == "1700000001.323456789"
+    assert len(table) == 13
+    trace = {name: [float(row[name]) for row in table] for name in ("x", "y")}
+    offline = evaluate(text, trace, period=0.1)
+    assert [float(row["robustness"]) for row in table[2:]] == offline[:-2].tolist()
+    assert math.isnan(float(table[1]["robustness"]))
+    assert ros.latched("rtamt/spec") == offline[-3]
+
+
+def test_every_run_and_every_requirement_has_its_file(tmp_path: Path) -> None:
+    ros, node = started("slow = x < 3; near = y < 3", record=tmp_path / "run.csv")
+    for time, what in [(0, "xy"), (100, "xy"), (200, "x"), (700, "x"), (800, "xy"), (900, "xy")]:
+        ros.time = 1000 * SECOND + time * MS
+        for name in what:
+            send(ros, name, 1.0)
+        ros.tick()
+    node.stop()
+    counts = {path.name: len(rows(path)) for path in tmp_path.iterdir()}
+    assert counts == {"run-slow.csv": 10, "run-near.csv": 3, "run-near-2.csv": 2}
+
+
+def test_a_record_of_dense_time_holds_the_events(tmp_path: Path) -> None:
+    ros, node = started("x > y", dense=True, record=tmp_path / "run.csv")
+    for time, name, value in [(0, "x", 1.0), (50, "y", 2.0), (70, "x", 3.0), (90, "y", 0.5)]:
+        ros.time = 1000 * SECOND + time * MS
+        send(ros, name, value)
+    node.stop()
+    assert [tuple(row.values()) for row in rows(tmp_path / "run.csv")] == [
+        ("1000.000000000", "1.0", ""),
+        ("1000.050000000", "", "2.0"),
+        ("1000.070000000", "3.0", ""),
+        ("1000.090000000", "", "0.5"),
+    ]
+
+
+def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        started("x > 0", record=tmp_path / "no" / "run.csv")
+    assert str(error.value) == f"expected a folder for the record, there is no {tmp_path / 'no'}"

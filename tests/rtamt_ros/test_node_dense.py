@@ -1,0 +1,263 @@
+"""A node in dense time: messages are events at their times, and nothing is sampled."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from typing import Any, cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from memory_middleware import SECOND, MemoryMiddleware, message
+
+import rtamt
+from rtamt import Events, SpecificationError, evaluate_dense
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode, Settings
+
+MS = 1_000_000
+START = 1_700_000_000 * SECOND + 123_456_789
+HEAD = """
+from my_msgs.msg import Parts
+from rtamt_msgs.msg import FloatMessage
+input Parts m
+input Parts n
+output FloatMessage out
+"""
+FORMULAS = [
+    "m.a > n.a",
+    "always[0:0.25](m.a > n.a or n.b > 1)",
+    "once[0.05:0.1](m.b > 0) and n.a < 3",
+    "(m.a > 0) until[0:0.2] (n.a > 0)",
+]
+VALUES = st.sampled_from([-2.0, -0.5, 0.0, 1.0, 3.0])
+# (milliseconds since the last one, the topic, two values); "tick" is the timer.
+STEPS = st.lists(
+    st.tuples(st.integers(0, 80), st.sampled_from(["m", "n", "tick"]), VALUES, VALUES), max_size=50
+)
+
+
+def started(text: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
+    """A node in dense time that runs."""
+    ros = MemoryMiddleware(time=START)
+    node = MonitorNode(ros, [text], Settings(dense=True, **cast("Any", settings)))
+    node.start()
+    return ros, node
+
+
+def parts(a: float, b: float, stamp: int | None = None) -> object:
+    """A message with two values."""
+    return message("my_msgs", "Parts", a=a, b=b, stamp=stamp)
+
+
+def published(ros: MemoryMiddleware) -> list[tuple[int, float]]:
+    """The times and the robustness that were published."""
+    return [(each.header.stamp.ns, each.value) for each in ros.on("rtamt/out")]
+
+
+def signals(
+    events: dict[str, list[tuple[int, float, float]]], origin: int
+) -> dict[str, list[tuple[float, float]]]:
+    """The events of the fields of m and n, from the last before both are known."""
+    begin = max(each[0][0] for each in events.values())
+    found = {}
+    for name, each in events.items():
+        first = bisect.bisect_right([time for time, _, _ in each], begin) - 1
+        for at, field in enumerate("ab", 1):
+            rows = each[max(first, 0) :]
+            found[f"{name}.{field}"] = [((row[0] - origin) / 1e9, row[at]) for row in rows]
+    return found
+
+
+@given(steps=STEPS, formula=st.sampled_from(FORMULAS))
+def test_by_receipt_a_node_publishes_what_evaluate_dense_says(
+    steps: list[tuple[int, str, float, float]], formula: str
+) -> None:
+    text = f"{HEAD}out.value = {formula}"
+    ros, node = started(text, stale=math.inf)
+    events: dict[str, list[tuple[int, float, float]]] = {"m": [], "n": []}
+    for wait, what, a, b in steps:
+        ros.time += wait * MS
+        if what == "tick":
+            ros.tick()
+            continue
+        time = max(ros.time, events[what][-1][0] + 1) if events[what] else ros.time
+        ros.send(f"rtamt/{what}", parts(a, b))
+        events[what].append((time, a, b))
+    ros.time += 1000 * MS
+    ros.tick()
+    if not (events["m"] and events["n"]):
+        assert not published(ros)
+        return
+    # Silence means that a value lasts: until just before the last look.
+    spec = rtamt.parse(text)
+    given_ = signals(events, START)
+    end = (ros.time - 1 - START) / 1e9
+    for each in given_.values():
+        each.append((end, each[-1][1]))
+    wanted = {name: each for name, each in given_.items() if name in spec.variables}
+    whole = evaluate_dense(spec, wanted)
+    found = Events(*_arrays(published(ros)))
+    horizon = rtamt.DenseMonitor(spec).horizon
+    expected = [(time, value) for time, value in whole if time < end - horizon - 1e-9]
+    assert list(found) == expected
+    assert node.reports[0].restarts == 0
+    assert node.reports[0].worst == min(value for _, value in expected)
+
+
+def _arrays(rows: list[tuple[int, float]]) -> tuple[list[float], list[float]]:
+    return [(time - START) / 1e9 for time, _ in rows], [value for _, value in rows]
+
+
+@given(steps=STEPS, formula=st.sampled_from(FORMULAS), data=st.data())
+def test_by_stamps_the_order_in_which_topics_come_does_not_matter(
+    steps: list[tuple[int, str, float, float]], formula: str, data: st.DataObject
+) -> None:
+    text = f"{HEAD}out.value = {formula}"
+    queues: dict[str, list[tuple[int, float, float]]] = {"m": [(0, 1.0, 1.0)], "n": [(0, 1.0, 0.0)]}
+    time = 0
+    for wait, what, a, b in steps:
+        time += (wait + 1) * MS
+        if what != "tick":
+            queues[what].append((time, a, b))
+    for each in queues.values():
+        each.append((time + 1000 * MS, 0.0, 0.0))
+    ros, node = started(text, stamps=True, stale=math.inf)
+    left = {name: list(each) for name, each in queues.items()}
+    for name in ("m", "n"):
+        stamp, a, b = left[name].pop(0)
+        ros.send(f"rtamt/{name}", parts(a, b, START + stamp))
+    while any(left.values()):
+        name = data.draw(st.sampled_from([name for name, each in left.items() if each]))
+        stamp, a, b = left[name].pop(0)
+        ros.time += data.draw(st.integers(0, 3)) * MS
+        ros.send(f"rtamt/{name}", parts(a, b, START + stamp))
+        if data.draw(st.booleans()):
+            ros.tick()
+    spec = rtamt.parse(text)
+    wanted = {
+        name: each
+        for name, each in signals(
+            {
+                name: [(START + stamp, a, b) for stamp, a, b in each]
+                for name, each in queues.items()
+            },
+            START,
+        ).items()
+        if name in spec.variables
+    }
+    end = (time + 1000 * MS) / 1e9 - rtamt.DenseMonitor(spec).horizon
+    expected = [each for each in evaluate_dense(spec, wanted) if each[0] < end - 1e-9]
+    assert list(Events(*_arrays(published(ros)))) == expected
+    assert (node.reports[0].restarts, node.reports[0].out_of_order) == (0, 0)
+
+
+def test_the_robustness_of_a_time_is_published_as_soon_as_it_is_known() -> None:
+    ros, _ = started(f"{HEAD}out.value = always[0:0.2](m.a > n.a)")
+    ros.send("rtamt/m", parts(5, 0))
+    ros.time += 100 * MS
+    ros.send("rtamt/n", parts(1, 0))
+    begin = ros.time
+    ros.tick(begin + 200 * MS)
+    assert published(ros) == []  # the window of the begin ends now, at an instant not yet over
+    ros.tick(begin + 250 * MS)
+    assert published(ros) == [(begin, 4.0)]
+    ros.time += 50 * MS  # m falls at begin + 300 ms: known for begin + 100 ms
+    ros.send("rtamt/m", parts(2, 0))
+    ros.tick(ros.time + 1 * MS)
+    assert published(ros) == [(begin, 4.0), (begin + 100 * MS, 1.0)]
+
+
+def test_verdict_and_bounds_of_an_invariant_follow_the_least_robustness() -> None:
+    ros, node = started("bad = always(x > 0); good = eventually(x > 3); now = x > 0")
+    for value in (2.0, 1.0, 4.0, -1.0, 5.0):
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
+        ros.tick(ros.time + 100 * MS)
+    assert ros.data("rtamt/bad") == [2.0, 1.0, -1.0]
+    assert ros.data("rtamt/bad/upper") == [2.0, 1.0, -1.0]
+    assert ros.data("rtamt/bad/lower") == [-math.inf] * 3
+    assert ros.data("rtamt/bad/verdict") == [0, 0, -1]
+    assert ros.data("rtamt/good/lower") == [-1.0, 1.0, 2.0]
+    assert ros.data("rtamt/good/verdict") == [0, 1, 1]
+    assert ros.data("rtamt/now") == [2.0, 1.0, 4.0, -1.0, 5.0]
+    assert ros.data("rtamt/now/verdict") == [1] * 5
+    assert ros.data("rtamt/now/lower") == ros.data("rtamt/now/upper") == [2.0] * 5
+    bad, good, now = node.reports
+    assert (bad.level, good.level, now.level) == (Level.ERROR, Level.OK, Level.OK)
+    assert (bad.violations, now.violations, now.worst) == (1, 0, -1.0)
+    assert bad.violated_at is not None
+    assert bad.violated_at >= START + 300 * MS
+
+
+@pytest.mark.parametrize("stamps", [False, True])
+def test_a_stale_input_ends_the_run(stamps: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    ros, node = started(f"{HEAD}out.value = always(m.a > n.a)", stamps=stamps)
+    for name, a in (("m", 5.0), ("n", 1.0)):
+        ros.send(f"rtamt/{name}", parts(a, 0, ros.time))
+    for _ in range(4):
+        ros.time += 100 * MS
+        ros.send("rtamt/m", parts(6, 0, ros.time))
+        ros.tick()
+    assert not any(math.isnan(value) for _, value in published(ros))
+    for _ in range(3):
+        ros.time += 100 * MS
+        ros.send("rtamt/m", parts(6, 0, ros.time))
+        ros.tick()
+    assert node.reports[0].text == "n stale 0.7 s"
+    assert math.isnan(published(ros)[-1][1])
+    assert ros.latched("rtamt/out/verdict") == 0
+    ros.send("rtamt/n", parts(2, 0, ros.time))
+    ros.send("rtamt/m", parts(6, 0, ros.time + 1))
+    ros.tick(ros.time + 100 * MS)
+    ros.send("rtamt/n", parts(2, 0, ros.time))
+    ros.send("rtamt/m", parts(6, 0, ros.time))
+    ros.tick(ros.time + 100 * MS)
+    assert published(ros)[-1][1] == 4.0
+    assert node.reports[0].restarts == 1
+    assert node.reports[0].restarted_because == "n was stale"
+
+
+def test_two_messages_in_one_tick_of_a_clock_come_one_after_the_other() -> None:
+    ros, node = started("x > 0")
+    for value in (1.0, 2.0, 3.0):
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
+    ros.tick(ros.time + 100 * MS)
+    assert ros.data("rtamt/spec") == [1.0, 2.0, 3.0]
+    assert node.reports[0].restarts == 0
+
+
+def test_two_messages_with_one_stamp_are_one_event() -> None:
+    ros, node = started(f"{HEAD}out.value = m.a > 0", stamps=True)
+    for stamp, a in [(0, 1.0), (0, 2.0), (50, 3.0), (40, 9.0), (90, 4.0)]:
+        ros.send("rtamt/m", parts(a, 0, START + stamp * MS))
+    assert published(ros) == [(START, 1.0), (START + 50 * MS, 3.0)]
+    assert node.reports[0].out_of_order == 2
+
+
+def test_a_clock_that_goes_back_begins_anew() -> None:
+    ros, node = started("always(x > 0)")
+    for loop in range(2):
+        for n in range(4):
+            ros.time = START + n * 100 * MS
+            ros.tick()
+            ros.send("rtamt/x", message("std_msgs", "Float64", data=9.0 + 4 * loop - n))
+    ros.tick(ros.time + 2)
+    assert [each for each in ros.data("rtamt/spec") if each == each] == [  # noqa: PLR0124 - nan
+        *(9, 8, 7, 13, 12, 11, 10)
+    ]
+    assert node.reports[0].restarts == 1
+
+
+def test_values_without_a_robustness_begin_anew() -> None:
+    ros, node = started("sqrt(x) > 1")
+    for value in (4.0, -1.0, 9.0):
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
+        ros.tick(ros.time + 100 * MS)
+    assert list(map(str, ros.data("rtamt/spec"))) == ["1.0", "nan", "nan", "2.0"]
+    assert node.reports[0].restarted_because == "there was no robustness"
+
+
+def test_a_requirement_that_dense_time_cannot_monitor_is_refused_at_once() -> None:
+    with pytest.raises(SpecificationError, match="'always' without an end needs the whole future"):
+        started("always(x > 0) and y > 0")

@@ -1,0 +1,346 @@
+"""Silent inputs, clocks that jump, messages that cannot be read: never a frozen verdict."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from memory_middleware import SECOND, MemoryMiddleware, message
+
+from rtamt import InputError, Verdict
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode, Settings
+
+MS = 1_000_000
+START = 1000 * SECOND
+STALE = 500 * MS  # five periods of 100 ms
+ODOM = "from nav_msgs.msg import Odometry; input Odometry odom; "
+X_AND_Y = "historically(x > 0 and y > 0)"
+
+GAPS = st.lists(
+    st.tuples(
+        st.sampled_from([0, 10, 100, 300, 600, 2000]), st.sampled_from(["x", "y", "tick", "tick"])
+    ),
+    max_size=80,
+)
+
+
+def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
+    """A node that runs."""
+    ros = MemoryMiddleware(time=START)
+    node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
+    node.start()
+    return ros, node
+
+
+def send(ros: MemoryMiddleware, name: str, value: float) -> None:
+    """A number on a topic."""
+    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
+
+
+def odometry(speed: float, stamp: int | None = None) -> object:
+    """A message with a stamp."""
+    return message("nav_msgs", "Odometry", stamp=stamp, twist__twist__linear__x=speed)
+
+
+@given(GAPS)
+def test_no_value_is_left_on_a_topic_whose_input_is_stale(steps: list[tuple[int, str]]) -> None:
+    ros, node = started(X_AND_Y)
+    came: dict[str, int] = {}
+    runs: list[int] = []
+    running = False
+    before = START
+    for wait, what in steps:
+        ros.time += wait * MS
+        if what != "tick":
+            send(ros, what, 2.0)
+            came[what] = ros.time
+            continue
+        ros.tick()
+        late = [name for name in ("x", "y") if name in came and ros.time - came[name] > STALE]
+        if len(came) < 2:
+            assert not ros.on("rtamt/spec")
+            assert node.reports[0].waiting == tuple(n for n in ("x", "y") if n not in came)
+        elif late:
+            assert node.reports[0].stale == tuple(late)
+            assert node.reports[0].level == Level.STALE
+            if runs:
+                assert math.isnan(ros.latched("rtamt/spec"))
+                assert math.isnan(ros.latched("rtamt/spec/lower"))
+                assert math.isnan(ros.latched("rtamt/spec/upper"))
+                assert ros.latched("rtamt/spec/verdict") == Verdict.UNDECIDED
+            running = False
+        else:
+            if not running or ros.time - before > STALE + 100 * MS:
+                runs.append(ros.time)
+            running = True
+            assert ros.latched("rtamt/spec") == 2.0
+            assert node.reports[0].stale == ()
+        before = ros.time
+    if node.reports:
+        assert node.reports[0].restarts == max(0, len(runs) - 1)
+
+
+def test_a_run_after_a_gap_knows_nothing_of_the_one_before() -> None:
+    ros, node = started("historically(x > 0)", "always(x > 0)")
+    for time, value in [(0, 5.0), (100, -1.0), (200, 5.0), (900, None), (1000, 4.0), (1100, 6.0)]:
+        ros.time = START + time * MS
+        if value is not None:
+            send(ros, "x", value)
+        ros.tick()
+    assert list(map(str, ros.data("rtamt/spec"))) == list(
+        map(str, [5.0, -1.0, -1.0, math.nan, 4.0, 4.0])
+    )
+    assert ros.data("rtamt/spec_2/verdict") == [0, -1, -1, 0, 0, 0]
+    past, always = node.reports
+    assert past.text == "satisfied, robustness 4; restarted 1 time because x was stale"
+    assert always.violations == 1
+    assert always.violated_at == START + 100 * MS
+    assert (always.worst, always.worst_time) == (-1.0, START + 100 * MS)
+    assert always.level == Level.WARN
+    assert always.text == (
+        "holds so far, robustness 4; violated 1 time since start, first at 1000.100 s; "
+        "restarted 1 time because x was stale"
+    )
+
+
+def test_a_requirement_goes_on_while_the_input_of_another_is_stale() -> None:
+    ros, node = started("slow = x < 3; near = y < 3")
+    for n in range(10):
+        ros.time = START + n * 100 * MS
+        send(ros, "x", float(n) / 10)
+        if n < 2:
+            send(ros, "y", 1.0)
+        ros.tick()
+    slow, near = node.reports
+    assert slow.robustness == pytest.approx(2.1)
+    assert (near.stale, near.problem) == (("y",), "y stale 0.8 s")
+    assert len(ros.data("rtamt/slow")) == 10
+    assert math.isnan(ros.latched("rtamt/near"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "limit"),
+    [
+        ({}, 500),
+        ({"period": 1000 * MS}, 5000),
+        ({"stale": 0.25}, 250),
+        ({"stale": 0.25, "stale_of": {"rtamt/x": 1.5}}, 1500),
+        ({"stale": math.inf, "stale_of": {"rtamt/x": 2.0}}, 2000),
+        ({"stale": math.inf}, 10**9),
+    ],
+)
+def test_when_an_input_is_stale_can_be_said(settings: dict[str, Any], limit: int) -> None:
+    ros, node = started("x > 0", **settings)
+    send(ros, "x", 1.0)
+    ros.tick()
+    for late, stale in ((limit, ()), (limit + 1, ("x",))):
+        if limit < 10**9 or not stale:
+            ros.tick(START + late * MS)
+            assert node.reports[0].stale == stale
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"period": 0}, "expected a whole number of nanoseconds as the period, got 0"),
+        ({"period": -5}, "expected a whole number of nanoseconds as the period, got -5"),
+        ({"period": 0.5}, "expected a whole number of nanoseconds as the period, got 0.5"),
+        (
+            {"stale": 0.0},
+            "expected seconds until an input is stale, more than 0, got 0.0; inf is never",
+        ),
+        (
+            {"stale_of": {"/odom": math.nan}},
+            "expected seconds until an input is stale of /odom, more than 0, got nan; inf is never",
+        ),
+    ],
+)
+def test_settings_without_a_meaning_are_refused(settings: dict[str, Any], text: str) -> None:
+    with pytest.raises(InputError) as error:
+        Settings(**settings)
+    assert str(error.value) == text
+
+
+# The clock. --------------------------------------------------------------------------------------
+
+
+def test_a_bag_that_begins_again_begins_the_monitors_again() -> None:
+    ros, node = started("historically(x > 0)")
+    for loop in range(3):
+        for n in range(5):
+            ros.time = START + n * 100 * MS
+            send(ros, "x", 10.0 * loop + 5 - n)
+            ros.tick()
+    found = ros.data("rtamt/spec")
+    # The first look after each jump forgets what came before it, and has a new message already.
+    assert found == [5, 4, 3, 2, 1, 15, 14, 13, 12, 11, 25, 24, 23, 22, 21]
+    assert node.reports[0].restarts == 2
+    assert node.reports[0].restarted_because == "the clock went back by 0.4 s"
+
+
+def test_messages_from_after_the_time_to_which_the_clock_went_back_are_forgotten() -> None:
+    ros, node = started(X_AND_Y, stale=math.inf)
+    send(ros, "y", 7.0)
+    ros.tick()
+    ros.time = START + 5 * SECOND
+    send(ros, "x", 1.0)
+    ros.tick()
+    assert ros.data("rtamt/spec") == [1.0]
+    ros.tick(START + 2 * SECOND)
+    assert node.reports[0].waiting == ("x",)
+    assert math.isnan(ros.latched("rtamt/spec"))
+    send(ros, "x", 3.0)
+    ros.tick(START + 2 * SECOND + 100 * MS)
+    assert ros.latched("rtamt/spec") == 3.0
+
+
+def test_a_clock_that_is_set_back_by_less_than_a_period_changes_nothing() -> None:
+    ros, node = started("historically(x > 0)")
+    for time in (0, 100, 200, 130, 240, 300):
+        ros.time = START + time * MS
+        send(ros, "x", 10.0 - time / 100)
+        ros.tick()
+    assert ros.data("rtamt/spec") == [10.0, 9.0, 8.0, 7.0]
+    assert node.reports[0].restarts == 0
+
+
+def test_nothing_is_said_before_a_simulated_clock_begins() -> None:
+    ros, node = started("x > 0")
+    ros.time = 0
+    send(ros, "x", 1.0)
+    ros.tick()
+    assert node.reports[0].text == "waiting for the clock"
+    assert node.reports[0].level == Level.WARN
+    assert not ros.on("rtamt/spec")
+    ros.tick(5000 * SECOND)  # a latched message came before
+    assert ros.data("rtamt/spec") == [1.0]
+
+
+# Stamps. -----------------------------------------------------------------------------------------
+
+
+def test_messages_out_of_order_are_counted_and_left_out() -> None:
+    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
+    for stamp, speed in [(0, 1.0), (100, 2.0), (60, 9.0), (100, 3.0), (99, 9.0)]:
+        ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
+    ros.tick(START + 150 * MS)
+    assert ros.data("rtamt/spec") == [3.0]
+    assert node.reports[0].out_of_order == 2
+
+
+def test_without_stamps_the_order_is_that_of_receipt() -> None:
+    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0")
+    for stamp, speed in [(100, 2.0), (60, 9.0)]:
+        ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
+    ros.tick()
+    assert ros.data("rtamt/spec") == [9.0]
+    assert node.reports[0].out_of_order == 0
+
+
+def test_the_age_by_stamps_is_that_of_the_stamp() -> None:
+    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
+    ros.send("rtamt/odom", odometry(1.0, START - 700 * MS))
+    ros.tick()
+    assert node.reports[0].text == "odom stale 0.7 s"
+    ros.send("rtamt/odom", odometry(1.0))  # a stamp that is not set: the time of receipt
+    ros.tick()
+    assert node.reports[0].stale == ()
+
+
+def test_stamps_that_went_back_for_good_begin_anew() -> None:
+    text = "historically(odom.twist.twist.linear.x > 0)"
+    ros, node = started(ODOM + text, stamps=True, stale=math.inf)
+    for stamp, speed in [(0, 2.0), (100, 1.0), (-9000, 5.0), (-8900, 6.0)]:
+        ros.time += 100 * MS
+        ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
+        ros.tick()
+    assert ros.data("rtamt/spec") == [2.0, 1.0, 5.0, 5.0]
+    assert node.reports[0].out_of_order == 0
+    assert node.reports[0].restarted_because == "the stamps of odom went back by 9.1 s"
+
+
+# What cannot be read. ----------------------------------------------------------------------------
+
+SCAN = "from sensor_msgs.msg import LaserScan; input LaserScan scan; "
+
+
+@pytest.mark.parametrize(
+    ("ranges", "problem"),
+    [
+        ([1.0], "scan.ranges[1] cannot be read: list index out of range"),
+        ([1.0, math.nan], "scan.ranges[1] is nan"),
+        (
+            [1.0, "far"],
+            "scan.ranges[1] cannot be read: could not convert string to float: 'far'",
+        ),
+        (3.0, "scan.ranges[1] cannot be read: 'float' object is not subscriptable"),
+        ([1.0, 10**400], "scan.ranges[1] cannot be read: int too large to convert to float"),
+    ],
+)
+def test_a_message_that_cannot_be_read_is_left_out_and_said(ranges: object, problem: str) -> None:
+    ros, node = started(f"{SCAN}scan.ranges[1] > 0.3")
+    bad = message("sensor_msgs", "LaserScan", ranges=ranges)
+    good = message("sensor_msgs", "LaserScan", ranges=[0.0, 1.3])
+    ros.send("rtamt/scan", bad)
+    ros.tick()
+    (waiting,) = node.reports
+    assert waiting.level == Level.ERROR
+    assert waiting.text == f"waiting for scan; {problem}"
+    assert not ros.on("rtamt/spec")
+    ros.send("rtamt/scan", good)
+    ros.tick()
+    (held,) = node.reports
+    assert held.level == Level.OK
+    for n in range(1, 8):
+        ros.send("rtamt/scan", bad)
+        ros.tick(START + n * 100 * MS)
+        if n <= 5:  # the last value that could be read is held
+            assert ros.latched("rtamt/spec") == 1.0
+            assert node.reports[0].level == Level.WARN
+            assert node.reports[0].text == f"satisfied, robustness 1; {problem}"
+        else:
+            assert math.isnan(ros.latched("rtamt/spec"))
+            assert node.reports[0].text == f"scan stale 0.{n} s; {problem}"
+    assert node.reports[0].errors == 8
+    ros.send("rtamt/scan", good)
+    ros.tick(START + 800 * MS)
+    assert (
+        node.reports[0].text == "satisfied, robustness 1; restarted 1 time because scan was stale"
+    )
+
+
+def test_values_without_a_robustness_are_said_and_begin_anew() -> None:
+    ros, node = started("always(sqrt(x) > 1)", "always(x > -9)")
+    for n, x in enumerate([4.0, -1.0, -4.0, 16.0]):
+        ros.time = START + n * 100 * MS
+        send(ros, "x", x)
+        ros.tick()
+        if x < 0:
+            report = node.reports[0]
+            assert report.level == Level.ERROR
+            assert report.text == f"'sqrt(x)' is not a number at sample {2 - n}, where x = {x}"
+            assert math.isnan(ros.latched("rtamt/spec"))
+            assert ros.latched("rtamt/spec/verdict") == 0
+    assert ros.latched("rtamt/spec") == 3.0
+    assert node.reports[0].restarts == 1
+    assert node.reports[0].restarted_because == "there was no robustness"
+    assert ros.data("rtamt/spec_2") == [13.0, 8.0, 5.0, 5.0]
+
+
+def test_a_goal_that_is_not_reached_yet_is_no_error() -> None:
+    ros, node = started("eventually(x > 3)", "eventually[0:0.1](x > 3)")
+    for n, x in enumerate([1.0, 2.0, 4.0]):
+        ros.time = START + n * 100 * MS
+        send(ros, "x", x)
+        ros.tick()
+        unbounded, bounded = node.reports
+        assert unbounded.level == Level.OK
+        if n == 1:
+            assert unbounded.text == "not yet, robustness -1"
+            assert bounded.level == Level.ERROR
+    assert unbounded.text == "satisfied, robustness 1"
+    assert bounded.text.startswith("holds, robustness 1 at 1000.100 s; violated 1 time since start")
