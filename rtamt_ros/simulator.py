@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from rtamt_envs.mobile_robot import ROUTE, SCENARIO, drive, next_point
 
 from rtamt import InputError
@@ -33,7 +34,7 @@ class Stuck(NamedTuple):
     """A fault of the robot: its wheels are blocked, whatever is commanded.
 
     Attributes:
-        begin: Seconds from the start of the robot.
+        begin: Seconds from its first command.
         duration: Seconds that it lasts.
     """
 
@@ -99,7 +100,7 @@ class Robot:
         self._random = np.random.default_rng(seed)
         self._stuck = stuck
         self._steps = 0
-        self._command = np.zeros(len(SCENARIO.actions))
+        self._command: NDArray[np.float64] | None = None
         self._state = np.zeros(SCENARIO.state)
         self._seen = np.zeros(len(SCENARIO.observations))
         SCENARIO.start(self._parameters, np.zeros(SCENARIO.noise), self._state, self._seen)
@@ -113,17 +114,23 @@ class Robot:
 
     def _take(self, twist: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
         command = np.array([twist.linear.x, twist.angular.z])
+        if np.isnan(command).any():  # the robot would be nowhere from then on
+            self._node.log(Level.WARN, "a command that is nan is left out")
+            return
         low, high = np.array([each[2:] for each in SCENARIO.actions]).T
         self._command = np.clip(command, low, high)
 
     def _step(self) -> None:
         """Moves for a period and says where the robot is then."""
         command, parameters = self._command, self._parameters
-        if self._stuck is not None and _lasts(self._stuck, self._steps):
-            if not _lasts(self._stuck, self._steps - 1):
-                self._node.log(Level.WARN, "the wheels are blocked")
-            command, parameters = np.zeros_like(command), self._at_once
-        self._steps += 1
+        if command is None:  # it stands
+            command = np.zeros(len(SCENARIO.actions))
+        else:
+            if self._stuck is not None and _lasts(self._stuck, self._steps):
+                if not _lasts(self._stuck, self._steps - 1):
+                    self._node.log(Level.WARN, "the wheels are blocked")
+                command, parameters = np.zeros_like(command), self._at_once
+            self._steps += 1
         noise = self._random.standard_normal(SCENARIO.noise)
         SCENARIO.step(command, parameters, noise, self._state, self._seen)
         x, y, heading, v, w = map(float, self._seen[:5])
@@ -242,7 +249,7 @@ def _parser() -> argparse.ArgumentParser:
         "--stuck",
         type=_stuck,
         metavar="BEGIN:DURATION",
-        help="seconds from the start after which the wheels are blocked, and for how many",
+        help="seconds from the first command after which the wheels are blocked, and for how many",
     )
     parser.add_argument(
         "--surge",

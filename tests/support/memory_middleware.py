@@ -29,6 +29,9 @@ def _fields(**defaults: Any) -> type:
 Stamp = _fields(ns=0)
 Header = _fields(stamp=Stamp, frame_id="")
 Vector3 = _fields(x=0.0, y=0.0, z=0.0)
+Quaternion = _fields(x=0.0, y=0.0, z=0.0, w=1.0)
+Pose = _fields(position=Vector3, orientation=Quaternion)
+PoseWithCovariance = _fields(pose=Pose, covariance=[0.0] * 36)
 Twist = _fields(linear=Vector3, angular=Vector3)
 TwistWithCovariance = _fields(twist=Twist, covariance=[0.0] * 36)
 
@@ -40,7 +43,9 @@ CLASSES: dict[tuple[str, str], type] = {
     ("std_msgs", "Bool"): _fields(data=False),
     ("std_msgs", "String"): _fields(data=""),
     ("geometry_msgs", "Twist"): Twist,
-    ("nav_msgs", "Odometry"): _fields(header=Header, twist=TwistWithCovariance),
+    ("nav_msgs", "Odometry"): _fields(
+        header=Header, child_frame_id="", pose=PoseWithCovariance, twist=TwistWithCovariance
+    ),
     ("sensor_msgs", "LaserScan"): _fields(header=Header, ranges=[]),
     ("rtamt_msgs", "FloatMessage"): _fields(header=Header, value=0.0),
     ("my_msgs", "Parts"): _fields(header=Header, a=0.0, b=0.0, inner=Vector3, count=0),

@@ -8,8 +8,10 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 from ros_processes import Ros
 from rosbags.rosbag1 import Writer as Writer1
@@ -24,7 +26,8 @@ for _store in STORES.values():
     )
 
 
-class Heard(NamedTuple):
+@dataclass(frozen=True)
+class Heard:
     """A message as it came.
 
     Attributes:
@@ -48,7 +51,7 @@ class Heard(NamedTuple):
         """The type as `rosbags` calls it."""
         return self.kind.replace("/", "/msg/")
 
-    @property
+    @cached_property
     def message(self) -> Any:  # noqa: ANN401 - its class is made by rosbags
         """The message, read without ROS."""
         store = STORES[self.generation]

@@ -39,11 +39,24 @@ PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
     <rtps>
       <useBuiltinTransports>false</useBuiltinTransports>
       <userTransports><transport_id>loopback</transport_id></userTransports>
+      <builtin>
+        <discovery_config>
+          <leaseAnnouncement><sec>0</sec><nanosec>200000000</nanosec></leaseAnnouncement>
+          <initialAnnouncements>
+            <count>20</count>
+            <period><sec>0</sec><nanosec>50000000</nanosec></period>
+          </initialAnnouncements>
+        </discovery_config>
+      </builtin>
     </rtps>
   </participant>
 </profiles>
 """
-"""Fast DDS on the loopback interface alone: no shared memory, nothing bound to other addresses."""
+"""Fast DDS on the loopback interface alone: no shared memory, nothing bound to other addresses.
+
+Participants announce themselves often: one that misses the announcements of another, as on a busy
+machine, would wait 3 s for the next.
+"""
 
 BOOTSTRAP = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """What the wheels of ROS 2 set for their own environment: another environment must not have it."""
@@ -77,11 +90,13 @@ class Process:
     """A process with its output in a file; it ends at the latest with the `Ros` it is of.
 
     Attributes:
+        name: The name of the file.
         pid: Its number.
     """
 
     def __init__(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> None:
         self._log = log
+        self.name = log.stem
         with log.open("wb") as output:
             self._process = subprocess.Popen(
                 command,
@@ -197,5 +212,9 @@ def ros(generation: int, folder: Path) -> Iterator[Ros]:
         if generation == 1:
             found.start_master()
         yield found
+    except BaseException as error:
+        for process in found.processes:
+            error.add_note(f"{process.name}:\n{process.output[-2000:]}")
+        raise
     finally:
         found.end()

@@ -1,0 +1,20 @@
+"""The live scenario on ROS 1."""
+
+import pytest
+
+pytest.register_assert_rewrite("ros_live")
+
+from ros_live import LiveScenario  # noqa: E402 - pytest rewrites its assertions first
+from ros_scenario import FOLLOWS, Run, play  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return play(1, tmp_path_factory.mktemp("live"))
+
+
+class TestRos1(LiveScenario):
+    def test_the_stamped_message_is_that_of_the_paper(self, run: Run) -> None:
+        """As `rosmsg md5` says of a Header header and a float64 value."""
+        found = {(each.kind, each.md5) for each in run.heard[FOLLOWS]}
+        assert found == {("rtamt_msgs/FloatStamped", "d053817de0764f9ee90dbc89c4cdd751")}

@@ -1,0 +1,203 @@
+"""What holds of the scenario of `ros_scenario`, on ROS 1 and on ROS 2."""
+
+from __future__ import annotations
+
+import cmath
+import csv
+import json
+import math
+from collections.abc import Iterable
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from models.unicycle import move
+from ros_messages import Heard, write_mcap
+from ros_scenario import (
+    CMD,
+    DIAGNOSTICS,
+    EVENTS,
+    FOLLOWS,
+    GAP,
+    KEEPS,
+    MOVED,
+    MOVES,
+    ODOM,
+    PERIOD,
+    Run,
+    dips,
+    numbers,
+    statuses,
+)
+
+import rtamt
+from rtamt_gym.__main__ import main
+
+MULTICAST = "239.255.0.1"
+"""Where participants of DDS look for each other; they join it on the loopback interface alone."""
+
+STALE = 3
+"""The level of a status."""
+OFFLINE = {
+    FOLLOWS: f"historically[0:0.3s]({GAP})",
+    KEEPS: f"historically({GAP})",
+    MOVES: f"once({MOVED})",
+}
+"""What a monitor says up to now of the requirements, in operators of the past alone."""
+
+
+def stamps(heard: list[Heard]) -> list[int]:
+    """The times in headers, in nanoseconds."""
+    found = [each.message.header.stamp for each in heard]
+    return [1_000_000_000 * stamp.sec + stamp.nanosec for stamp in found]
+
+
+def speeds(heard: list[Heard]) -> list[float]:
+    """The speeds ahead that commands ask for, or that odometry says."""
+    messages = [each.message for each in heard]
+    return [(m if hasattr(m, "linear") else m.twist.twist).linear.x for m in messages]
+
+
+def pose(odometry: Heard) -> tuple[complex, complex]:
+    """Where the robot is, and where it looks, as complex numbers."""
+    found = odometry.message.pose.pose
+    half = complex(found.orientation.w, found.orientation.z)
+    return complex(found.position.x, found.position.y), half**2
+
+
+def in_order(some: Iterable[float], of: Iterable[float]) -> bool:
+    """Whether numbers are among others, in the same order."""
+    rest = iter(of)
+    return all(value in rest for value in some)
+
+
+def read(path: Path) -> dict[str, list[float]]:
+    """The columns of a record."""
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: [float(row[name] or "nan") for row in rows] for name in rows[0]}
+
+
+def record_of(run: Run, topic: str) -> dict[str, list[float]]:
+    """The record of the requirement that is published on a topic."""
+    (path,) = run.folder.glob(f"sampled-{topic.removeprefix('rtamt/')}*.csv")
+    return read(path)
+
+
+def told(run: Run, topic: str) -> list[Any]:
+    """What diagnostics say of the requirement that is published on a topic, in order."""
+    name = topic.removeprefix("rtamt/")
+    found = statuses(run.heard[DIAGNOSTICS])
+    return [each for each in found if each.name.split(": ")[1].startswith(name)]
+
+
+class LiveScenario:
+    """The properties; a subclass has a fixture `run`."""
+
+    def test_the_robot_moves_ten_times_a_second_as_its_twist_says(self, run: Run) -> None:
+        odometry = run.heard[ODOM]
+        assert np.diff(stamps(odometry)).mean() == pytest.approx(1e8, rel=0.02)
+        for before, after in pairwise(odometry):
+            (place, looks), twist = pose(before), after.message.twist.twist
+            there = place.real, place.imag, cmath.phase(looks)
+            x, y, heading = move(there, twist.linear.x, twist.angular.z, 0.1)
+            assert pose(after)[0] == pytest.approx(complex(x, y), abs=1e-9)
+            assert pose(after)[1] == pytest.approx(cmath.exp(1j * heading), abs=1e-9)
+
+    def test_a_monitor_publishes_once_a_period(self, run: Run) -> None:
+        end = run.heard[ODOM][-1].time
+        for topic in OFFLINE:
+            begin = run.heard[topic][0].time
+            published = sum(begin <= each.time <= end for each in run.heard[topic])
+            missed = max(
+                int(pair.value)
+                for each in told(run, topic)
+                for pair in each.values
+                if pair.key == "late samples"
+            )
+            assert published <= (end - begin) / PERIOD + 2, topic
+            assert published + missed >= (end - begin) / PERIOD - 2, topic
+        known = [
+            stamp
+            for each, stamp in zip(run.heard[FOLLOWS], stamps(run.heard[FOLLOWS]), strict=True)
+            if each.time <= end
+        ]
+        assert not [gap for gap in np.diff(known) if gap <= 0 or gap % PERIOD]
+
+    def test_robustness_is_that_of_the_offline_core_on_the_samples(self, run: Run) -> None:
+        end = run.heard[ODOM][-1].time
+        for topic, formula in OFFLINE.items():
+            record = record_of(run, topic)
+            assert set(np.diff(record.pop("time")).round(6)) == {PERIOD / 1e9}
+            robustness = record.pop("robustness")
+            offline = rtamt.evaluate(formula, record, period=PERIOD / 1e9)
+            np.testing.assert_array_equal(robustness, offline)
+            published = numbers([each for each in run.heard[topic] if each.time <= end])
+            assert in_order(published, robustness), topic
+
+    def test_samples_are_what_came_last(self, run: Run) -> None:
+        record = record_of(run, FOLLOWS)
+        for name, topic in (
+            ("cmd.linear.x", CMD),
+            ("odom.twist.twist.linear.x", ODOM),
+        ):
+            changes = [value for value, _ in groupby(record[name])]
+            assert len(changes) > 20
+            assert in_order(changes, speeds(run.heard[topic])), name
+
+    def test_each_fault_drives_robustness_below_0_and_back(self, run: Run) -> None:
+        for topic in (FOLLOWS, EVENTS):
+            assert dips(numbers(run.heard[topic])) == 2, topic
+        for topic, at_most in ((FOLLOWS, -0.2), (KEEPS, -0.2), (EVENTS, -0.5)):  # every message
+            assert min(filter(math.isfinite, numbers(run.heard[topic]))) < at_most, topic
+        assert speeds(run.heard[ODOM]).count(0.0) >= 5  # while its wheels were blocked
+        assert speeds(run.heard[CMD]).count(-0.5) == 3
+        assert -1 in [each.message.data for each in run.heard[f"{KEEPS}/verdict"]]
+
+    def test_before_every_input_came_nothing_is_published(self, run: Run) -> None:
+        for topic in (*OFFLINE, EVENTS):
+            inputs = (ODOM,) if topic == MOVES else (CMD, ODOM)
+            first = run.heard[topic][0].time
+            assert first > max(run.heard[each][0].time for each in inputs) - 20_000_000, topic
+            waits = "waiting for odom" if topic == MOVES else "waiting for cmd, odom"
+            assert told(run, topic)[0].message == waits
+
+    def test_without_the_robot_nothing_stays_positive(self, run: Run) -> None:
+        for topic in (*OFFLINE, EVENTS):
+            assert math.isnan(numbers(run.heard[topic])[-1]), topic
+        for topic in (KEEPS, MOVES, EVENTS):
+            assert run.heard[f"{topic}/verdict"][-1].message.data == 0, topic
+        for topic, heard in run.late.items():
+            assert heard, topic
+            assert all(map(math.isnan, numbers(heard))), topic
+
+    def test_diagnostics_say_which_input_is_stale(self, run: Run) -> None:
+        for topic in (*OFFLINE, EVENTS):
+            assert told(run, topic)[-1].level == STALE, topic
+            first = next(each for each in told(run, topic) if each.level == STALE)
+            assert first.message.startswith("odom stale 0."), topic
+            assert {pair.key: pair.value for pair in first.values}["stale inputs"] == "odom"
+
+    def test_the_recorded_topics_get_the_same_verdicts_from_rtamt_monitor(
+        self, run: Run, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        messages = [each for topic in (ODOM, CMD) for each in run.heard[topic]]
+        bag = write_mcap(sorted(messages, key=lambda each: each.time), run.folder / "bag")
+        spec = str(run.folder / "whole.stl")
+        assert main(["monitor", spec, str(bag), "--period", "50ms", "--json"]) == 1
+        (judged,) = json.loads(capsys.readouterr().out)["traces"]
+        words = {-1: "VIOLATED", 0: "UNDECIDED", 1: "SATISFIED"}
+        end = run.heard[ODOM][-1].time
+        for topic in (KEEPS, MOVES):
+            live = [each for each in run.heard[f"{topic}/verdict"] if each.time <= end]
+            name = topic.removeprefix("rtamt/")
+            assert judged["requirements"][name]["verdict"] == words[live[-1].message.data]
+
+    def test_everything_listens_on_the_loopback_interface_alone(self, run: Run) -> None:
+        assert len(run.addresses) > 5
+        assert {each.host for each in run.addresses} <= {"127.0.0.1", MULTICAST}
+
+    def test_processes_end_when_they_are_asked_to(self, run: Run) -> None:
+        assert set(run.codes.values()) == {0}
