@@ -222,21 +222,23 @@ class _Timer(threading.Thread):
         self._period = period
         self._callback = _Callback(callback)
         self._closed = threading.Event()
+        self._begin = _now()
         self.start()
 
     def run(self) -> None:
-        while not (start := _now()) and not self._closed.is_set():
-            self._wait(start, 0)
-        due = start + self._period
+        while not self._begin and not self._closed.is_set():  # a simulated clock has not begun
+            self._wait(0, 0)
+            self._begin = _now()
+        due = self._begin + self._period
         while not self._closed.is_set():
             now = _now()
             if due - self._period <= now < due:
                 self._wait(now, due - now)
                 continue
-            if now >= due:
+            late = now >= due  # else the clock has jumped back
+            due = now + self._period - (now - self._begin) % self._period
+            if late:
                 self._callback()
-                now = _now()
-            due = now + self._period - (now - start) % self._period
 
     def _wait(self, now: int, duration: int) -> None:
         """Waits for a duration of the wall clock, or for another time of the simulated one."""
@@ -254,21 +256,13 @@ class _Timer(threading.Thread):
 
 
 class _Refusals(logging.Handler):
-    """Tells the log of the node, once, why a publisher refuses it: rospy tells its file alone."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self._said: set[str] = set()
+    """Tells the log of the node why a publisher refuses it: rospy tells its file alone."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Logs why a thread of rospy, which has the name of the topic, could not connect."""
         why = re.match(r"unable to create subscriber transport: (.*)\.  ", record.getMessage())
-        if why is None:
-            return
-        text = f"no messages come from a publisher of {record.threadName}: {why[1]}"
-        if text not in self._said:
-            self._said.add(text)
-            rospy.logerr(text)
+        if why is not None:
+            rospy.logerr(f"no messages come from a publisher of {record.threadName}: {why[1]}")
 
 
 def _not_installed(package: str) -> str:

@@ -5,6 +5,8 @@ from hypothesis import HealthCheck, settings
 
 import rtamt
 
+pytest.register_assert_rewrite("ros_contract")  # tests that two files have in common
+
 settings.register_profile(
     "repeatable",
     derandomize=True,

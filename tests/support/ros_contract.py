@@ -276,17 +276,17 @@ class MiddlewareContract:
             assert f"100% of level {level}" in talker.log()
 
     def test_a_timer_keeps_its_grid_and_survives_errors_and_long_calls(self, world: World) -> None:
-        period, count = 40 * MS, 30
+        period, count = 60 * MS, 20
         ticker = world.peer("ticker")
-        ticker.ask("every", "long", period, lasts=0.6 * period / SECOND)
+        ticker.ask("every", "long", period, lasts=0.4 * period / SECOND)
         ticker.ask("every", "short", period)
         for key in ("long", "short"):
             calls = ticker.ask("kept", key, count)
             assert {inside for _, inside in calls} == {1}
             times = [time for time, _ in calls[:count]]
             assert times[-1] - times[0] > (count - 2) * period
-            phases = sorted((time - times[0] + period // 2) % period for time in times[10:])
-            assert abs(phases[len(phases) // 2] - period // 2) < period // 4
+            phases = [(time - times[0]) % period for time in times]
+            assert sum(min(p, period - p) < period // 6 for p in phases) > count // 2
         assert ticker.log().count("ArithmeticError: a timer that fails") == 2
         ticker.ask("close", "short")
         kept = len(ticker.ask("kept", "short"))
@@ -306,15 +306,15 @@ class MiddlewareContract:
         self.tick(clock, node, begin)
         node.ask("every", "jumps", period)
         ticks = [
-            start + i * step for start in (begin, 9000 * SECOND, 50 * SECOND) for i in range(21)
+            start + i * step for start in (begin, 9000 * SECOND, 50 * SECOND) for i in range(17)
         ]
         for time in ticks:
             self.tick(clock, node, time)
-            threading.Event().wait(0.01)
+            threading.Event().wait(0.02)
         calls = [time for time, _ in node.ask("kept", "jumps")]
         assert set(calls) <= set(ticks), "a call between two ticks"
         for inside, run in of_runs(calls, ticks):
-            assert 4 <= len(inside) <= 6
+            assert 3 <= len(inside) <= 5
             assert inside[0] <= run[0] + period + step
             for before, after in pairwise(inside[1:]):
                 assert period - step <= after - before <= period + step

@@ -271,4 +271,5 @@ def _main(handle: str, generation: str, name: str, *arguments: str) -> None:
 
 
 if __name__ == "__main__":
-    _main(*sys.argv[1:])
+    _given, sys.argv[1:] = sys.argv[1:], []  # a node gets its arguments, and looks nowhere else
+    _main(*_given)
