@@ -224,6 +224,7 @@ def _explanation(spec: rtamt.Specification, judged: Judged, rules: Rules) -> str
     if trace is None:
         msg = "a trace that was not read has no judgement to explain"
         raise AssertionError(msg)
+    trace = trace.known(whole.variables)
     explanation = rtamt.explain(
         whole,
         trace.columns,

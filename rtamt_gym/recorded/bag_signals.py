@@ -57,11 +57,6 @@ class BagSignals:
     epoch: int
     notes: Sequence[str]
 
-    @property
-    def first(self) -> int:
-        """The time from which on every variable has a value."""
-        return max((int(times[0]) for times, _ in self.signals.values()), default=self.zero)
-
 
 @dataclass(slots=True)
 class _Messages:
@@ -248,10 +243,12 @@ def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
 def _silences(found: BagSignals, spans: Mapping[str, Stamps]) -> list[str]:
     """Says which topics begin late, pause or end early, so that what is judged was held."""
     notes = []
-    late = (found.first - found.zero) / 1e9
-    if late > _LEAST_QUIET:
-        topic = max(spans, key=lambda name: int(spans[name][0]))
-        notes.append(f"judged from {number(late)} s on, the first message of {topic}")
+    for topic, times in spans.items():
+        late = (int(times[0]) - found.zero) / 1e9
+        if late > _LEAST_QUIET:
+            notes.append(
+                f"what reads {topic} is judged from {number(late)} s on, its first message"
+            )
     for topic, times in spans.items():
         ends = np.append(times, found.end)
         gaps = np.diff(ends) / 1e9

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 from typing import Final
 
@@ -50,39 +51,47 @@ def read_bag(
         signals = read_signals(bag, specs, columns)
     if rules.period is None:
         return _events(signals), None
-    return sampled(signals, rules.period, columns.time or "log"), rules.period
+    groups = [spec.variables for spec in specs.values()]
+    return sampled(signals, groups, rules.period, columns.time or "log"), rules.period
 
 
-def sampled(signals: BagSignals, period: Fraction, clock: str) -> Trace:
-    """Samples a bag: the first where every variable has a value, and one each period to the end.
+def sampled(
+    signals: BagSignals, groups: Sequence[Collection[str]], period: Fraction, clock: str
+) -> Trace:
+    """Samples a bag at the multiples of a period since its begin, up to its end.
 
-    A sample has the values of the last messages at its time or before.
+    A sample has the values of the last messages at its time or before. The first sample is the
+    first at which all variables of a group have a value.
 
     Args:
         signals: The values at the times of their messages.
+        groups: The variables of each specification.
         period: Seconds between samples.
         clock: What the times are called.
 
     Raises:
-        InputError: If there would be more than ten million samples.
+        InputError: If there would be no sample, or more than ten million.
     """
-    first, step = signals.first, period * 10**9
-    count = int((signals.end - first) / step) + 1
-    if count > _MOST:
+    step, zero = period * 10**9, signals.zero
+    known = {
+        name: math.ceil((int(times[0]) - zero) / step)
+        for name, (times, _) in signals.signals.items()
+    }
+    first = min(max((known[name] for name in group), default=0) for group in groups)
+    count = int((signals.end - zero) / step) + 1 - first
+    if not 0 < count <= _MOST:
+        got = f"{count}, one every" if count > 0 else "none at the multiples of"
+        way = "longer --period" if count > 0 else "shorter --period"
         raise InputError(
-            f"{signals.source}: expected {_MOST} samples at most, got {count}, one every "
-            f"{float(period):g} s for {(signals.end - first) / 1e9:.6g} s; give a longer --period, "
-            "or --dense"
+            f"{signals.source}: expected 1 to {_MOST} samples, got {got} {float(period):g} s in "
+            f"{(signals.end - zero) / 1e9:.6g} s; give a {way}, or --dense"
         )
     # A message at a fraction of a nanosecond there is not: rounding down loses none.
-    after = np.arange(count, dtype=object) * step.numerator // step.denominator
-    places: Stamps = first + after.astype(np.int64)
-    held = {
-        name: values[np.searchsorted(times, places, side="right") - 1]
-        for name, (times, values) in signals.signals.items()
-    }
+    after = np.arange(first, first + count, dtype=object) * step.numerator // step.denominator
+    places: Stamps = zero + after.astype(np.int64)
+    held = {name: _held(*found, places) for name, found in signals.signals.items()}
     since: Floats = np.arange(float(count)) * period.numerator / period.denominator
-    start = (first - signals.zero) / 1e9
+    start = float(first * period)
     times = Times(clock, since, start, 1e-9, certain=True, step=period)
     return Trace(
         signals.source,
@@ -92,7 +101,14 @@ def sampled(signals: BagSignals, period: Fraction, clock: str) -> Trace:
         lambda sample: f"{signals.source}, at {start + since[sample]:.9g} s",
         notes=signals.notes,
         epoch=signals.epoch,
+        known_from={name: at - first for name, at in known.items() if at > first},
     )
+
+
+def _held(times: Stamps, values: Floats, places: Stamps) -> Floats:
+    """The last of some values at each place or before; nan before the first."""
+    at = np.searchsorted(times, places, side="right") - 1
+    return np.where(at >= 0, values[at], np.nan)
 
 
 def _events(signals: BagSignals) -> EventTrace:

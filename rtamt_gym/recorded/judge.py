@@ -225,8 +225,10 @@ def judge(
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
+        InputError: As `Trace.known` does.
     """
     whole = viewed(spec, rules.view)
+    trace = trace.known(whole.variables)
     n, semantics, align = trace.samples, rules.semantics, rules.align
     found = rtamt.judge(
         whole, trace.columns, period, rules.end, n=n, semantics=semantics, align=align

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rtamt import InputError
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.recorded.names import VALUE, VARIABLE
+from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TIME
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def save(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> Non
     """Writes the robustness of every formula in the format of the file's extension.
 
     For samples, the columns are the times, or the sample numbers if the period is unknown, and one
-    for each formula. In dense time a row is one event, with its time, variable and value.
+    for each formula, nan where its variables were not known yet. In dense time a row is one event,
+    with its time, variable and value.
 
     Args:
         judgements: The judgements by name of the specification. If there are several, the name
@@ -74,13 +76,19 @@ def save(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> Non
         order = np.lexsort((values, named, times))
         table = {TIME: times[order], VARIABLE: named[order], VALUE: values[order]}
     else:
-        first = next(iter(series.values()))
-        table = {name: each.values for name, each in series.items()}
+        first = max(series.values(), key=lambda each: len(each.times))
+        table = {name: _filled(each.values, len(first.times)) for name, each in series.items()}
         if first.step is None:
             table = {"sample": np.arange(len(first.times)), **table}
         else:
             table = {TIME: first.times, **table}
     _writer(path)(table, path)
+
+
+def _filled(values: Floats, count: int) -> Floats:
+    """Values of the last samples with nan before, so that there are so many."""
+    missing = count - len(values)
+    return np.concatenate([np.full(missing, np.nan), values]) if missing else values
 
 
 def _writer(path: Path) -> Callable[[Table, Path], None]:

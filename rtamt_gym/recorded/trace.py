@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
@@ -18,6 +18,9 @@ from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.times import TIME, Times, find_times
 
 __all__ = ["EventTrace", "Trace", "read_events", "read_trace"]
+
+_NOW = 0, ""
+"""From when on no variable is known."""
 
 _LEAST, _MOST = 1e-300, 1e300
 """The periods, in seconds, that rtamt takes."""
@@ -37,6 +40,8 @@ class Trace:
         if_events: Advice for errors that rows which are events, not samples, may cause.
         notes: What was done to the samples that the file does not say, in sentences to print.
         epoch: What time 0 was in nanoseconds on the clock that recorded a bag; else 0.
+        known_from: The first sample of each variable that has none before, as a topic of a bag that
+            began late; its values before are nan.
     """
 
     source: str
@@ -48,6 +53,25 @@ class Trace:
     if_events: str = ""
     notes: Sequence[str] = ()
     epoch: int = 0
+    known_from: Mapping[str, int] = field(default_factory=dict)
+
+    def known(self, variables: Collection[str]) -> Trace:
+        """The trace from the first sample on at which all of some variables have a value.
+
+        Raises:
+            InputError: If there is no such sample.
+        """
+        first, late = max(
+            ((self.known_from.get(name, 0), name) for name in variables), default=_NOW
+        )
+        if first >= self.samples:
+            raise InputError(
+                f"{self.source}: expected a sample with a value of '{late}', got none: its first "
+                "comes after the last sample"
+            )
+        if not first:
+            return self
+        return replace(_taken(self, np.arange(first, self.samples)), known_from={})
 
     @property
     def start(self) -> float:

@@ -184,7 +184,7 @@ def test_a_bag_is_sampled_or_read_as_events(tmp_path: Path) -> None:
     with pytest.raises(rtamt.InputError) as caught:
         read(path, Rules(Fraction(1, 10**9)))
     assert str(caught.value) == (
-        f"{path}: expected 10000000 samples at most, got 3900000001, one every 1e-09 s for 3.9 s; "
+        f"{path}: expected 1 to 10000000 samples, got 3900000001, one every 1e-09 s in 3.9 s; "
         "give a longer --period, or --dense"
     )
     with pytest.raises(rtamt.InputError) as caught, open_recording(str(path)):

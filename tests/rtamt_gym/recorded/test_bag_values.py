@@ -64,20 +64,25 @@ def written(folder: str, extension: str, commands: Events, speeds: Events, delay
 @pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag", ""])
 @settings(max_examples=8, deadline=None)
 @given(commands=events(), speeds=events(), period=st.sampled_from(["1/10", "1/3", "7/10"]))
-def test_samples_hold_the_last_message_from_the_first_of_all_to_the_end(
+def test_samples_hold_the_last_message_at_each_multiple_of_the_period(
     extension: str, commands: Events, speeds: Events, period: str
 ) -> None:
     step = Fraction(period)
-    with tempfile.TemporaryDirectory() as folder:
-        path = written(folder, extension, commands, speeds)
-        trace, used = read_ruled(path, {"": SPEC}, Rules(step), Columns())
-    assert isinstance(trace, Trace)
     begin = min(commands[0][0], speeds[0][0])
     first, end = max(commands[0][0], speeds[0][0]), max(commands[-1][0], speeds[-1][0])
-    places, place = [], Fraction(first)
+    places, place = [], Fraction(begin)
     while place <= end:
-        places.append(place)
+        if place >= first:
+            places.append(place)
         place += step * 10**9
+    with tempfile.TemporaryDirectory() as folder:
+        path = written(folder, extension, commands, speeds)
+        if not places:
+            with pytest.raises(rtamt.InputError, match="got none at the multiples of"):
+                read_ruled(path, {"": SPEC}, Rules(step), Columns())
+            return
+        trace, used = read_ruled(path, {"": SPEC}, Rules(step), Columns())
+    assert isinstance(trace, Trace)
     expected = {
         "cmd.linear.x": [held(commands, place) for place in places],
         SPEED: [held(speeds, place) for place in places],
@@ -85,7 +90,7 @@ def test_samples_hold_the_last_message_from_the_first_of_all_to_the_end(
     assert {name: column.tolist() for name, column in trace.columns.items()} == expected
     assert trace.samples == len(places)
     assert (used, trace.period()) == (step, step if len(places) > 1 else None)
-    assert (trace.start, trace.epoch) == ((first - begin) / 1e9, START + begin)
+    assert (trace.start, trace.epoch) == (float((places[0] - begin) / 10**9), START + begin)
     found = judge(SPEC, trace, used, Rules(step, align="nearest"))
     judged = rtamt.judge(SPEC, expected, step, "cut", align="nearest")
     assert (found.verdict, found.found.robustness) == (judged.verdict, judged.robustness)
@@ -135,6 +140,50 @@ def test_stamps_of_headers_count_where_they_are_asked_for(
     times += [(end - begin) / 1e9] * (earlier[-1][0] < end)
     assert trace.signals[SPEED][0].tolist() == times
     assert trace.notes[0] == "/robot0/cmd_vel has no stamps: its times are those of recording"
+
+
+def test_each_requirement_is_judged_from_when_its_own_topics_are_known(tmp_path: Path) -> None:
+    said = [twist(START + i * 10**8, 1.0 if i else 3.0) for i in range(40)]
+    said += [odometry(START + i * 10**8 + 7, 2.0, START) for i in range(20, 40)]
+    path = str(write_bag(tmp_path / "run.mcap", sorted(said, key=lambda each: each.time)))
+    text = SPEC.text.rpartition("follows")[0]
+    specs = {
+        "early": rtamt.parse(f"{text} always(cmd.linear.x < 2)"),
+        "late": rtamt.parse(f"{text} always({SPEED} > cmd.linear.x)"),
+        "never": rtamt.parse(f"{text} always({SPEED} > 0)"),
+    }
+    rules = Rules(Fraction(1, 10))
+    trace, period = read_ruled(path, specs, rules, Columns())
+    assert isinstance(trace, Trace)
+    assert (trace.samples, trace.start, trace.known_from) == (40, 0.0, {SPEED: 21})
+    found = {name: judge(spec, trace, period, rules) for name, spec in specs.items()}
+    assert {name: each.verdict.name for name, each in found.items()} == {
+        "early": "VIOLATED",  # by its first sample, before the odometry began
+        "late": "SATISFIED",
+        "never": "SATISFIED",
+    }
+    assert [each.start for each in found.values()] == [0.0, 2.1, 2.1]
+    assert [len(each.series["(result)"].values) for each in found.values()] == [40, 19, 19]
+    alone, _ = read_ruled(path, {"late": specs["late"]}, rules, Columns())
+    assert isinstance(alone, Trace)
+    assert (alone.start, alone.samples, alone.known_from) == (2.1, 19, {})
+    dense, _ = read_ruled(path, specs, Rules(dense=True), Columns())
+    assert isinstance(dense, EventTrace)
+    events = {name: judge_events(spec, dense, rules).verdict for name, spec in specs.items()}
+    assert events == {name: each.verdict for name, each in found.items()}
+    coarse = Rules(Fraction(3))
+    trace, period = read_ruled(path, specs, coarse, Columns())
+    assert isinstance(trace, Trace)
+    assert trace.samples == 2
+    coarse = Rules(Fraction(5))
+    trace, period = read_ruled(path, specs, coarse, Columns())
+    assert isinstance(trace, Trace)
+    with pytest.raises(rtamt.InputError) as caught:
+        judge(specs["late"], trace, period, coarse)
+    assert str(caught.value) == (
+        f"{path}: expected a sample with a value of '{SPEED}', got none: its first comes after "
+        "the last sample"
+    )
 
 
 def test_of_messages_at_one_time_the_last_counts(tmp_path: Path) -> None:
@@ -212,7 +261,7 @@ def test_what_was_held_for_long_is_said(tmp_path: Path) -> None:
     path = str(write_bag(tmp_path / "run.bag", sorted(said, key=lambda each: each.time)))
     trace, _ = read_ruled(path, {"": SPEC}, Rules(Fraction(1, 10)), Columns())
     assert [*trace.notes] == [
-        "judged from 1 s on, the first message of /robot0/cmd_vel",
+        "what reads /robot0/cmd_vel is judged from 1 s on, its first message",
         "/robot0/odom: the message at 5.9 s is held for 4 s, to the end",
     ]
     path = str(write_bag(tmp_path / "gap.bag", [*said[:90], odometry(START + 10**9, 1.0, START)]))
