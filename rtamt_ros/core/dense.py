@@ -50,7 +50,6 @@ class Dense:
             ]
             for source in self.inputs
         }
-        self._variables = self._monitor.variables
         top = unbounded(spec)
         self._invariant, self._goal = top == "always", top == "eventually"
         self._silence = not settings.stamps
@@ -126,6 +125,11 @@ class Dense:
         except InputError as error:  # a term is no number
             self.stop("there was no robustness")
             return [self.account.failed(now, str(error))]
+        self._keep(rows)
+        return self._judged(found)
+
+    def _keep(self, rows: list[tuple[int, dict[str, float]]]) -> None:
+        """Count a run that has begun, and record the events that were taken in."""
         if self._fresh:
             self._fresh = False
             self.account.begin(self._why)
@@ -133,8 +137,8 @@ class Dense:
                 self._record.begin()
         if self._record is not None:
             for time, row in sorted(rows, key=itemgetter(0)):
-                self._record.row(time, [row.get(name) for name in self._variables])
-        return self._judged(found)
+                for event in row.items():
+                    self._record.row(time, event)
 
     def _extend(self, events: dict[str, list[tuple[float, float]]], now: int, origin: int) -> None:
         """The values of silent topics last until just before now."""

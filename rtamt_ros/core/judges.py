@@ -109,4 +109,6 @@ class Judges:
             return None
         if len(self.requirements) > 1:
             path = path.with_stem(f"{path.stem}-{requirement.name}")
-        return Record(path, requirement.specification.variables)
+        if self.settings.dense:
+            return Record(path, ("variable", "value"))
+        return Record(path, (*requirement.specification.variables, "robustness"))

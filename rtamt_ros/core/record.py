@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from rtamt import InputError
 
 __all__ = ["Record"]
@@ -15,25 +17,27 @@ __all__ = ["Record"]
 class Record:
     """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
 
+    The times are dates of the clock of ROS, to the nanosecond.
+
     Args:
         path: The file of the first run.
-        variables: The columns beside the time.
+        columns: The columns beside the time.
 
     Raises:
         InputError: If there is no such folder.
     """
 
-    def __init__(self, path: Path, variables: Sequence[str]) -> None:
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
         if not path.parent.is_dir():
             raise InputError(f"expected a folder for the record, there is no {path.parent}")
         self._path = path
-        self._variables = tuple(variables)
+        self._columns = ("time", *columns)
         self._runs = 0
         self._file: IO[str] | None = None
         self._write: Any = None
 
-    def begin(self, more: Iterable[str] = ()) -> None:
-        """Begin the file of the next run; more columns come after the variables."""
+    def begin(self) -> None:
+        """Begin the file of the next run."""
         self.close()
         self._runs += 1
         path = self._path
@@ -41,12 +45,11 @@ class Record:
             path = path.with_stem(f"{path.stem}-{self._runs}")
         self._file = path.open("w", encoding="utf-8", newline="")
         self._write = csv.writer(self._file, lineterminator="\n").writerow
-        self._write(("time", *self._variables, *more))
+        self._write(self._columns)
 
-    def row(self, time: int, values: Iterable[float | None]) -> None:
-        """Write a row; the time is in nanoseconds, and in seconds in the file. None is no event."""
-        whole, rest = divmod(time, 1_000_000_000)
-        self._write((f"{whole}.{rest:09d}", *values))
+    def row(self, time: int, values: Iterable[object]) -> None:
+        """Write a row, at a time in nanoseconds."""
+        self._write((f"{np.datetime64(time, 'ns')}Z", *values))
 
     def flush(self) -> None:
         """Put on the disk what was written."""

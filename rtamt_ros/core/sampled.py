@@ -115,7 +115,7 @@ class Sampled:
             if not self._count:
                 self.account.begin(self._why)
                 if self._record is not None:
-                    self._record.begin(("robustness",))
+                    self._record.begin()
             self._count += 1
             if self._record is not None:
                 self._record.row(time, (*sample, robustness))

@@ -29,8 +29,9 @@ class Settings:
         stale_of: The same for single topics, named as in the specification.
         semantics: As for `rtamt.Monitor`.
         record: A CSV file for times, variables and robustness of every sample, or in dense time for
-            times and variables of every event. A run of the monitor after a restart has a file of
-            its own, ``NAME-2.csv``; of several requirements each has, ``NAME-REQUIREMENT.csv``.
+            every event: ``rtamt monitor`` finds the same robustness. A run of the monitor after a
+            restart has a file of its own, ``NAME-2.csv``; of several requirements each has,
+            ``NAME-REQUIREMENT.csv``.
 
     Raises:
         InputError: On a period or a time that is not positive.
