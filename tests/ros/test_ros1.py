@@ -4,7 +4,8 @@ import pytest
 
 pytest.register_assert_rewrite("ros_live")
 
-from ros_live import LiveScenario  # noqa: E402 - pytest rewrites its assertions first
+from ros_live import LiveScenario, inputs_of, judge  # noqa: E402 - pytest rewrites it first
+from ros_messages import write_bag  # noqa: E402
 from ros_scenario import FOLLOWS, Run, play  # noqa: E402
 
 
@@ -15,6 +16,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 class TestRos1(LiveScenario):
     def test_the_stamped_message_is_that_of_the_paper(self, run: Run) -> None:
-        """As `rosmsg md5` says of a Header header and a float64 value."""
         found = {(each.kind, each.md5) for each in run.heard[FOLLOWS]}
         assert found == {("rtamt_msgs/FloatStamped", "d053817de0764f9ee90dbc89c4cdd751")}
+
+    def test_a_bag_of_ros_1_gets_the_same_verdicts(
+        self, run: Run, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        judge(run, write_bag(inputs_of(run), run.folder / "run.bag"), capsys)

@@ -17,7 +17,7 @@ from ros_messages import Heard, Probe, probe
 from ros_processes import Process, ros
 from ros_sockets import Address, listening
 
-PERIOD = 50_000_000
+PERIOD = 100_000_000
 """Nanoseconds between the samples of the sampled monitor."""
 ODOM, CMD, DIAGNOSTICS = "robot0/odom", "robot0/cmd_vel", "/diagnostics"
 FOLLOWS, KEEPS, MOVES, EVENTS = "rtamt/follows", "rtamt/keeps", "rtamt/moves", "rtamt/events"
@@ -76,7 +76,7 @@ def statuses(heard: Sequence[Heard]) -> list[Any]:
 
 SAMPLED = (
     "--stl follows.stl --stl whole.stl",
-    f"--period {PERIOD // 1_000_000} --unit ms --record sampled.csv",
+    f"--period {PERIOD // 1_000_000} --unit ms --stale 1 --record sampled.csv",
 )
 ROBOT = ("--lag 0.2 --start-heading 2", "--stuck 2:0.5")
 DRIVER = ("--surge 3.5:0.3:-0.5",)
@@ -141,7 +141,9 @@ def play(generation: int, folder: Path) -> Run:
 
         asked = {
             "sampled": start("sampled", "rtamt_ros", *SAMPLED),
-            "dense": start("dense", "rtamt_ros --stl dense.stl --dense --record dense.csv"),
+            "dense": start(
+                "dense", "rtamt_ros --stl dense.stl --dense --stale 1 --record dense.csv"
+            ),
         }
         for name in ("follows", "events"):
             says(ears, "waiting for", name)
