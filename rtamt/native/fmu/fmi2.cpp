@@ -66,27 +66,6 @@ std::string folder_of(const char* location) {
     return path;
 }
 
-// Calls get or set with every reference and the place of its value.
-template <class T, class Each>
-Status each(const char* name, Component component, const Reference* references, std::size_t n,
-            T* values, Each of) noexcept {
-    return guarded(component, name, [=](Unit& unit) {
-        require_array(references, n);
-        require_array(values, n);
-        for (std::size_t i = 0; i < n; ++i) of(unit.instance, references[i], values[i]);
-        return kOk;
-    });
-}
-
-template <class T>
-Status no_variables(const char* name, Component component, const Reference* references,
-                    std::size_t n, T* values) noexcept {
-    return each(name, component, references, n, values, [](Instance&, Reference reference, T&) {
-        throw Refusal("expected no value references, as there are no such variables, got " +
-                      std::to_string(reference));
-    });
-}
-
 template <class Call>
 Status with_state(const char* name, Component component, State* state, Call call) noexcept {
     return guarded(component, name, [=](Unit& unit) {
@@ -171,47 +150,45 @@ RTAMT_FMI Status fmi2Reset(Component component) {
 
 RTAMT_FMI Status fmi2GetReal(Component component, const Reference* references, std::size_t n,
                              double* values) {
-    return each("fmi2GetReal", component, references, n, values,
-                [](const Instance& i, Reference r, double& value) { value = i.real(r); });
+    return get_each(component, "fmi2GetReal", references, n, values, n,
+                    [](const Instance& i, Reference r) { return i.real(r); });
 }
 
 RTAMT_FMI Status fmi2GetInteger(Component component, const Reference* references, std::size_t n,
                                 int* values) {
-    return each("fmi2GetInteger", component, references, n, values,
-                [](const Instance& i, Reference r, int& value) { value = i.integer(r); });
+    return get_each(component, "fmi2GetInteger", references, n, values, n,
+                    [](const Instance& i, Reference r) { return i.integer(r); });
 }
 
 RTAMT_FMI Status fmi2GetBoolean(Component component, const Reference* references, std::size_t n,
                                 Boolean* values) {
-    return each("fmi2GetBoolean", component, references, n, values,
-                [](const Instance& i, Reference r, Boolean& value) { value = i.boolean(r); });
+    return get_each(component, "fmi2GetBoolean", references, n, values, n,
+                    [](const Instance& i, Reference r) { return i.boolean(r); });
 }
 
-RTAMT_FMI Status fmi2GetString(Component component, const Reference* references, std::size_t n,
-                               const char** values) {
-    return no_variables("fmi2GetString", component, references, n, values);
+RTAMT_FMI Status fmi2GetString(Component component, const Reference*, std::size_t n, const char**) {
+    return no_variables(component, "fmi2GetString", n);
 }
 
 RTAMT_FMI Status fmi2SetReal(Component component, const Reference* references, std::size_t n,
                              const double* values) {
-    return each("fmi2SetReal", component, references, n, values,
-                [](Instance& i, Reference r, double value) { i.set_real(r, value); });
+    return set_each(component, "fmi2SetReal", references, n, values, n,
+                    [](double value) { return value; });
 }
 
-RTAMT_FMI Status fmi2SetInteger(Component component, const Reference* references, std::size_t n,
-                                const int* values) {
-    return no_variables("fmi2SetInteger", component, references, n, values);
+RTAMT_FMI Status fmi2SetInteger(Component component, const Reference*, std::size_t n, const int*) {
+    return no_variables(component, "fmi2SetInteger", n);
 }
 
 RTAMT_FMI Status fmi2SetBoolean(Component component, const Reference* references, std::size_t n,
                                 const Boolean* values) {
-    return each("fmi2SetBoolean", component, references, n, values,
-                [](Instance& i, Reference r, Boolean value) { i.set_boolean(r, value != 0); });
+    return set_each(component, "fmi2SetBoolean", references, n, values, n,
+                    [](Boolean value) { return value != 0; });
 }
 
-RTAMT_FMI Status fmi2SetString(Component component, const Reference* references, std::size_t n,
-                               const char* const* values) {
-    return no_variables("fmi2SetString", component, references, n, values);
+RTAMT_FMI Status fmi2SetString(Component component, const Reference*, std::size_t n,
+                               const char* const*) {
+    return no_variables(component, "fmi2SetString", n);
 }
 
 RTAMT_FMI Status fmi2GetFMUstate(Component component, State* state) {

@@ -34,29 +34,6 @@ Pointer make(const char* call, const char* name, const char* token, const char* 
     }
 }
 
-// Calls get or set with every reference and the place of its value.
-template <class T, class Each>
-Status each(const char* name, Pointer instance, const Reference* references, std::size_t n,
-            T* values, std::size_t size, Each of) noexcept {
-    return guarded(instance, name, [=](Unit& unit) {
-        require_array(references, n);
-        require_array(values, n);
-        if (size != n)
-            throw Refusal("expected a value for each of " + std::to_string(n) +
-                          " value references, got " + std::to_string(size));
-        for (std::size_t i = 0; i < n; ++i) of(unit.instance, references[i], values[i]);
-        return kOk;
-    });
-}
-
-// No variable has such a type.
-Status no_variables(const char* name, Pointer instance, std::size_t n) noexcept {
-    return guarded(instance, name, [=](Unit&) {
-        if (n > 0) throw Refusal("expected no value references, as no variable has this type");
-        return kOk;
-    });
-}
-
 template <class Call>
 Status with_state(const char* name, Pointer instance, State* state, Call call) noexcept {
     return guarded(instance, name, [=](Unit& unit) {
@@ -135,38 +112,38 @@ RTAMT_FMI Status fmi3Reset(Pointer instance) {
 
 RTAMT_FMI Status fmi3GetFloat64(Pointer instance, const Reference* references, std::size_t n,
                                 double* values, std::size_t size) {
-    return each("fmi3GetFloat64", instance, references, n, values, size,
-                [](const Instance& i, Reference r, double& value) { value = i.real(r); });
+    return get_each(instance, "fmi3GetFloat64", references, n, values, size,
+                    [](const Instance& i, Reference r) { return i.real(r); });
 }
 
 RTAMT_FMI Status fmi3SetFloat64(Pointer instance, const Reference* references, std::size_t n,
                                 const double* values, std::size_t size) {
-    return each("fmi3SetFloat64", instance, references, n, values, size,
-                [](Instance& i, Reference r, double value) { i.set_real(r, value); });
+    return set_each(instance, "fmi3SetFloat64", references, n, values, size,
+                    [](auto value) { return value; });
 }
 
 RTAMT_FMI Status fmi3GetInt32(Pointer instance, const Reference* references, std::size_t n,
                               std::int32_t* values, std::size_t size) {
-    return each("fmi3GetInt32", instance, references, n, values, size,
-                [](const Instance& i, Reference r, std::int32_t& value) { value = i.integer(r); });
+    return get_each(instance, "fmi3GetInt32", references, n, values, size,
+                    [](const Instance& i, Reference r) { return i.integer(r); });
 }
 
 RTAMT_FMI Status fmi3GetBoolean(Pointer instance, const Reference* references, std::size_t n,
                                 bool* values, std::size_t size) {
-    return each("fmi3GetBoolean", instance, references, n, values, size,
-                [](const Instance& i, Reference r, bool& value) { value = i.boolean(r); });
+    return get_each(instance, "fmi3GetBoolean", references, n, values, size,
+                    [](const Instance& i, Reference r) { return i.boolean(r); });
 }
 
 RTAMT_FMI Status fmi3SetBoolean(Pointer instance, const Reference* references, std::size_t n,
                                 const bool* values, std::size_t size) {
-    return each("fmi3SetBoolean", instance, references, n, values, size,
-                [](Instance& i, Reference r, bool value) { i.set_boolean(r, value); });
+    return set_each(instance, "fmi3SetBoolean", references, n, values, size,
+                    [](auto value) { return value; });
 }
 
 // Types that no variable has, behind the array of n references.
 #define RTAMT_NO_VARIABLES(name, ...)                                                     \
     RTAMT_FMI Status name(Pointer instance, const Reference*, std::size_t n, __VA_ARGS__) { \
-        return no_variables(#name, instance, n);                                          \
+        return no_variables(instance, #name, n);                                          \
     }
 RTAMT_NO_VARIABLES(fmi3GetFloat32, float*, std::size_t)
 RTAMT_NO_VARIABLES(fmi3GetInt8, std::int8_t*, std::size_t)

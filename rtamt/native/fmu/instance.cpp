@@ -71,7 +71,7 @@ double Instance::real(Reference reference) const {
     return engine_->formula(i - program_.fixed.size());
 }
 
-void Instance::set_real(Reference reference, double value) {
+double& Instance::settable(Reference reference, double value) {
     if (reference < kFirst)
         throw Refusal("expected the value reference of an input or a parameter, got " +
                       std::to_string(reference));
@@ -79,8 +79,7 @@ void Instance::set_real(Reference reference, double value) {
     if (i < now_.inputs.size()) {
         if (now_.phase == Phase::terminated)
             throw Refusal("an input cannot be set after terminate; reset the instance");
-        now_.inputs[i] = value;
-        return;
+        return now_.inputs[i];
     }
     i -= now_.inputs.size();
     if (i >= now_.parameters.size())
@@ -90,7 +89,7 @@ void Instance::set_real(Reference reference, double value) {
     if (now_.phase > Phase::initializing)
         throw Refusal("the parameter '" + name + "' can be set until initialization ends");
     if (std::isnan(value)) throw Refusal("expected a number as parameter '" + name + "', got nan");
-    now_.parameters[i] = value + 0.0;  // -0.0 is 0.0, as in the text of a specification
+    return now_.parameters[i];
 }
 
 int Instance::integer(Reference reference) const {
@@ -107,11 +106,11 @@ bool Instance::boolean(Reference reference) const {
     return now_.stop_on_violation;
 }
 
-void Instance::set_boolean(Reference reference, bool value) {
+bool& Instance::settable(Reference reference, bool) {
     boolean(reference);
     if (now_.phase > Phase::initializing)
         throw Refusal("the parameter 'stop_on_violation' can be set until initialization ends");
-    now_.stop_on_violation = value;
+    return now_.stop_on_violation;
 }
 
 void Instance::require(Phase phase, const char* what) const {
@@ -135,6 +134,7 @@ void Instance::begin_initialization() {
 
 void Instance::end_initialization() {
     require(Phase::initializing, "in initialization");
+    for (double& value : now_.parameters) value += 0.0;  // no -0.0, as in a text's constants
     engine_ = make_engine(program_, now_.parameters);
     now_.phase = Phase::stepping;
 }
@@ -155,7 +155,7 @@ std::size_t Instance::samples(double size, double& fraction) const {
 bool Instance::step(double time, double size) {
     require(Phase::stepping, "after initialization");
     if (!(size > 0 && std::isfinite(size)))
-        throw Refusal("expected a step of more than 0 s, got " + number_text(size));
+        throw Refusal("expected a step of more than 0 s, got " + number_text(size) + " s");
     const double slack = kTolerance * size + 1e-12 * std::abs(now_.time);
     if (!(std::abs(time - now_.time) <= slack))
         throw Refusal("expected a step from " + number_text(now_.time) +

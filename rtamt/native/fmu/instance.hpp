@@ -35,10 +35,11 @@ public:
     Instance& operator=(const Instance&) = delete;
 
     double real(Reference reference) const;
-    void set_real(Reference reference, double value);
     int integer(Reference reference) const;
     bool boolean(Reference reference) const;
-    void set_boolean(Reference reference, bool value);
+    // The variable that may be set to a value now.
+    double& settable(Reference reference, double value);
+    bool& settable(Reference reference, bool value);
 
     // These go through the phases.
     void set_times(double start, double stop);  // stop: inf if there is none

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "core/folds.hpp"
 #include "core/functions.hpp"
 #include "core/snapshot.hpp"
 
@@ -23,6 +24,16 @@ double (*function_of(std::string_view name))(double, double) {
     RTAMT_FUNCTIONS(RTAMT_NAMED)
 #undef RTAMT_NAMED
     return nullptr;
+}
+
+// Whether the operands are as many as the instruction has; a second that it lacks is the first.
+bool fits(const std::string& kind, const std::string& name, std::size_t a, std::size_t b) {
+    if (kind != "WINDOW") return true;
+#define RTAMT_NAMED(name_, Type) \
+    if (name == #name_) return Type::width > 1 || a == b;
+    RTAMT_FOLDS(RTAMT_NAMED)
+#undef RTAMT_NAMED
+    return false;
 }
 
 // The fields of one line behind its first word.
@@ -203,6 +214,8 @@ private:
         row.value = rows.values.back().literal;
         row.length = line.number<std::size_t>();
         row.start = line.number<std::int64_t>();
+        const bool in_place = program_.monitor || row.slot == rows.rows.size();
+        if (!in_place || !fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
         if (row.length > std::size_t{kMaxBound} * 2 || row.start < 0 || row.start > 2 * kMaxBound)
             line.refuse("a window in samples");
         rows.rows.push_back(std::move(row));
@@ -216,6 +229,7 @@ private:
         row.b = line.index();
         row.lo = line.bound();
         row.hi = line.bound();
+        if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
         const std::int64_t lo = row.lo.value_or(-kMaxBound);
         const std::int64_t hi = row.hi.value_or(kMaxBound);
         const bool one_way = (row.hi && hi <= 0) || (row.lo && lo >= 0);
@@ -236,6 +250,7 @@ private:
         row.value = rows.values.back().literal;
         row.lo = line.bound();
         row.hi = line.bound();
+        if (!fits(row.kind, row.name, row.a, row.b)) line.refuse("an instruction");
         rows.rows.push_back(std::move(row));
     }
 

@@ -124,4 +124,12 @@ void require_array(const void* array, std::size_t n) {
     if (array == nullptr && n > 0) throw Refusal("expected an array, got a null pointer");
 }
 
+void require_arrays(const void* references, std::size_t n, const void* values, std::size_t size) {
+    require_array(references, n);
+    require_array(values, n);
+    if (size != n)
+        throw Refusal("expected a value for each of " + std::to_string(n) +
+                      " value references, got " + std::to_string(size));
+}
+
 }  // namespace rtamt::fmu

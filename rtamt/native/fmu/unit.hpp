@@ -76,6 +76,7 @@ inline void free_unit(void* unit) noexcept { delete static_cast<Unit*>(unit); }
 
 // Throws Refusal if values are asked for or given in an array that is not there.
 void require_array(const void* array, std::size_t n);
+void require_arrays(const void* references, std::size_t n, const void* values, std::size_t size);
 
 // Runs a call of C on a unit: no exception leaves it.
 template <class Call>
@@ -89,6 +90,38 @@ Status guarded(void* pointer, const char* name, Call call) noexcept {
     } catch (...) {
         return unit.refuse(name, "unknown error");
     }
+}
+
+// Asks for a value for every reference.
+template <class T, class Get>
+Status get_each(void* pointer, const char* name, const Reference* references, std::size_t n,
+                T* values, std::size_t size, Get get) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        require_arrays(references, n, values, size);
+        for (std::size_t i = 0; i < n; ++i) values[i] = get(unit.instance, references[i]);
+        return kOk;
+    });
+}
+
+// Sets the variables of these references, all or none, to what `as` makes of the values.
+template <class T, class As>
+Status set_each(void* pointer, const char* name, const Reference* references, std::size_t n,
+                const T* values, std::size_t size, As as) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        require_arrays(references, n, values, size);
+        for (std::size_t i = 0; i < n; ++i) unit.instance.settable(references[i], as(values[i]));
+        for (std::size_t i = 0; i < n; ++i)
+            unit.instance.settable(references[i], as(values[i])) = as(values[i]);
+        return kOk;
+    });
+}
+
+// Refuses references of a type that no variable has.
+inline Status no_variables(void* pointer, const char* name, std::size_t n) noexcept {
+    return guarded(pointer, name, [=](Unit&) {
+        if (n > 0) throw Refusal("expected no value references, as no variable has this type");
+        return kOk;
+    });
 }
 
 // A call that this kind of unit does not have.

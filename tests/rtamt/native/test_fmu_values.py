@@ -1,0 +1,296 @@
+"""The library of exported monitors gives what the monitors of Python give, bit by bit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, cast
+
+import pytest
+from bits import bits
+from fmu_calls import (
+    DISCARD,
+    ERROR,
+    FIRST,
+    LOWER,
+    OK,
+    ROBUSTNESS,
+    UPPER,
+    VERSIONS,
+    Unit,
+    Version,
+    unit,
+    write,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from interface_cases import VACUITY, Case, cases
+from strategies import Trace, formulas, length, sample, traces
+
+from rtamt import (
+    DenseMonitor,
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    Monitor,
+    SpecificationError,
+    Verdict,
+    parse,
+)
+from rtamt.export.programs import Programs, dense_programs, sampled_programs
+from rtamt.language.parser import as_specification, traced
+from rtamt.monitors.options import SampleOptions, Spec
+
+pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
+versions = pytest.mark.parametrize("version", VERSIONS)
+
+
+def sampled(spec: Spec, period: float = 1, **options: Any) -> Programs:  # noqa: ANN401 - its own
+    known = traced(as_specification(spec))
+    return sampled_programs(sampled, known, period, cast("SampleOptions", options))
+
+
+def dense(spec: Spec) -> Programs:
+    return dense_programs(dense, traced(as_specification(spec)), "1ns", {})
+
+
+class Expected:
+    """The monitors of Python: of the episode, and of the named formulas by their names."""
+
+    def __init__(self, spec: Spec, parts: Mapping[str, Spec], **options: Any) -> None:  # noqa: ANN401
+        self.episode = EpisodeMonitor(spec, 1, backend="python", **options)
+        self.monitors: dict[str, Monitor] = {}
+        for name, part in parts.items():
+            with suppress(SpecificationError):  # it needs the whole future
+                self.monitors[name] = Monitor(part, 1, backend="python", **options)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.episode.variables
+
+    def update(self, values: Mapping[str, float]) -> None:
+        monitors: list[Monitor | EpisodeMonitor] = [*self.monitors.values(), self.episode]
+        for monitor in monitors:
+            monitor.update({name: values[name] for name in monitor.variables})
+
+    def values(self) -> list[int]:
+        e = self.episode
+        named = [monitor.values[name] for name, monitor in self.monitors.items()]
+        return bits([e.robustness, e.lower, e.upper, float(e.verdict), *named])
+
+
+def outputs(unit: Unit, variables: int, named: int) -> list[int]:
+    first = FIRST + variables
+    known = unit.get(ROBUSTNESS, LOWER, UPPER)
+    return bits([*known, unit.verdict(), *unit.get(*range(first, first + named))])
+
+
+def put(unit: Unit, values: Mapping[str, float]) -> None:
+    assert unit.set(range(FIRST, FIRST + len(values)), list(values.values())) == OK
+
+
+def compare(version: Version, programs: Programs, expected: Expected, trace: Trace) -> None:
+    """Steps of a period give what the monitors give, up to a sample that they refuse."""
+    shape = (len(expected.names), len(expected.monitors))
+    with TemporaryDirectory() as folder, unit(version, write(Path(folder), programs)) as made:
+        made.begin(2.0)
+        assert outputs(made, *shape) == expected.values()
+        for i in range(length(trace)):
+            values = sample(trace, i, expected.names)
+            put(made, values)
+            try:
+                expected.update(values)
+            except InputError:
+                assert made.step(2.0 + i, 1.0) == ERROR
+                assert " not a number at the inputs " in made.said
+                return
+            assert made.step(2.0 + i, 1.0) == OK
+            assert outputs(made, *shape) == expected.values()
+
+
+@versions
+@settings(max_examples=30)
+@given(part=formulas(2), whole=formulas(endless=True), trace=traces())
+def test_steps_of_a_period_give_what_the_monitors_give(
+    version: Version, part: Formula, whole: Formula, trace: Trace
+) -> None:
+    first = f"part = {part}"
+    text = f"{first}\nwhole = {whole}"
+    compare(version, sampled(text), Expected(text, {"part": first, "whole": text}), trace)
+
+
+@versions
+@settings(max_examples=30)
+@given(case=cases(VACUITY, endless=True), trace=traces())
+def test_what_hangs_on_neutral_predicates_stays_open(
+    version: Version, case: Case, trace: Trace
+) -> None:
+    spec, semantics = case
+    programs = sampled(spec, semantics=semantics)
+    compare(version, programs, Expected(spec, {}, semantics=semantics), trace)
+
+
+# Between two samples there are eight eighths of a period, which doubles add up exactly.
+@versions
+@settings(max_examples=30)
+@given(
+    formula=formulas(2),
+    trace=traces(),
+    sizes=st.lists(st.sampled_from((1, 2, 3, 4, 5, 8, 8, 9, 16, 20, 40)), min_size=12, max_size=12),
+)
+def test_a_step_takes_the_samples_whose_time_has_come(
+    version: Version, formula: Formula, trace: Trace, sizes: list[int]
+) -> None:
+    text = f"part = {formula}"
+    expected = Expected(text, {"part": text})
+    shape = (len(expected.names), 1)
+    with TemporaryDirectory() as folder, unit(version, write(Path(folder), sampled(text))) as made:
+        made.begin(-1.0)
+        now = 0
+        for i, size in enumerate(sizes[: length(trace)]):
+            values = sample(trace, i, expected.names)
+            put(made, values)
+            assert made.step(now / 8 - 1.0, size / 8) == OK
+            for _ in [time for time in range(now, now + size) if time % 8 == 0]:
+                expected.update(values)
+            now += size
+            assert outputs(made, *shape) == expected.values()
+
+
+@versions
+@pytest.mark.parametrize(("period", "step"), [(0.1, 0.1), (0.3, 0.1), (0.1, 0.3), (0.01, 0.25)])
+def test_the_rounding_of_times_neither_adds_nor_loses_samples(
+    version: Version, period: float, step: float, tmp_path: Path
+) -> None:
+    steps = 3_000
+    folder = write(tmp_path, sampled("last = x >= 0", period))
+    with unit(version, folder) as made:
+        made.begin()
+        time, exact, size, every = 0.0, Fraction(0), Fraction(str(step)), Fraction(str(period))
+        taken = 0
+        for i in range(steps):
+            due = math.ceil((exact + size) / every)
+            assert made.set([FIRST], [i]) == OK
+            assert made.step(time, step) == OK
+            if due > taken:
+                taken, last = due, float(i)
+            assert made.get(FIRST + 1) == [last]
+            time += step
+            exact += size
+
+
+@versions
+@settings(max_examples=30)
+@given(
+    formula=formulas(2, dense=True),
+    root=st.sampled_from(("", "always", "eventually")),
+    trace=traces(),
+    sizes=st.lists(st.sampled_from((0.25, 0.5, 1.0, 1.75)), min_size=12, max_size=12),
+)
+def test_over_dense_time_every_step_begins_with_events(
+    version: Version, formula: Formula, root: str, trace: Trace, sizes: list[float]
+) -> None:
+    text = f"whole = {root}({formula})"
+    try:
+        monitor = DenseMonitor(text, backend="python")
+    except SpecificationError:  # it has no variables
+        return
+    given: list[tuple[float, float]] = []
+    n = len(monitor.variables)
+    with TemporaryDirectory() as folder, unit(version, write(Path(folder), dense(text))) as made:
+        made.begin(-1.0)
+        time = -1.0
+        for i, size in enumerate(sizes[: length(trace)]):
+            values = sample(trace, i, monitor.variables)
+            put(made, values)
+            try:
+                given += monitor.update({name: [(time, x)] for name, x in values.items()})
+            except InputError:
+                assert made.step(time, size) == ERROR
+                return
+            assert made.step(time, size) == OK
+            time += size
+            lower, upper = -math.inf, math.inf
+            if given and root != "eventually":
+                upper = given[0][1] if root == "" else given[-1][1]
+            if given and root != "always":
+                lower = given[0][1] if root == "" else given[-1][1]
+            known = given[-1][1] if given else math.nan
+            verdict = -holds(-upper) or holds(lower)
+            expected = [known, lower, upper, float(verdict), monitor.values["whole"]]
+            assert outputs(made, n, 1) == bits(expected)
+
+
+def holds(value: float) -> int:
+    return int(math.copysign(1.0, value) > 0)
+
+
+LIMIT = """
+const float limit = 3
+const float width = 4
+part = x < 2 * limit
+whole = always[0:width](x > -limit and limit > 1)
+"""
+
+
+@versions
+def test_parameters_are_read_when_initialization_ends(version: Version, tmp_path: Path) -> None:
+    folder = write(tmp_path, sampled(LIMIT))
+    references = dict(zip(("x", "limit", "width", "part", "whole"), range(8, 13), strict=True))
+    with unit(version, folder) as made:
+        for limit in (0.5, -0.0, 7.0):
+            constants = {"limit": limit + 0.0}
+            expected = Expected(parse(LIMIT, constants=constants), {})
+            assert made.set([references["limit"]], [limit]) == OK
+            made.begin()
+            assert made.get(references["limit"], references["width"]) == [limit + 0.0, 4.0]
+            assert math.copysign(1.0, made.get(references["limit"])[0]) == 1.0
+            for i, x in enumerate((1.0, -0.25, 6.0)):
+                put(made, {"x": x})
+                assert made.step(float(i), 1.0) == OK
+                expected.update({"x": x})
+                assert outputs(made, 0, 0) == expected.values()
+                assert made.get(references["part"]) == [2 * limit - x]
+            assert made.call("Reset") == OK
+            assert made.get(references["limit"]) == [3.0]
+
+
+@versions
+def test_a_violation_ends_the_simulation_if_it_is_to(version: Version, tmp_path: Path) -> None:
+    folder = write(tmp_path, sampled("always(x > 0)", 0.5))
+    for stop in (False, True):
+        with unit(version, folder, logging=True) as made:
+            assert made.set_stop(stop) == OK
+            made.begin()
+            for i, (x, verdict) in enumerate([(1.0, 0), (-2.0, -1), (3.0, -1)]):
+                put(made, {"x": x})
+                ends = stop and verdict == Verdict.VIOLATED
+                assert made.step(i * 0.5, 0.5) == (DISCARD if ends else OK)
+                assert made.verdict() == verdict
+                if version == 2:
+                    assert made.ended() == (ends, 0.5 * (i + 1))
+        told = "violated: the simulation is to end at {} s"
+        said = [told.format(1), told.format("1.5")] if stop else []
+        assert made.log == [(OK, "logEvents", text) for text in said]
+
+
+@versions
+def test_instances_do_not_know_each_other(version: Version, tmp_path: Path) -> None:
+    folder = write(tmp_path, sampled("historically(x > 0)"))
+    with (
+        unit(version, folder) as one,
+        unit(version, folder) as other,
+        unit(VERSIONS[3 - version], folder) as third,
+    ):
+        for i, x in enumerate((3.0, 2.0, 1.0)):
+            for made, value in ((one, x), (other, 5.0), (third, 10 - x)):
+                if i == 0:
+                    made.begin()
+                put(made, {"x": value})
+                assert made.step(float(i), 1.0) == OK
+        assert [made.get(ROBUSTNESS)[0] for made in (one, other, third)] == [3.0, 5.0, 7.0]
