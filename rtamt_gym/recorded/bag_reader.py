@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import closing, contextmanager
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
@@ -143,8 +144,11 @@ class Bag:
 
     def _fields(self, kind: str) -> Mapping[str, Any] | None:
         """The fields of a class in their order, each with its type; None if it is not defined."""
-        known = self.reader.typestore
-        return dict(known.get_msgdef(kind).fields) if kind in known.fielddefs else None
+        known = self.reader.typestore.fielddefs
+        if kind not in known:
+            return None
+        # rosbags cannot name an attribute as a word of Python.
+        return {f"{name}_" if iskeyword(name) else name: what for name, what in known[kind][1]}
 
 
 @contextmanager
@@ -160,9 +164,9 @@ def open_bag(path: str) -> Iterator[Bag]:
     try:
         reader = AnyReader([Path(path)], default_typestore=humble)
         reader.open()
-    except OSError:
-        raise
-    except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
+    except Exception as error:  # rosbags raises what it stumbles on
+        if isinstance(error, OSError) and error.filename is not None:
+            raise
         raise _damaged(path, error) from None
     with closing(reader):
         yield Bag(reader, path)

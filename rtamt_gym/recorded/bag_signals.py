@@ -173,6 +173,8 @@ def _times(
     Of messages with equal times the last counts, and one whose stamp is older than that of the
     message before it does not.
     """
+    if not messages.logged:  # though the index of the bag counts some
+        raise InputError(f"{bag.source}: expected messages on {messages.topic}, got none")
     logged = np.array(messages.logged, np.int64)
     times = logged
     order = np.argsort(logged, kind="stable")  # files of one bag may overlap

@@ -9,6 +9,7 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bags import START, Said, plain_mcap, twist, write_bag
 from rosbags.highlevel import AnyReader
@@ -247,3 +248,23 @@ def test_a_missing_package_names_its_extra(
     assert capsys.readouterr().err == (
         "rtamt: error: rosbags is not installed; from the checkout: pip install '.[bags]'\n"
     )
+
+
+@pytest.mark.parametrize("extension", [".mcap", ".db3", ".bag"])
+def test_a_bag_with_a_wrong_byte_is_read_or_refused_but_nothing_else(
+    extension: str, tmp_path: Path
+) -> None:
+    path = write_bag(tmp_path / f"run{extension}", SAID[:5])
+    whole = path.read_bytes()
+    random = np.random.default_rng(5)
+    refusals = 0
+    for _ in range(60):
+        data = bytearray(whole)
+        data[random.integers(min(len(data), 4000))] ^= 1 << random.integers(8)
+        path.write_bytes(data)
+        try:
+            read(path)
+        except rtamt.InputError as error:
+            assert str(error).startswith(f"{path}")  # noqa: PT017 - some bytes do no harm
+            refusals += 1
+    assert refusals
