@@ -10,6 +10,7 @@ from typing import NoReturn, get_args
 
 from rtamt import InputError
 from rtamt_gym.commands.errors import refusal
+from rtamt_gym.judges.interface import Semantics
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
@@ -39,10 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         message = refusal(error)
         if message is None:
             raise
-        for option, parameter in _PARAMETERS_OF.items():
-            message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
-        message = re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)
-        print(f"{_PROGRAM}: error: {message}", file=sys.stderr)  # noqa: T201 - a command prints
+        print(f"{_PROGRAM}: error: {_in_options(message)}", file=sys.stderr)  # noqa: T201
         return 2
 
 
@@ -71,6 +69,14 @@ def _run(argv: Sequence[str]) -> int:
     finally:
         ros.close()
     return 0
+
+
+def _in_options(message: str) -> str:
+    """A message about parameters in the words of the command line."""
+    message = message.replace(", or let --align round it", "")  # which is of `rtamt monitor`
+    for option, parameter in _PARAMETERS_OF.items():
+        message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
+    return re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -104,8 +110,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     what.add_argument(
         "--semantics",
+        choices=get_args(Semantics),
         metavar="NAME",
-        help=f"how predicates count (default: {_default('semantics')})",
+        help=f"how predicates count: {', '.join(get_args(Semantics))}; those about inputs or "
+        f"outputs read the declarations of the text (default: {_default('semantics')})",
     )
     when = parser.add_argument_group("when to sample")
     when.add_argument(

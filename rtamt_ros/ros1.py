@@ -61,7 +61,13 @@ class Ros1:
         # rospy takes remappings from `arguments`, but the namespace from `sys.argv` alone.
         namespace = rosgraph.names.get_ros_namespace(argv=arguments)
         rospy.names._set_caller_id(f"{namespace}unnamed")  # noqa: SLF001
-        rospy.init_node(legal_name(name), list(arguments), anonymous=True, disable_signals=True)
+        given = [each.removeprefix("__name:=") for each in arguments if each[:8] == "__name:="]
+        if not all(map(rosgraph.names.is_legal_base_name, given)):
+            raise InputError(f"__name: expected letters, digits and '_', got {given[0]!r}")
+        try:
+            rospy.init_node(legal_name(name), list(arguments), anonymous=True, disable_signals=True)
+        except rospy.ROSException as error:
+            raise InputError(f"no node of ROS: {error}") from error
         self.name: str = rospy.get_name()
         self._timers: list[_Timer] = []
         self._ended: SimpleQueue[None] = SimpleQueue()  # whose `put` may interrupt its `get`
@@ -98,9 +104,11 @@ class Ros1:
             message.header.stamp = rospy.Time(*divmod(time, 1_000_000_000))
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
+        _check(topic)
         return _Subscription(topic, message, callback)
 
     def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
+        _check(topic)
         return _Publisher(topic, message, latched=latched)
 
     def every(self, period: int, callback: Callable[[], None]) -> Handle:
@@ -120,6 +128,13 @@ class Ros1:
             timer.close()
         logging.getLogger("rospy.internal").removeHandler(self._refusals)
         rospy.signal_shutdown("closed")
+
+
+def _check(topic: str) -> None:
+    if not rosgraph.names.is_legal_name(topic) or not topic.isascii():
+        raise InputError(
+            f"topic {topic!r}: expected letters, digits, '_' and '/', first a letter, '/' or '~'"
+        )
 
 
 @contextmanager

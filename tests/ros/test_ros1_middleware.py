@@ -142,6 +142,21 @@ def test_a_node_has_the_name_that_it_is_given_by_a_remapping(world: World) -> No
     assert re.fullmatch(r"/robot_s_spec_\d+_\d+", world.peer("robot's spec").ask("name"))
 
 
+@pytest.mark.parametrize(
+    ("remapping", "value", "refusal"),
+    [
+        ("__name", "a b", "InputError: __name: expected letters, digits and '_', got 'a b'"),
+        ("_gain", "{", "InputError: no node of ROS: invalid command-line parameters: "),
+    ],
+)
+def test_arguments_that_rospy_chokes_on_are_input_errors(
+    world: World, remapping: str, value: str, refusal: str
+) -> None:
+    peer = world.peer("refused", {remapping: value})
+    assert peer.process.wait(PATIENCE) == 1
+    assert refusal in peer.log()
+
+
 def test_a_node_that_ended_has_left_the_master(world: World) -> None:
     peer = world.peer("leaving")
     peer.ask("subscribe", "a", "/left/a", *FLOAT, ["data"])

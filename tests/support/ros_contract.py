@@ -268,6 +268,14 @@ class MiddlewareContract:
         assert listener.process.poll() is None
         assert listener.ask("name").startswith("/listener")
 
+    @pytest.mark.parametrize("wrong", ["a b", "a.b", "1st", "wärme"])
+    def test_a_topic_that_ros_cannot_have_is_an_input_error(self, talker: Peer, wrong: str) -> None:
+        for method in ("publisher", "subscribe"):
+            fields = [["data"]] if method == "subscribe" else []
+            with pytest.raises(AssertionError) as refused:
+                talker.ask(method, wrong, wrong, *FLOAT, *fields)
+            assert f"InputError: topic {wrong!r}: " in str(refused.value)
+
     def test_lines_of_the_log_are_written(self, talker: Peer) -> None:
         for level in range(4):
             talker.ask("log", level, f"100% of level {level}")

@@ -1,0 +1,99 @@
+"""The paper's command line on ROS 1, with a specification as the released library has them."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from paths import ROOT
+from ros_contract import World
+from ros_messages import probe
+from ros_processes import Process, ros
+
+SPEC = ROOT / "examples" / "ros" / "spec.stl"
+OUT, DIAGNOSTICS = "rtamt/follows", "/diagnostics"
+MD5 = "d053817de0764f9ee90dbc89c4cdd751"
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with ros(1, tmp_path_factory.mktemp("ros")) as master, World(master, master) as found:
+        yield found
+
+
+def start(world: World, *arguments: str, name: str) -> Process:
+    """Starts the command: the console script, where it is installed."""
+    script = Path(sys.executable).with_name("ros_stl_monitor.py")
+    program = [script] if script.exists() else ["-m", "rtamt_ros"]
+    return world.ros.start(*program, *arguments, name=name)
+
+
+def test_a_file_of_the_released_library_is_monitored_unchanged(world: World) -> None:
+    robot = world.peer("robot")
+    robot.ask("publisher", "cmd", "/robot0/cmd_vel", "geometry_msgs", "Twist", latched=True)
+    robot.ask("publisher", "odom", "/wheels", "nav_msgs", "Odometry", latched=True)
+    robot.ask("publish", "cmd", {"linear.x": 0.5})
+    robot.ask("publish", "odom", {"twist.twist.linear.x": 0.375})
+    topics = {OUT: "rtamt_msgs/FloatStamped", DIAGNOSTICS: "diagnostic_msgs/DiagnosticArray"}
+    with probe(world.ros, topics) as ears:
+        begin = robot.ask("now")
+        options = "--period 50 --unit ms --stale inf __name:=watch robot0/odom:=wheels"
+        monitor = start(world, "--stl", str(SPEC), *options.split(), name="watch")
+        ears.wait(lambda: len(ears.heard(OUT)) >= 3 and bool(ears.heard(DIAGNOSTICS)), "values")
+        monitor.ask_to_end()
+        assert monitor.ended() == 0, monitor.output
+        end = robot.ask("now")
+    times = []
+    for each in ears.heard(OUT):
+        assert each.md5 == MD5
+        assert each.message.value == 0.2 - abs(0.5 - 0.375)
+        stamp = each.message.header.stamp
+        times.append(10**9 * stamp.sec + stamp.nanosec)
+    assert begin <= times[0] <= times[-1] <= end
+    assert all((after - before) % 50_000_000 == 0 for before, after in pairwise(times))
+    assert ears.heard(DIAGNOSTICS)[-1].message.status[0].name == "watch: follows"
+
+
+REFUSED = {
+    "absent": (
+        "from absent_msgs.msg import Thing; input Thing it; x = it.y > 1",
+        (
+            "the messages of absent_msgs are not installed: apt-get install python3-absent-msgs "
+            "(Debian) or ros-noetic-absent-msgs, or source the setup file of a workspace that has "
+            "them"
+        ),
+    ),
+    "field": (
+        "from geometry_msgs.msg import Twist; input Twist cmd; x = cmd.linaer.x > 1",
+        "geometry_msgs/Twist has no field 'linaer'; did you mean 'linear'?",
+    ),
+    "bound": (
+        "eventually[0:0.25](x > 1)",
+        (
+            "STL:1:11: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"
+            "  eventually[0:0.25](x > 1)\n"
+            "            ^\n"
+            "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart"
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_ros_has_not_is_refused_with_exit_code_2(world: World, case: str) -> None:
+    text, expected = REFUSED[case]
+    command = start(world, "--spec", text, name=case)
+    assert command.ended() == 2
+    assert command.output == f"ros_stl_monitor.py: error: {expected}\n"
+
+
+def test_a_monitor_ends_with_ctrl_c(world: World) -> None:
+    command = start(world, "--spec", "float64 x; always(x > 1)", name="interrupted")
+    with probe(world.ros, {DIAGNOSTICS: "diagnostic_msgs/DiagnosticArray"}) as ears:
+        ears.wait(lambda: bool(ears.heard(DIAGNOSTICS)), "diagnostics")
+    os.kill(command.pid, signal.SIGINT)
+    assert command.ended() == 0
+    assert "Traceback" not in command.output
