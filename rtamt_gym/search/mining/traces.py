@@ -19,9 +19,12 @@ from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judges.ends import AtTruncation
 from rtamt_gym.judges.interface import Names, Semantics
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.progress import progress
-from rtamt_gym.recorded.readers import open_recording
-from rtamt_gym.recorded.trace import read_trace
+from rtamt_gym.recorded.readers import is_bag
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import EventTrace
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
@@ -248,11 +251,12 @@ def _of_file(
             f"there is no file {path!r}; of a system write "
             f"mine(requirement, sweep({path!r}, ...), ranges)"
         )
-    if Path(path).is_dir():
+    if Path(path).is_dir() and not is_bag(path):
         raise InputError(f'{path} is a folder; write sorted(Path("{path}").glob("*.csv"))')
-    with open_recording(path) as recording:
-        trace = read_trace(recording, spec.variables)
-    seconds = trace.period() if period is None else period
+    trace, seconds = read_ruled(path, {"": spec}, Rules(period), Columns())
+    if isinstance(trace, EventTrace):
+        msg = "rules without dense time give samples"
+        raise TypeError(msg)
     return Samples(
         path,
         given,

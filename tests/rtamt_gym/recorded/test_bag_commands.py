@@ -9,6 +9,8 @@ from xml.etree import ElementTree as ET
 import pytest
 from bags import START, Said, twist, write_bag
 
+import rtamt
+from rtamt_gym import mine
 from rtamt_gym.__main__ import main
 
 Output = pytest.CaptureFixture[str]
@@ -185,7 +187,11 @@ def test_constants_are_mined_from_bags(folder: Path, capsys: Output) -> None:
     command = ["mine", "always(x < ?v)", "--range", "v=0:9", "--signal", signal]
     assert main([*command, "--period", "0.1", "--", *bags]) == 0
     assert capsys.readouterr().out.startswith("v = 1.500")
-    assert (folder / "bags").is_dir()
+    text = SPEC.partition("slow")[0] + "always(cmd.linear.x < ?v)"
+    traces = [folder / "bags" / "b.bag", folder / "bags" / "c"]
+    assert 1.5 < mine(text, traces, {"v": (0, 9)}, period=0.1).value < 1.501
+    with pytest.raises(rtamt.InputError, match=r"b\.bag: expected --period 100ms, at which"):
+        mine(text, traces, {"v": (0, 9)})
 
 
 def test_texts_that_differ_in_a_topic_are_refused_before_anything_is_read(
