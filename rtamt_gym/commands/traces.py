@@ -163,6 +163,13 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
         "with others is resampled, and a value holds until the next (default: such a trace is "
         "refused)",
     )
+    group.add_argument(
+        "--stale",
+        type=float,
+        metavar="SECONDS",
+        help="refuse a bag of which a topic is without a message for longer than this (default: "
+        "its last value holds, and a long silence is said)",
+    )
 
 
 def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
@@ -200,6 +207,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         decimal=options.decimal,
         missing=options.missing,
         jitter=options.jitter,
+        stale=options.stale,
     )
     variables = variables_of(every)
     for name in columns.signals:

@@ -120,7 +120,7 @@ def read_signals(
     ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
     found = BagSignals(bag.source, ordered, zero, end, epoch, notes)
     notes += _missing(read, columns)
-    notes += _silences(found, spans)
+    notes += _silences(found, spans, columns.stale)
     return found
 
 
@@ -242,8 +242,12 @@ def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
     return [f"messages without a number leave the value before ({each})"] if each else []
 
 
-def _silences(found: BagSignals, spans: Mapping[str, Stamps]) -> list[str]:
-    """Says which topics begin late, pause or end early, so that what is judged was held."""
+def _silences(found: BagSignals, spans: Mapping[str, Stamps], stale: float | None) -> list[str]:
+    """Says which topics begin late, pause or end early, so that what is judged was held.
+
+    Raises:
+        InputError: If a topic is silent for longer than it may.
+    """
     notes = []
     for topic, times in spans.items():
         late = (int(times[0]) - found.zero) / 1e9
@@ -256,8 +260,14 @@ def _silences(found: BagSignals, spans: Mapping[str, Stamps]) -> list[str]:
         gaps = np.diff(ends) / 1e9
         usual = float(np.median(gaps[:-1])) if len(times) > 1 else 0.0
         at = int(gaps.argmax())
+        since = (int(times[at]) - found.zero) / 1e9
+        if stale is not None and gaps[at] > stale:
+            raise InputError(
+                f"{found.source}: expected a message of {topic} every {stale:g} s at least, got "
+                f"none for {number(gaps[at])} s after {number(since)} s; a longer --stale lets it "
+                "hold so long"
+            )
         if gaps[at] > max(_LEAST_QUIET, _QUIET * usual):
-            since = (int(times[at]) - found.zero) / 1e9
             until = "to the end" if at == len(times) - 1 else "until the next"
             notes.append(
                 f"{topic}: the message at {number(since)} s is held for {number(gaps[at])} s, "

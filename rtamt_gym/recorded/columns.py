@@ -46,6 +46,8 @@ class Columns:
         jitter: The part of the period by which a sample may lie off the grid and count as on it;
             a trace with samples farther off is resampled, where each value holds until the next.
             None: 0.05, and such a trace is refused.
+        stale: The longest time in seconds for which a topic of a bag may be without a message; one
+            that is longer is refused. None: any time, and a long one is said.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.
@@ -58,6 +60,7 @@ class Columns:
     decimal: str | None = None
     missing: Missing = "raise"
     jitter: float | None = None
+    stale: float | None = None
 
     def __post_init__(self) -> None:
         _check_choice("--time-unit", self.time_unit, UNITS)
@@ -75,6 +78,8 @@ class Columns:
                 f"--jitter: expected less than half of the period, such as 5% or 0.05, "
                 f"got {self.jitter:g}"
             )
+        if self.stale is not None and not self.stale > 0:
+            raise InputError(f"--stale: expected seconds, such as 0.5, got {self.stale:g}")
 
     def column(self, variable: str) -> str:
         """The column of a variable."""
@@ -97,6 +102,7 @@ def read_columns(
     decimal: str | None = None,
     missing: Missing = "raise",
     jitter: str | None = None,
+    stale: float | None = None,
 ) -> Columns:
     r"""Reads the arguments of a command: ``speed=Vehicle Speed [km/h]``, ``tab``, ``5%``.
 
@@ -122,7 +128,7 @@ def read_columns(
             raise InputError(f"--signal: expected one column for {variable!r}, got two")
         named[variable] = column
     mark = "\t" if separator in ("tab", r"\t") else separator
-    return Columns(named, time, time_unit, mark, decimal, missing, _share(jitter))
+    return Columns(named, time, time_unit, mark, decimal, missing, _share(jitter), stale)
 
 
 def _share(text: str | None) -> float | None:

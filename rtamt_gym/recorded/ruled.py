@@ -31,6 +31,8 @@ def read_ruled(
             path, specs, rules, columns
         )
         return read
+    if columns.stale is not None:
+        raise InputError(f"{path}: expected --stale for a bag, got it for a table")
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     with open_recording(path, columns) as recording:
         if rules.dense:

@@ -156,6 +156,24 @@ def test_what_was_held_is_said_below_the_verdict_and_in_json(folder: Path, capsy
         f"{path}: 101 samples, one every 0.1 s, 0 s to 10 s\n"
         "note: /robot0/cmd_vel: the message at 1.9 s is held for 8.1 s, to the end\n"
     )
+    command = ["monitor", "spec.stl", "--period", "0.1", "--stale"]
+    assert main([*command, "8.1", path]) == 0
+    capsys.readouterr()
+    assert main([*command, "8", path]) == 2
+    assert capsys.readouterr().err == (
+        f"rtamt: error: {path}: expected a message of /robot0/cmd_vel every 8 s at least, got none "
+        "for 8.1 s after 1.9 s; a longer --stale lets it hold so long\n"
+    )
+    (folder / "table.csv").write_text("time,cmd.linear.x\n0,0.5\n0.1,0.5\n")
+    for options, message in (
+        (
+            ["--stale", "1", "table.csv"],
+            "table.csv: expected --stale for a bag, got it for a table",
+        ),
+        (["--stale", "0", path], "--stale: expected seconds, such as 0.5, got 0"),
+    ):
+        assert main(["monitor", "spec.stl", *options]) == 2
+        assert capsys.readouterr().err == f"rtamt: error: {message}\n"
     assert main(["monitor", "spec.stl", "--period", "0.1", "--json", path]) == 0
     (trace,) = json.loads(capsys.readouterr().out)["traces"]
     assert trace["notes"] == ["/robot0/cmd_vel: the message at 1.9 s is held for 8.1 s, to the end"]
