@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from rtamt import InputError, Specification, parse
@@ -53,6 +55,7 @@ class MonitorNode:
         self._middleware = middleware
         self._lock = threading.RLock()
         self._plan = _Plan(middleware, specifications, settings or Settings())
+        self._runs: Counter[Path] = Counter()  # of records, which no start overwrites
         self._running: _Running | None = None
 
     @property
@@ -84,7 +87,7 @@ class MonitorNode:
         """
         with self._lock:
             if self._running is None:
-                running = _Running(self._middleware, self._plan)
+                running = _Running(self._middleware, self._plan, self._runs)
                 running.open()
                 self._running = running
 
@@ -138,7 +141,7 @@ class _Plan:
         )
         if not self.specifications:
             raise InputError("expected a specification or more, got none")
-        judges = self.judges()
+        judges = self.judges(Counter())
         self.outputs = outputs_of(judges.requirements)
         self.bounds = bound_topics(self.outputs)
         self.formulas = {each.name: str(each.specification.formula) for each in judges.requirements}
@@ -155,9 +158,9 @@ class _Plan:
             for path in output.formulas.values():
                 check_output(self.classes[key], "/".join(key), path)
 
-    def judges(self) -> Judges:
-        """Monitors that have seen nothing."""
-        return Judges(self.specifications, self.settings)
+    def judges(self, runs: Counter[Path]) -> Judges:
+        """Monitors that have seen nothing; see `Judges` for the argument."""
+        return Judges(self.specifications, self.settings, runs)
 
     def of(self, source: Input) -> type:
         """The class of the messages of an input."""
@@ -171,8 +174,8 @@ def _class(source: Input) -> tuple[str, str]:
 class _Running:
     """A node while it runs: its monitors, and all that it has open."""
 
-    def __init__(self, middleware: Middleware, plan: _Plan) -> None:
-        self.judges = plan.judges()
+    def __init__(self, middleware: Middleware, plan: _Plan, runs: Counter[Path]) -> None:
+        self.judges = plan.judges(runs)
         self._middleware = middleware
         self._plan = plan
         self._lock = threading.RLock()  # of what is published, and of monitors in dense time

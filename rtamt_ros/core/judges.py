@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from rtamt import Specification
@@ -26,6 +28,7 @@ class Judges:
     Args:
         specifications: What to judge.
         settings: How.
+        runs: As for `Record`.
 
     Raises:
         SpecificationError: If a monitor cannot run a requirement, or a topic has no class of
@@ -37,8 +40,11 @@ class Judges:
         settings: How.
     """
 
-    def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
+    def __init__(
+        self, specifications: Sequence[Specification], settings: Settings, runs: Counter[Path]
+    ) -> None:
         self.settings = settings
+        self._runs = runs
         self.inputs, self.requirements = requirements_of(specifications, settings)
         self._records = [self._record(each) for each in self.requirements]
         make: type[Sampled | Dense] = Dense if settings.dense else Sampled
@@ -110,5 +116,6 @@ class Judges:
         if len(self.requirements) > 1:
             path = path.with_stem(f"{path.stem}-{requirement.name}")
         if self.settings.dense:
-            return Record(path, ("variable", "value"))
-        return Record(path, (*requirement.specification.variables, "robustness"))
+            return Record(path, ("variable", "value"), self._runs)
+        columns = (*requirement.specification.variables, "robustness")
+        return Record(path, columns, self._runs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -17,32 +18,35 @@ __all__ = ["Record"]
 class Record:
     """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
 
+    A node that is stopped and started, or given other specifications, goes on with the numbers.
+
     The times are dates of the clock of ROS, to the nanosecond.
 
     Args:
         path: The file of the first run.
         columns: The columns beside the time.
+        runs: How many files the node has begun for a path; counted here.
 
     Raises:
         InputError: If there is no such folder.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    def __init__(self, path: Path, columns: Sequence[str], runs: Counter[Path]) -> None:
         if not path.parent.is_dir():
             raise InputError(f"expected a folder for the record, there is no {path.parent}")
         self._path = path
         self._columns = ("time", *columns)
-        self._runs = 0
+        self._runs = runs
         self._file: IO[str] | None = None
         self._write: Any = None
 
     def begin(self) -> None:
         """Begin the file of the next run."""
         self.close()
-        self._runs += 1
         path = self._path
-        if self._runs > 1:
-            path = path.with_stem(f"{path.stem}-{self._runs}")
+        self._runs[path] += 1
+        if self._runs[path] > 1:
+            path = path.with_stem(f"{path.stem}-{self._runs[path]}")
         self._file = path.open("w", encoding="utf-8", newline="")
         self._write = csv.writer(self._file, lineterminator="\n").writerow
         self._write(self._columns)

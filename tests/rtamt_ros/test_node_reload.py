@@ -1,0 +1,33 @@
+"""A node that is stopped, started or given other specifications keeps what it has recorded."""
+
+from pathlib import Path
+
+from memory_middleware import MemoryMiddleware, message
+
+from rtamt_ros.node import MonitorNode, Settings
+
+
+def test_no_start_and_no_specification_overwrites_a_record(tmp_path: Path) -> None:
+    ros = MemoryMiddleware()
+    settings = Settings(record=tmp_path / "run.csv")
+    node = MonitorNode(ros, ["x > 1"], settings)
+
+    def sample(value: float) -> None:
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
+        ros.tick()
+
+    node.start()
+    sample(3.0)
+    node.stop()
+    node.start()
+    sample(4.0)
+    node.replace(["x < 1"])
+    sample(5.0)
+    node.stop()
+    found = {path.name: path.read_text().split()[1:] for path in tmp_path.iterdir()}
+    last = {name: [row.split(",", 1)[1] for row in rows] for name, rows in found.items()}
+    assert last == {
+        "run.csv": ["3.0,2.0"],
+        "run-2.csv": ["4.0,3.0"],
+        "run-3.csv": ["5.0,-4.0"],
+    }
