@@ -21,7 +21,8 @@ from ros_messages import STORES, probe
 from ros_peer import PATIENCE
 from ros_processes import Ros, free_port, ros
 
-from rtamt_ros.ros1 import legal_name
+from rtamt import InputError
+from rtamt_ros.ros1 import Ros1, legal_name
 
 STAMPED = "rtamt_msgs/FloatStamped"
 MD5 = "d053817de0764f9ee90dbc89c4cdd751"
@@ -98,7 +99,8 @@ def test_a_publisher_of_another_type_is_named_in_the_log_once(world: World) -> N
 
 
 def test_a_topic_has_one_type_in_a_node(world: World) -> None:
-    peer = world.peer("types")
+    peer = world.peer("robot's types")
+    assert re.fullmatch(r"/robot_s_types_\d+_\d+", peer.ask("name"))
     peer.ask("subscribe", "numbers", "/one_type", *FLOAT, ["data"])
     with pytest.raises(AssertionError) as refused:
         peer.ask("subscribe", "twists", "/one_type", "geometry_msgs", "Twist", ["linear.x"])
@@ -137,35 +139,26 @@ def test_every_name_becomes_a_legal_one(name: str) -> None:
         assert legal == name
 
 
-def test_a_node_has_the_name_that_it_is_given_by_a_remapping(world: World) -> None:
-    assert world.peer("any", {"__name": "fixed_name"}).ask("name") == "/fixed_name"
-    assert re.fullmatch(r"/robot_s_spec_\d+_\d+", world.peer("robot's spec").ask("name"))
+def test_a_name_that_ros_cannot_have_is_refused() -> None:
+    with pytest.raises(InputError) as refused:
+        Ros1("any", ["odom:=wheels", "__name:=a b"])
+    assert str(refused.value) == "__name: expected letters, digits and '_', got 'a b'"
 
 
-@pytest.mark.parametrize(
-    ("remapping", "value", "refusal"),
-    [
-        ("__name", "a b", "InputError: __name: expected letters, digits and '_', got 'a b'"),
-        ("_gain", "{", "InputError: no node of ROS: invalid command-line parameters: "),
-    ],
-)
-def test_arguments_that_rospy_chokes_on_are_input_errors(
-    world: World, remapping: str, value: str, refusal: str
-) -> None:
-    peer = world.peer("refused", {remapping: value})
+def test_an_argument_that_rospy_chokes_on_is_an_input_error(world: World) -> None:
+    peer = world.peer("refused", {"_gain": "{"})
     assert peer.process.wait(PATIENCE) == 1
-    assert refusal in peer.log()
+    assert "InputError: no node of ROS: invalid command-line parameters: " in peer.log()
 
 
 def test_a_node_that_ended_has_left_the_master(world: World) -> None:
-    peer = world.peer("leaving")
+    peer = world.peer("leaving", {"__name": "fixed_name"})
     peer.ask("subscribe", "a", "/left/a", *FLOAT, ["data"])
     peer.ask("publisher", "b", "/left/b", *FLOAT)
-    name = peer.ask("name")
-    assert name in registered(world.ros)
+    assert "/fixed_name" in registered(world.ros)
     peer.process.send_signal(signal.SIGTERM)
     assert peer.process.wait(PATIENCE) == 0
-    assert name not in registered(world.ros)
+    assert "/fixed_name" not in registered(world.ros)
 
 
 def test_a_node_can_be_ended_by_others_through_the_master(world: World) -> None:

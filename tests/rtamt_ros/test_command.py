@@ -7,14 +7,16 @@ from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory_middleware import SECOND, MemoryMiddleware, message
 from paths import ROOT
 
 import rtamt
-from rtamt_ros import generation
+from rtamt_ros import command, generation
 from rtamt_ros.command import main
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.parameters import PARAMETERS, UNITS, read
@@ -165,3 +167,89 @@ def test_files_and_texts_are_monitored_together() -> None:
     specifications, _ = read({**DEFAULTS, "spec_file": path, "spec": ["x > 1", "y > 2"]})
     assert [spec.title for spec in specifications] == ["follows", None, None]
     assert list(map(str, specifications)) == [str(rtamt.load(path)), "x > 1", "y > 2"]
+
+
+class Played(MemoryMiddleware):
+    """Sends x = 2 and then ticks twice, instead of waiting; knows whether it was closed."""
+
+    closed = False
+
+    def spin(self) -> None:
+        self.opened = [each.topic for each in self.subscriptions], self.timers[0].period
+        for value in (2.0, 1.25):
+            self.send("rtamt/x", message("std_msgs", "Float64", data=value))
+            self.tick(self.time + self.timers[0].period)
+
+    def close(self) -> None:
+        assert not [*self.subscriptions, *self.publishers, *self.timers], "the node runs on"
+        self.closed = True
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> Played:
+    """What the command runs on in place of ROS 1."""
+    ros = Played()
+    installed(monkeypatch, ["rospy"])
+    monkeypatch.setattr(command, "open_node", lambda *_: ros)
+    return ros
+
+
+def test_the_command_runs_a_node_until_it_is_told_to_end(played: Played, tmp_path: Path) -> None:
+    record = tmp_path / "record.csv"
+    given = ["--period", "0.5", "--unit", "s", "--record", str(record)]
+    assert main(["--spec", "out = x > 1", *given]) == 0
+    assert played.closed
+    assert played.opened == (["rtamt/x"], SECOND // 2)
+    assert played.data("rtamt/out") == [1.0, 0.25]
+    assert [line.split(",")[1:] for line in record.read_text().splitlines()] == [
+        ["x", "robustness"],
+        ["2.0", "1.0"],
+        ["1.25", "0.25"],
+    ]
+
+
+REFUSED = {
+    "from geometry_msgs.msg import Twist; input Twist cmd; x = cmd.linaer.x > 1": "geometry_msgs/"
+    "Twist has no field 'linaer'; did you mean 'linear'?",
+    "from absent_msgs.msg import Thing; input Thing it; x = it.y > 1": "absent_msgs is not "
+    "installed",
+    "eventually[0:0.25](x > 1)": "STL:1:11: bound 0.25 s is not a multiple of the period 0.1 s "
+    "(2.5 steps)\n"
+    "  eventually[0:0.25](x > 1)\n"
+    "            ^\n"
+    "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_what_a_node_refuses_ends_the_command_with_code_2(
+    text: str, played: Played, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--spec", text]) == 2
+    assert capsys.readouterr().err == f"ros_stl_monitor.py: error: {REFUSED[text]}\n"
+    assert played.closed
+
+
+def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    installed(monkeypatch, ["rclpy"])
+    runs: list[tuple[object, ...]] = []
+
+    def run(*given: object) -> int:
+        runs.append(given)
+        return 7
+
+    monkeypatch.setitem(sys.modules, "rtamt_ros.ros2_lifecycle", SimpleNamespace(run=run))
+    spec = str(ROOT / "examples" / "ros" / "spec.stl")
+    options = "--period 50 --stale 2 --stale cmd=inf --stamps --qos reliable --ros 2"
+    assert main(["--stl", spec, *options.split(), *REMAPPED]) == 7
+    ((name, arguments, parameters),) = runs
+    assert (name, arguments) == ("stl_monitor", [*REMAPPED])
+    assert parameters == {
+        "spec_file": [spec],
+        "period": 50.0,
+        "stale": ["2", "cmd=inf"],
+        "stamps": True,
+        "qos": "reliable",
+    }
