@@ -196,6 +196,8 @@ class _Running:
         except InputError:
             self.close()
             raise
+        if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
+            self._look()
 
     def close(self) -> None:
         with self._lock:

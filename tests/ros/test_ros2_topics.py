@@ -76,6 +76,8 @@ def test_samples_follow_a_simulated_clock_that_jumps_back(tools: Client) -> None
     diagnostics = tools.hear("/diagnostics", DiagnosticArray)
     monitor = tools.monitor("simulated", spec=ABOVE, period=100, use_sim_time=True)
     assert monitor.state == "active"
+    tools.until(lambda: "[WARN]" in monitor.process.output)
+    assert monitor.process.output.endswith(": out: waiting for the clock\n")
     tools.until(lambda: clock.get_subscription_count() == x.get_subscription_count() == 1)
 
     def step(tenth: int, value: float) -> None:

@@ -1,4 +1,4 @@
-"""A node that is stopped, started or given other specifications keeps what it has recorded."""
+"""A node says what its start waits for, and no start overwrites what was recorded."""
 
 from pathlib import Path
 
@@ -31,3 +31,9 @@ def test_no_start_and_no_specification_overwrites_a_record(tmp_path: Path) -> No
         "run-2.csv": ["4.0,3.0"],
         "run-3.csv": ["5.0,-4.0"],
     }
+
+
+def test_a_node_that_starts_before_its_clock_says_at_once_what_it_waits_for() -> None:
+    node = MonitorNode(MemoryMiddleware(time=0), ["x > 1"])
+    node.start()
+    assert [report.text for report in node.reports] == ["waiting for the clock"]
