@@ -98,6 +98,21 @@ def test_a_publisher_of_another_type_is_named_in_the_log_once(world: World) -> N
     assert world.listener.log().count(expected) == 1
 
 
+def test_a_subscriber_that_hangs_holds_up_nobody(world: World) -> None:
+    stuck, topic = world.peer("stuck"), "/large"
+    world.talker.ask("publisher", topic, topic, "std_msgs", "String", latched=True)
+    world.talker.ask("publish", topic, {"data": "first"})
+    for peer in (stuck, world.listener):
+        peer.ask("subscribe", topic, topic, "std_msgs", "String", ["data"])
+        assert peer.ask("kept", topic, 1) == [(None, "first")]
+    stuck.process.send_signal(signal.SIGSTOP)
+    large = "x" * 2**20
+    for _ in range(30):  # more than TCP keeps for who does not read
+        world.talker.ask("publish", topic, {"data": large})
+    assert [len(text) for _, text in world.listener.ask("kept", topic, 31)] == [5] + 30 * [2**20]
+    stuck.process.kill()
+
+
 def test_a_topic_has_one_type_in_a_node(world: World) -> None:
     peer = world.peer("robot's types")
     assert re.fullmatch(r"/robot_s_types_\d+_\d+", peer.ask("name"))
