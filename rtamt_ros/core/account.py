@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rtamt import Verdict, holds
-from rtamt_ros.core.report import Report, seconds
+from rtamt import Verdict
+from rtamt_ros.core.report import Report, holds, seconds
 from rtamt_ros.core.requirements import Requirement
 from rtamt_ros.middleware import Level
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from operator import itemgetter
 from typing import Any
 
-from rtamt import DenseMonitor, InputError, Verdict, holds
+from rtamt import DenseMonitor, InputError, Verdict
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import Record
-from rtamt_ros.core.report import Report, seconds
+from rtamt_ros.core.report import Report, holds, seconds
 from rtamt_ros.core.requirements import Requirement, unbounded
 from rtamt_ros.core.settings import Settings
 
@@ -136,7 +135,7 @@ class Dense:
             if self._record is not None:
                 self._record.begin()
         if self._record is not None:
-            for time, row in sorted(rows, key=itemgetter(0)):
+            for time, row in rows:
                 for event in row.items():
                     self._record.row(time, event)
 

@@ -13,6 +13,7 @@ from memory_middleware import CLASSES, SECOND, MemoryMiddleware, message
 import rtamt
 from rtamt import InputError, SpecificationError, evaluate
 from rtamt_gym.__main__ import main
+from rtamt_ros.core.requirements import requirements_of
 from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
 
@@ -129,6 +130,24 @@ def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
     # out.b is late by one sample; its parts come with it, each as late as itself.
     assert found == [(begin, -0.5, 1.0, 2.0), (begin + 100 * MS, 3.0, 2.0, 2.0)]
     assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
+
+
+def test_a_formula_that_two_requirements_use_is_published_once_when_it_is_known() -> None:
+    ros, _ = started("p = eventually[0:0.1](x > 0); a = p or x > 5; b = always(p)")
+    for value in (1.0, 2.0, 3.0):
+        send(ros, "x", value)
+        ros.tick()
+        ros.time += 100 * MS
+    assert ros.data("rtamt/p") == [2.0, 3.0]
+    assert ros.data("rtamt/a") == [2.0, 3.0]
+    assert ros.data("rtamt/b") == [2.0, 2.0]
+
+
+def test_a_field_that_several_read_is_read_once() -> None:
+    texts = ["x > 0; ", "always(x > 1)", "p = x > 0; q = x < 3"]
+    inputs, requirements = requirements_of([rtamt.parse(text) for text in texts], Settings())
+    assert [[field.variable for field in each.fields] for each in inputs] == [["x"]]
+    assert [each.name for each in requirements] == ["spec", "spec_2", "p", "q"]
 
 
 def test_two_requirements_in_one_message_have_bounds_of_their_own() -> None:

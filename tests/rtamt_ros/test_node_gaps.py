@@ -122,6 +122,31 @@ def test_a_requirement_goes_on_while_the_input_of_another_is_stale() -> None:
     assert math.isnan(ros.latched("rtamt/near"))
 
 
+@pytest.mark.parametrize("dense", [False, True])
+def test_formulas_with_names_are_not_left_on_their_topics_either(
+    dense: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    text = """
+    from my_msgs.msg import Parts
+    float64 x
+    output Parts out
+    near = x > 0
+    out.a = x < 9
+    out.b = always(near and out.a)
+    """
+    ros, _ = started(text, dense=dense)
+    for n in range(3):
+        send(ros, "x", 2.0)
+        ros.tick(START + n * 100 * MS)
+    assert ros.latched("rtamt/near") == 2.0
+    assert (ros.on("rtamt/out")[-1].a, ros.on("rtamt/out")[-1].b) == (7.0, 2.0)
+    ros.tick(START + 2000 * MS)
+    assert math.isnan(ros.latched("rtamt/near"))
+    assert math.isnan(ros.on("rtamt/out")[-1].a)
+    assert math.isnan(ros.on("rtamt/out")[-1].b)
+
+
+@pytest.mark.parametrize("dense", [False, True])
 @pytest.mark.parametrize(
     ("settings", "limit"),
     [
@@ -133,8 +158,12 @@ def test_a_requirement_goes_on_while_the_input_of_another_is_stale() -> None:
         ({"stale": math.inf}, 10**9),
     ],
 )
-def test_when_an_input_is_stale_can_be_said(settings: dict[str, Any], limit: int) -> None:
-    ros, node = started("x > 0", **settings)
+def test_when_an_input_is_stale_can_be_said(
+    settings: dict[str, Any],
+    limit: int,
+    dense: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    ros, node = started("x > 0", dense=dense, **settings)
     send(ros, "x", 1.0)
     ros.tick()
     for late, stale in ((limit, ()), (limit + 1, ("x",))):
@@ -206,6 +235,16 @@ def test_a_clock_that_is_set_back_by_less_than_a_period_changes_nothing() -> Non
         ros.tick()
     assert ros.data("rtamt/spec") == [10.0, 9.0, 8.0, 7.0]
     assert node.reports[0].restarts == 0
+
+
+def test_a_clock_that_is_set_back_little_by_little_has_gone_back() -> None:
+    ros, node = started("historically(x > 0)")
+    for time in (0, 100, 200, 130, 99):
+        ros.time = START + time * MS
+        send(ros, "x", 10.0 - time / 100)
+        ros.tick()
+    assert ros.data("rtamt/spec") == [10.0, 9.0, 8.0, 9.01]
+    assert node.reports[0].restarted_because == "the clock went back by 0.1 s"
 
 
 def test_nothing_is_said_before_a_simulated_clock_begins() -> None:
@@ -332,15 +371,16 @@ def test_values_without_a_robustness_are_said_and_begin_anew() -> None:
 
 
 def test_a_goal_that_is_not_reached_yet_is_no_error() -> None:
-    ros, node = started("eventually(x > 3)", "eventually[0:0.1](x > 3)")
+    ros, node = started("eventually(x > 3)", "eventually[0:0.1](x > 3)", "x < 2")
     for n, x in enumerate([1.0, 2.0, 4.0]):
         ros.time = START + n * 100 * MS
         send(ros, "x", x)
         ros.tick()
-        unbounded, bounded = node.reports
+        unbounded, bounded, now = node.reports
         assert unbounded.level == Level.OK
         if n == 1:
             assert unbounded.text == "not yet, robustness -1"
             assert bounded.level == Level.ERROR
+    assert (now.level, now.text) == (Level.ERROR, "does not hold, robustness -2")
     assert unbounded.text == "satisfied, robustness 1"
     assert bounded.text.startswith("holds, robustness 1 at 1000.100 s; violated 1 time since start")
