@@ -9,7 +9,7 @@ from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import LifecycleNode
+from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 
@@ -22,11 +22,10 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("spec_file", default_value=follows),
             DeclareLaunchArgument("parameters", default_value=parameters),
             DeclareLaunchArgument("use_sim_time", default_value="false"),
-            LifecycleNode(
+            Node(
                 package="rtamt_ros",
                 executable="stl_monitor",
                 name="stl_monitor",
-                namespace="",
                 output="screen",
                 parameters=[
                     LaunchConfiguration("parameters"),
