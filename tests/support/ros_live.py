@@ -7,7 +7,6 @@ import csv
 import json
 import math
 from collections.abc import Iterable
-from decimal import Decimal
 from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
@@ -75,17 +74,19 @@ def in_order(some: Iterable[float], of: Iterable[float]) -> bool:
     return all(value in rest for value in some)
 
 
-def read(path: Path) -> dict[str, list[float]]:
-    """The columns of a record."""
+def rows_of(path: Path) -> tuple[list[float], list[dict[str, str]]]:
+    """The rows of a record, and their times in seconds since the first."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    return {name: [float(row[name] or "nan") for row in rows] for name in rows[0]}
+    times = np.array([row.pop("time").removesuffix("Z") for row in rows], "datetime64[ns]")
+    return list((times - times[0]) / np.timedelta64(1, "s")), rows
 
 
 def record_of(run: Run, topic: str) -> dict[str, list[float]]:
-    """The record of the requirement that is published on a topic."""
+    """The columns in the record of the requirement that is published on a topic."""
     (path,) = run.folder.glob(f"sampled-{topic.removeprefix('rtamt/')}*.csv")
-    return read(path)
+    times, rows = rows_of(path)
+    return {"time": times, **{name: [float(row[name]) for row in rows] for name in rows[0]}}
 
 
 def told(run: Run, topic: str) -> list[Any]:
@@ -159,15 +160,10 @@ class LiveScenario:
             assert in_order(published, robustness), topic
 
     def test_dense_robustness_is_that_of_the_offline_core_on_the_events(self, run: Run) -> None:
-        with (run.folder / "dense.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        times = [float(Decimal(row["time"]) - Decimal(rows[0]["time"])) for row in rows]
-        events = {
-            name: [
-                (time, float(row[name])) for time, row in zip(times, rows, strict=True) if row[name]
-            ]
-            for name in (COMMAND, SPEED)
-        }
+        times, rows = rows_of(run.folder / "dense.csv")
+        events: dict[str, list[tuple[float, float]]] = {COMMAND: [], SPEED: []}
+        for time, row in zip(times, rows, strict=True):
+            events[row["variable"]].append((time, float(row["value"])))
         for course in events.values():
             if course[-1][0] < times[-1]:  # it was silent, and kept its value
                 course.append((times[-1], course[-1][1]))
