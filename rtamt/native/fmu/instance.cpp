@@ -54,14 +54,8 @@ std::size_t Instance::place(Reference reference) const {
     return reference - kFirst;
 }
 
-double Instance::real(Reference reference) const {
-    switch (reference) {
-        case kTime: return now_.time;
-        case kRobustness: return engine_->robustness();
-        case kLower: return engine_->lower();
-        case kUpper: return engine_->upper();
-        default: break;
-    }
+double Instance::other_real(Reference reference) const {
+    if (reference == kTime) return now_.time;
     std::size_t i = place(reference);
     if (i < now_.inputs.size()) return now_.inputs[i];
     i -= now_.inputs.size();
@@ -71,16 +65,13 @@ double Instance::real(Reference reference) const {
     return engine_->formula(i - program_.fixed.size());
 }
 
-double& Instance::settable(Reference reference, double value) {
+double& Instance::other_settable(Reference reference, double value) {
     if (reference < kFirst)
         throw Refusal("expected the value reference of an input or a parameter, got " +
                       std::to_string(reference));
     std::size_t i = place(reference);
-    if (i < now_.inputs.size()) {
-        if (now_.phase == Phase::terminated)
-            throw Refusal("an input cannot be set after terminate; reset the instance");
-        return now_.inputs[i];
-    }
+    if (i < now_.inputs.size())
+        throw Refusal("an input cannot be set after terminate; reset the instance");
     i -= now_.inputs.size();
     if (i >= now_.parameters.size())
         throw Refusal("expected the value reference of an input or a parameter, got " +
@@ -113,9 +104,8 @@ bool& Instance::settable(Reference reference, bool) {
     return now_.stop_on_violation;
 }
 
-void Instance::require(Phase phase, const char* what) const {
-    if (now_.phase != phase)
-        throw Refusal(std::string("expected the call ") + what + ", got it " + text_of(now_.phase));
+void Instance::refuse_phase(const char* what) const {
+    throw Refusal(std::string("expected the call ") + what + ", got it " + text_of(now_.phase));
 }
 
 void Instance::set_times(double start, double stop) {
@@ -140,6 +130,7 @@ void Instance::end_initialization() {
 }
 
 std::size_t Instance::samples(double size, double& fraction) const {
+    if (size == program_.period && fraction == 0) return 1;
     const double steps = size / program_.period;
     double end = fraction + steps;
     if (!(end < kMostSamples))

@@ -34,11 +34,20 @@ public:
     Instance(const Instance&) = delete;
     Instance& operator=(const Instance&) = delete;
 
-    double real(Reference reference) const;
+    double real(Reference reference) const {
+        if (reference == kRobustness) return engine_->robustness();
+        if (reference == kLower) return engine_->lower();
+        if (reference == kUpper) return engine_->upper();
+        return other_real(reference);
+    }
     int integer(Reference reference) const;
     bool boolean(Reference reference) const;
     // The variable that may be set to a value now.
-    double& settable(Reference reference, double value);
+    double& settable(Reference reference, double value) {
+        const std::size_t i = std::size_t{reference} - kFirst;
+        if (i < now_.inputs.size() && now_.phase != Phase::terminated) return now_.inputs[i];
+        return other_settable(reference, value);
+    }
     bool& settable(Reference reference, bool value);
 
     // These go through the phases.
@@ -50,7 +59,9 @@ public:
     void terminate();
     void reset();
 
-    void require(Phase phase, const char* what) const;
+    void require(Phase phase, const char* what) const {
+        if (now_.phase != phase) refuse_phase(what);
+    }
     double time() const { return now_.time; }  // of the end of the last step
     bool ended() const { return now_.ended; }  // whether the last step asked to end the simulation
 
@@ -73,6 +84,9 @@ private:
     };
 
     Now initial() const;
+    double other_real(Reference reference) const;
+    double& other_settable(Reference reference, double value);
+    [[noreturn]] void refuse_phase(const char* what) const;
     // The variable behind a reference, counted from the first input.
     std::size_t place(Reference reference) const;
     // The samples of a step, and what `fraction` is after it.

@@ -124,7 +124,8 @@ void require_array(const void* array, std::size_t n) {
     if (array == nullptr && n > 0) throw Refusal("expected an array, got a null pointer");
 }
 
-void require_arrays(const void* references, std::size_t n, const void* values, std::size_t size) {
+// Nothing may be there for no values.
+void refuse_arrays(const void* references, std::size_t n, const void* values, std::size_t size) {
     require_array(references, n);
     require_array(values, n);
     if (size != n)

@@ -76,7 +76,12 @@ inline void free_unit(void* unit) noexcept { delete static_cast<Unit*>(unit); }
 
 // Throws Refusal if values are asked for or given in an array that is not there.
 void require_array(const void* array, std::size_t n);
-void require_arrays(const void* references, std::size_t n, const void* values, std::size_t size);
+void refuse_arrays(const void* references, std::size_t n, const void* values, std::size_t size);
+inline void require_arrays(const void* references, std::size_t n, const void* values,
+                           std::size_t size) {
+    if (references == nullptr || values == nullptr || size != n) [[unlikely]]
+        refuse_arrays(references, n, values, size);
+}
 
 // Runs a call of C on a unit: no exception leaves it.
 template <class Call>
