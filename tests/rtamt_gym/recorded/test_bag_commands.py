@@ -89,7 +89,7 @@ def test_a_folder_of_bags_is_judged_and_one_of_rosbag2_is_one_trace(
         ("bags/d.db3", "1"),
     ]
     named = ["bags/a.mcap", "bags/b.bag", "bags/c", "bags/d.db3"]
-    for traces in (["-j", "2", "--", "bags/*"], ["--", *named]):
+    for traces in (["--", "bags/*"], ["--", *named]):
         assert main(["monitor", "spec.stl", "--period", "0.1", *traces]) == 1
         assert capsys.readouterr().out.splitlines() == [
             line for line in found.splitlines() if not line.startswith("outcomes: ")
