@@ -57,7 +57,7 @@ def relay(generation: int) -> Subject:
     return Subject("two hops", "bench/relayed", "std_msgs/Float64", "data", lambda *_: command)
 
 
-def ours(*, dense: bool = False, count: int = 1, simulated: bool = False) -> Subject:
+def ours(*, dense: bool = False, count: int = 1, ros_arguments: tuple[str, ...] = ()) -> Subject:
     """The node of this project with some specifications; the last one's output is measured."""
     last = f"bench/out{count - 1}"
 
@@ -77,8 +77,7 @@ def ours(*, dense: bool = False, count: int = 1, simulated: bool = False) -> Sub
             )
         options = [option for file in files for option in ("--stl", str(file))]
         options += ["--period", f"{period:g}", "--unit", "ms"] + ["--dense"] * dense
-        options += ["--ros-args", "-p", "use_sim_time:=true"] * simulated
-        return [sys.executable, "-m", "rtamt_ros", *options]
+        return [sys.executable, "-m", "rtamt_ros", *options, *ros_arguments]
 
     name = f"{'dense' if dense else 'sampled'}, {count} spec{'s' * (count > 1)}"
     return Subject(name, last, "geometry_msgs/PointStamped", "point.x", command)

@@ -64,7 +64,8 @@ def drifts(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Ro
 def memories(generation: int, peers: list[Subject], *, quick: bool) -> Iterator[Row]:
     """Rows of the memory in MB over an hour of simulated time."""
     steps = 1_000 if quick else memory.STEPS
-    nodes = [ours(dense=dense, simulated=True) for dense in (False, True)]
+    simulated = () if generation == 1 else ("--ros-args", "-p", "use_sim_time:=true")
+    nodes = [ours(dense=dense, ros_arguments=simulated) for dense in (False, True)]
     for subject in (*nodes, *peers):
         found = memory.measure(generation, subject, steps)
         yield {
