@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import logging
 import re
-import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import import_module
-from queue import SimpleQueue
 from typing import Any
 
 import genpy.dynamic
@@ -26,6 +23,7 @@ import std_msgs.msg
 
 from rtamt import InputError
 from rtamt.errors import nearest
+from rtamt_ros.ending import Ending
 from rtamt_ros.middleware import Handle, Level, Publisher
 
 __all__ = ["Ros1", "legal_name"]
@@ -45,8 +43,8 @@ _QUEUE = 100
 class Ros1:
     """A node of ROS 1, as `rtamt_ros.middleware.Middleware` describes it.
 
-    Made in the main thread, it ends on SIGINT and SIGTERM: `spin` returns. `rosnode kill` does the
-    same. Without a master it waits for one and says so, as every node of ROS 1 does.
+    It ends on SIGINT, SIGTERM and `rosnode kill`: `spin` returns. Without a master it waits for one
+    and says so, as every node of ROS 1 does.
 
     Args:
         name: The name of the node. What is illegal in names of ROS becomes ``_``, and a number is
@@ -70,8 +68,8 @@ class Ros1:
             raise InputError(f"no node of ROS: {error}") from error
         self.name: str = rospy.get_name()
         self._timers: list[_Timer] = []
-        self._ended: SimpleQueue[None] = SimpleQueue()  # whose `put` may interrupt its `get`
-        rospy.on_shutdown(lambda: self._ended.put(None))
+        self._ending = Ending()
+        rospy.on_shutdown(self._ending.ask)
         self._refusals = _Refusals()
         logging.getLogger("rospy.internal").addHandler(self._refusals)
 
@@ -120,8 +118,7 @@ class Ros1:
         _LOGS[level](text)
 
     def spin(self) -> None:
-        with _signals(lambda: self._ended.put(None)):
-            self._ended.get()
+        self._ending.wait()
 
     def close(self) -> None:
         for timer in self._timers:
@@ -135,21 +132,6 @@ def _check(topic: str) -> None:
         raise InputError(
             f"topic {topic!r}: expected letters, digits, '_' and '/', first a letter, '/' or '~'"
         )
-
-
-@contextmanager
-def _signals(end: Callable[[], None]) -> Iterator[None]:
-    """Calls back when the process is asked to end; Python allows it in the main thread only."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    asked = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: end()) for number in asked]
-    try:
-        yield
-    finally:
-        for number, handler in zip(asked, before, strict=True):
-            signal.signal(number, handler)
 
 
 def legal_name(name: str) -> str:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import re
-import signal
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -29,6 +28,7 @@ from rclpy.utilities import remove_ros_args
 
 from rtamt import InputError
 from rtamt.errors import nearest
+from rtamt_ros.ending import Ending
 from rtamt_ros.middleware import Handle, Level, Publisher
 from rtamt_ros.parameters import DEPTH, Qos
 
@@ -84,7 +84,7 @@ class Ros2:
         self._clock = self.node.get_clock()
         self._spinning = threading.Lock()
         self._runner: threading.Thread | None = None
-        self._ended = threading.Event()
+        self._ending = Ending()
         self._closing = False
 
     def message_class(self, package: str, name: str) -> type:
@@ -175,19 +175,18 @@ class Ros2:
             executor.add_node(self.node)
 
             def run() -> None:
-                while not self._ended.is_set():
+                while not self._ending.asked:
                     try:
                         executor.spin()
                     except ExternalShutdownException:
-                        self._ended.set()
+                        self._ending.ask()
                     except Exception:  # noqa: BLE001 - of a service that rclpy offers
                         self.log(Level.ERROR, traceback.format_exc())
 
-            # The wait of rclpy does not return for a signal, that of an event does.
+            # The wait of rclpy does not return for a signal, that of an ending does.
             self._runner = threading.Thread(target=run, name=self.name)
             self._runner.start()
-            with _signals(self._ended):
-                self._ended.wait()
+            self._ending.wait()
             executor.shutdown()
             self._runner.join()  # a callback that runs while ROS ends aborts the process
         if self._closing:
@@ -196,7 +195,7 @@ class Ros2:
     def close(self) -> None:
         """Ends the node. In a callback it returns at once, and `spin` does the rest."""
         self._closing = True
-        self._ended.set()
+        self._ending.ask()
         if threading.current_thread() is self._runner:
             return
         with self._spinning:
@@ -247,21 +246,6 @@ def _refusals(what: str) -> Iterator[None]:
     except (NameValidationException, RCLError) as error:
         reason = re.sub(r", at /\S+:\d+", "", str(error)).splitlines()[0].rstrip(":. ")
         raise InputError(f"{what}: {reason}") from error
-
-
-@contextmanager
-def _signals(ended: threading.Event) -> Iterator[None]:
-    """Sets an event when the process is asked to end; Python allows it in the main thread only."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    asked = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: ended.set()) for number in asked]
-    try:
-        yield
-    finally:
-        for number, handler in zip(asked, before, strict=True):
-            signal.signal(number, handler)
 
 
 def _not_installed(package: str) -> str:

@@ -43,7 +43,7 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core",),
-        ("node", "parameters"),
+        ("node", "parameters", "ending"),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),
         ("simulator",),
