@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from itertools import pairwise
 
 import numpy as np
@@ -163,45 +162,6 @@ def test_a_gap_of_the_timer_begins_anew() -> None:
     (report,) = node.reports
     assert (report.restarts, report.missed) == (1, 0)
     assert report.restarted_because == "nothing was sampled for 0.6 s"
-
-
-def test_values_of_a_message_belong_together_whatever_the_threads_do() -> None:
-    ros = MemoryMiddleware(time=START)
-    text = """
-    from my_msgs.msg import Parts
-    input Parts m
-    input Parts other
-    m.a == m.b and other.a == other.b and m.inner.x == m.a
-    """
-    node = MonitorNode(ros, [text], Settings(stale=FOREVER))
-    node.start()
-    done = threading.Event()
-    sent: list[float] = []
-
-    def publish(topic: str, sign: float) -> None:
-        value = 0.0
-        while not done.is_set():
-            value += sign
-            ros.send(topic, message("my_msgs", "Parts", a=value, b=value, inner__x=value))
-        sent.append(value)
-
-    threads = [
-        threading.Thread(target=publish, args=(topic, sign))
-        for topic in ("rtamt/m", "rtamt/other")
-        for sign in (1.0, -1.0)
-    ]
-    for each in threads:
-        each.start()
-    for n in range(2000):
-        ros.tick(START + n * PERIOD)
-    done.set()
-    for each in threads:
-        each.join()
-    found = ros.data("rtamt/spec")
-    assert len(found) > 1000
-    assert {abs(each) for each in found} == {0.0}
-    assert len(sent) == 4
-    assert min(map(abs, sent)) > 10
 
 
 def test_times_of_samples_increase_by_one_period() -> None:
