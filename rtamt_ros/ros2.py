@@ -17,7 +17,7 @@ from typing import Any
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError  # rclpy has no public name for it
 from rclpy.context import Context
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -137,7 +137,9 @@ class Ros2:
                 topic,
                 heard,
                 QoSProfile(depth=self.depth, reliability=_QOS[qos]),
-                event_callbacks=SubscriptionEventCallbacks(incompatible_qos=cannot_hear),
+                event_callbacks=SubscriptionEventCallbacks(
+                    incompatible_qos=cannot_hear, use_default_callbacks=False
+                ),
             )
         return handle
 
@@ -146,8 +148,11 @@ class Ros2:
             qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         else:
             qos = QoSProfile(depth=DEPTH)
+        # Every event that rclpy may tell of costs time at every message that the node takes.
+        events = PublisherEventCallbacks(use_default_callbacks=False)
         with _refusals(f"topic {topic!r}"):
-            return _Publisher(self.node, self.node.create_publisher(message, topic, qos), message)
+            entity = self.node.create_publisher(message, topic, qos, event_callbacks=events)
+        return _Publisher(self.node, entity, message)
 
     def every(self, period: int, callback: Callable[[], None]) -> Handle:
         handle = _Handle(self, self.node.destroy_timer, callback)
