@@ -1,0 +1,117 @@
+"""Records of a node: what rtamt finds in them is what the node has said."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from memory_middleware import SECOND, MemoryMiddleware, message
+
+from rtamt import InputError, evaluate
+from rtamt_gym.__main__ import main
+from rtamt_ros.node import MonitorNode, Settings
+
+MS = 1_000_000
+
+
+def started(text: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
+    """A node that runs."""
+    ros = MemoryMiddleware()
+    node = MonitorNode(ros, [text], Settings(**cast("Any", settings)))
+    node.start()
+    return ros, node
+
+
+def send(ros: MemoryMiddleware, name: str, value: float) -> None:
+    """A number on a topic."""
+    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_record_gives_the_same_values_offline(tmp_path: Path) -> None:
+    text = "ok = always[0:0.2](x - y > 1)"
+    ros, node = started(text, record=tmp_path / "run.csv")
+    ros.time = 1_700_000_000 * SECOND + 123_456_789
+    for n in range(12):
+        send(ros, "x", 0.1 * n + 1 / 3)
+        send(ros, "y", -0.7)
+        ros.tick()
+        ros.time += (100 + 70 * (n == 5)) * MS  # one sample is late
+    node.stop()
+    table = rows(tmp_path / "run.csv")
+    assert table[0]["time"] == "2023-11-14T22:13:20.123456789Z"
+    assert table[12]["time"] == "2023-11-14T22:13:21.323456789Z"
+    assert len(table) == 13
+    trace = {name: [float(row[name]) for row in table] for name in ("x", "y")}
+    offline = evaluate(text, trace, period=0.1)
+    assert [float(row["robustness"]) for row in table[2:]] == offline[:-2].tolist()
+    assert ros.latched("rtamt/ok") == offline[-3]
+    assert math.isnan(float(table[1]["robustness"]))
+
+
+@pytest.mark.parametrize("dense", [False, True])
+def test_the_command_line_finds_the_same_robustness_in_a_record(
+    tmp_path: Path,
+    dense: bool,  # noqa: FBT001 - a parameter of the test
+) -> None:
+    text = "ok = always[0:0.2](x - y > 1)"
+    ros, node = started(text, record=tmp_path / "run.csv", dense=dense)
+    ros.time = 1_700_000_000 * SECOND + 123_456_789
+    for n in range(30):
+        send(ros, "x", 0.1 * (n % 7) + 1 / 3)
+        ros.time += 3 * MS
+        send(ros, "y", -0.7 + 0.05 * (n % 4))
+        ros.time += 97 * MS
+        ros.tick()
+    node.stop()
+    out = tmp_path / "robustness.csv"
+    options = ["--dense"] if dense else []
+    assert main(["monitor", text, str(tmp_path / "run.csv"), "--out", str(out), *options]) < 2
+    table = rows(out)
+    if dense:
+        found = [float(row["value"]) for row in table if row["variable"] == "ok"]
+        settled = len([value for value in ros.data("rtamt/ok") if value == value])  # noqa: PLR0124
+        assert settled > 20
+        assert found[: settled - 3] == ros.data("rtamt/ok")[: settled - 3]
+    else:
+        assert [float(row["ok"]) for row in table][:-2] == ros.data("rtamt/ok")
+
+
+def test_every_run_and_every_requirement_has_its_file(tmp_path: Path) -> None:
+    ros, node = started("slow = x < 3; near = y < 3", record=tmp_path / "run.csv")
+    for time, what in [(0, "xy"), (100, "xy"), (200, "x"), (700, "x"), (800, "xy"), (900, "xy")]:
+        ros.time = 1000 * SECOND + time * MS
+        for name in what:
+            send(ros, name, 1.0)
+        ros.tick()
+    node.stop()
+    counts = {path.name: len(rows(path)) for path in tmp_path.iterdir()}
+    assert counts == {"run-slow.csv": 10, "run-near.csv": 3, "run-near-2.csv": 2}
+
+
+def test_a_record_of_dense_time_holds_the_events(tmp_path: Path) -> None:
+    ros, node = started("x > y", dense=True, record=tmp_path / "run.csv")
+    for time, name, value in [(0, "x", 1.0), (50, "y", 2.0), (70, "x", 3.0), (90, "y", 0.5)]:
+        ros.time = 1000 * SECOND + time * MS
+        send(ros, name, value)
+    node.stop()
+    assert [tuple(row.values()) for row in rows(tmp_path / "run.csv")] == [
+        ("1970-01-01T00:16:40.000000000Z", "x", "1.0"),
+        ("1970-01-01T00:16:40.050000000Z", "y", "2.0"),
+        ("1970-01-01T00:16:40.070000000Z", "x", "3.0"),
+        ("1970-01-01T00:16:40.090000000Z", "y", "0.5"),
+    ]
+
+
+def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        started("x > 0", record=tmp_path / "no" / "run.csv")
+    assert str(error.value) == f"expected a folder for the record, there is no {tmp_path / 'no'}"
