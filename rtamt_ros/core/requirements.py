@@ -6,7 +6,8 @@ import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from rtamt import Specification, SpecificationError, Subscription, subscriptions
+from rtamt import InputError, Specification, SpecificationError, Subscription, subscriptions
+from rtamt.errors import nearest
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.settings import Settings
 
@@ -41,6 +42,7 @@ def requirements_of(
 
     Raises:
         SpecificationError: If a topic is read as messages of two classes, or of none.
+        InputError: If the settings speak of a topic that is not read.
     """
     inputs: dict[str, Input] = {}
     requirements: dict[str, Requirement] = {}
@@ -60,6 +62,10 @@ def requirements_of(
             name = next(each for each in candidates if each not in requirements)
             read = tuple(dict.fromkeys(source for source, _ in cells.values()))
             requirements[name] = Requirement(name, part, cells, read, origin)
+    for topic in settings.stale_of:
+        if topic not in inputs:
+            hint = nearest(topic, inputs) or f"; the topics are {', '.join(inputs)}"
+            raise InputError(f"stale speaks of the topic {topic}, which nothing reads{hint}")
     for source in inputs.values():
         if source.message is None:
             raise SpecificationError(

@@ -1,4 +1,4 @@
-"""Silent inputs, clocks that jump, messages that cannot be read: never a frozen verdict."""
+"""Silent inputs and messages that cannot be read: never a frozen verdict."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from rtamt_ros.node import MonitorNode, Settings
 MS = 1_000_000
 START = 1000 * SECOND
 STALE = 500 * MS  # five periods of 100 ms
-ODOM = "from nav_msgs.msg import Odometry; input Odometry odom; "
 X_AND_Y = "historically(x > 0 and y > 0)"
 
 GAPS = st.lists(
@@ -39,11 +38,6 @@ def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorN
 def send(ros: MemoryMiddleware, name: str, value: float) -> None:
     """A number on a topic."""
     ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
-
-
-def odometry(speed: float, stamp: int | None = None) -> object:
-    """A message with a stamp."""
-    return message("nav_msgs", "Odometry", stamp=stamp, twist__twist__linear__x=speed)
 
 
 @given(GAPS)
@@ -82,6 +76,33 @@ def test_no_value_is_left_on_a_topic_whose_input_is_stale(steps: list[tuple[int,
         before = ros.time
     if node.reports:
         assert node.reports[0].restarts == max(0, len(runs) - 1)
+
+
+@given(GAPS, st.booleans())
+def test_no_value_is_left_in_dense_time_either(steps: list[tuple[int, str]], stamps: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    text = """
+    from rtamt_msgs.msg import FloatMessage
+    input FloatMessage x
+    input FloatMessage y
+    always(x.value > 0 and y.value > 0)
+    """
+    ros, node = started(text, dense=True, stamps=stamps)
+    came: dict[str, int] = {}
+    for wait, what in steps:
+        ros.time += wait * MS
+        if what != "tick":
+            ros.send(
+                f"rtamt/{what}", message("rtamt_msgs", "FloatMessage", value=2.0, stamp=ros.time)
+            )
+            came[what] = ros.time
+            continue
+        ros.tick()
+        late = [name for name in ("x", "y") if name in came and ros.time - came[name] > STALE]
+        assert node.reports[0].stale == tuple(late)
+        if late and ros.on("rtamt/spec"):
+            assert math.isnan(ros.latched("rtamt/spec"))
+            assert math.isnan(ros.latched("rtamt/spec/upper"))
+            assert ros.latched("rtamt/spec/verdict") == Verdict.UNDECIDED
 
 
 def test_a_run_after_a_gap_knows_nothing_of_the_one_before() -> None:
@@ -194,112 +215,17 @@ def test_settings_without_a_meaning_are_refused(settings: dict[str, Any], text: 
     assert str(error.value) == text
 
 
-# The clock. --------------------------------------------------------------------------------------
-
-
-def test_a_bag_that_begins_again_begins_the_monitors_again() -> None:
-    ros, node = started("historically(x > 0)")
-    for loop in range(3):
-        for n in range(5):
-            ros.time = START + n * 100 * MS
-            send(ros, "x", 10.0 * loop + 5 - n)
-            ros.tick()
-    found = ros.data("rtamt/spec")
-    # The first look after each jump forgets what came before it, and has a new message already.
-    assert found == [5, 4, 3, 2, 1, 15, 14, 13, 12, 11, 25, 24, 23, 22, 21]
-    assert node.reports[0].restarts == 2
-    assert node.reports[0].restarted_because == "the clock went back by 0.4 s"
-
-
-def test_messages_from_after_the_time_to_which_the_clock_went_back_are_forgotten() -> None:
-    ros, node = started(X_AND_Y, stale=math.inf)
-    send(ros, "y", 7.0)
-    ros.tick()
-    ros.time = START + 5 * SECOND
-    send(ros, "x", 1.0)
-    ros.tick()
-    assert ros.data("rtamt/spec") == [1.0]
-    ros.tick(START + 2 * SECOND)
-    assert node.reports[0].waiting == ("x",)
-    assert math.isnan(ros.latched("rtamt/spec"))
-    send(ros, "x", 3.0)
-    ros.tick(START + 2 * SECOND + 100 * MS)
-    assert ros.latched("rtamt/spec") == 3.0
-
-
-def test_a_clock_that_is_set_back_by_less_than_a_period_changes_nothing() -> None:
-    ros, node = started("historically(x > 0)")
-    for time in (0, 100, 200, 130, 240, 300):
-        ros.time = START + time * MS
-        send(ros, "x", 10.0 - time / 100)
-        ros.tick()
-    assert ros.data("rtamt/spec") == [10.0, 9.0, 8.0, 7.0]
-    assert node.reports[0].restarts == 0
-
-
-def test_a_clock_that_is_set_back_little_by_little_has_gone_back() -> None:
-    ros, node = started("historically(x > 0)")
-    for time in (0, 100, 200, 130, 99):
-        ros.time = START + time * MS
-        send(ros, "x", 10.0 - time / 100)
-        ros.tick()
-    assert ros.data("rtamt/spec") == [10.0, 9.0, 8.0, 9.01]
-    assert node.reports[0].restarted_because == "the clock went back by 0.1 s"
-
-
-def test_nothing_is_said_before_a_simulated_clock_begins() -> None:
-    ros, node = started("x > 0")
-    ros.time = 0
-    send(ros, "x", 1.0)
-    ros.tick()
-    assert node.reports[0].text == "waiting for the clock"
-    assert node.reports[0].level == Level.WARN
-    assert not ros.on("rtamt/spec")
-    ros.tick(5000 * SECOND)  # a latched message came before
-    assert ros.data("rtamt/spec") == [1.0]
-
-
-# Stamps. -----------------------------------------------------------------------------------------
-
-
-def test_messages_out_of_order_are_counted_and_left_out() -> None:
-    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
-    for stamp, speed in [(0, 1.0), (100, 2.0), (60, 9.0), (100, 3.0), (99, 9.0)]:
-        ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
-    ros.tick(START + 150 * MS)
-    assert ros.data("rtamt/spec") == [3.0]
-    assert node.reports[0].out_of_order == 2
-
-
-def test_without_stamps_the_order_is_that_of_receipt() -> None:
-    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0")
-    for stamp, speed in [(100, 2.0), (60, 9.0)]:
-        ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
-    ros.tick()
-    assert ros.data("rtamt/spec") == [9.0]
-    assert node.reports[0].out_of_order == 0
-
-
-def test_the_age_by_stamps_is_that_of_the_stamp() -> None:
-    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
-    ros.send("rtamt/odom", odometry(1.0, START - 700 * MS))
-    ros.tick()
-    assert node.reports[0].text == "odom stale 0.7 s"
-    ros.send("rtamt/odom", odometry(1.0))  # a stamp that is not set: the time of receipt
-    ros.tick()
-    assert node.reports[0].stale == ()
-
-
-def test_stamps_that_went_back_for_good_begin_anew() -> None:
-    text = "historically(odom.twist.twist.linear.x > 0)"
-    ros, node = started(ODOM + text, stamps=True, stale=math.inf)
-    for stamp, speed in [(0, 2.0), (100, 1.0), (-9000, 5.0), (-8900, 6.0)]:
-        ros.time += 100 * MS
-        ros.send("rtamt/odom", odometry(speed, START + stamp * MS))
-        ros.tick()
-    assert ros.data("rtamt/spec") == [2.0, 1.0, 5.0, 5.0]
-    assert node.reports[0].out_of_order == 0
-    assert node.reports[0].restarted_because == "the stamps of odom went back by 9.1 s"
+def test_a_topic_that_nothing_reads_is_never_stale() -> None:
+    with pytest.raises(InputError) as error:
+        started("x > 0", stale_of={"rtamt/y": 2.0})
+    assert str(error.value) == (
+        "stale speaks of the topic rtamt/y, which nothing reads; did you mean 'rtamt/x'?"
+    )
+    with pytest.raises(InputError) as error:
+        started("x > 0 and y > 0", stale_of={"/odom": 2.0})
+    assert str(error.value) == (
+        "stale speaks of the topic /odom, which nothing reads; the topics are rtamt/x, rtamt/y"
+    )
 
 
 # What cannot be read. ----------------------------------------------------------------------------
