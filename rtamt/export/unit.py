@@ -15,7 +15,10 @@ from rtamt.export.program_file import program_text
 from rtamt.export.programs import Fmi, Programs
 from rtamt.export.variables import variables_of
 
-__all__ = ["unit"]
+__all__ = ["COMPRESSION", "unit"]
+
+COMPRESSION = zipfile.ZIP_DEFLATED
+"""How the files of a unit are compressed."""
 
 _UNNAMED = "-"
 """The token of a unit whose content is not known yet."""
@@ -62,5 +65,5 @@ def _zipped(files: Mapping[str, bytes]) -> bytes:
             entry = zipfile.ZipInfo(name)
             entry.create_system = 3  # Unix, wherever it is written
             entry.external_attr = 0o644 << 16
-            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+            archive.writestr(entry, content, COMPRESSION)
     return data.getvalue()

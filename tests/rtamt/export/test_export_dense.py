@@ -17,7 +17,7 @@ INF = math.inf
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     drawn=texts(dense=True),
     trace=traces(),

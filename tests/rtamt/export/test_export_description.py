@@ -27,7 +27,7 @@ whole = always(near implies eventually[0:T](odom.twist[1].x < 0 and near))
 
 
 def test_every_export_is_valid(tmp_path: Path) -> None:
-    @settings(max_examples=30)
+    @settings(max_examples=20)
     @given(drawn=texts(dense=True), fmi=st.sampled_from((2, 3)), dense=st.booleans())
     def check(drawn: Drawn, fmi: Fmi, dense: bool) -> None:  # noqa: FBT001 - hypothesis draws it
         kind: dict[str, Any] = {"dense": True} if dense else {"period": "500ms"}

@@ -73,7 +73,7 @@ def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> 
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(drawn=texts(), trace=traces(), period=st.sampled_from((1.0, 0.5)))
 def test_an_exported_monitor_is_the_episode_monitor(
     fmi: Fmi, drawn: Drawn, trace: Trace, period: float
@@ -90,7 +90,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(drawn=texts(), trace=traces())
 def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
     fmi: Fmi, drawn: Drawn, trace: Trace
@@ -112,7 +112,7 @@ def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
 
 
 @pytest.mark.parametrize("semantics", get_args(Semantics)[1:])
-@settings(max_examples=12)
+@settings(max_examples=10)
 @given(drawn=texts(), trace=traces())
 def test_every_semantics_is_exported(semantics: Semantics, drawn: Drawn, trace: Trace) -> None:
     try:

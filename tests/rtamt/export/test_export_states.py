@@ -30,7 +30,7 @@ def continued(unit: Unit, trace: Trace, begin: int, names: tuple[str, ...]) -> l
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fmi", [2, 3])
-@settings(max_examples=12)
+@settings(max_examples=10)
 @given(drawn=texts(dense=True), trace=traces(4), at=st.integers(0, 4))
 def test_a_restored_monitor_goes_on_alike(
     fmi: Fmi, kind: str, drawn: Drawn, trace: Trace, at: int
