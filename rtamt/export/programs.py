@@ -111,7 +111,9 @@ def _named(program: Program) -> Program | None:
         if named[name] is not program.specification.formula
     }
     if others:
-        _part(program, others).online("the output of a named formula", "the formula unnamed")
+        several = len(program.specification.requirements) > 1
+        instead = "spec.requirements, each alone" if several else "the formula unnamed"
+        _part(program, others).online("the output of a named formula", instead)
     try:
         online = program.online()
     except SpecificationError:

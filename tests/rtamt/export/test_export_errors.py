@@ -80,6 +80,18 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             ),
         ),
         (
+            "low = always(x < 5); fast = always(v > 1)",
+            {"period": 1},
+            SpecificationError,
+            (
+                "STL:1:7: 'always' without an end needs the whole future, "
+                "for which the output of a named formula cannot wait\n"
+                "  low = always(x < 5); fast = always(v > 1)\n"
+                "        ^\n"
+                "  hint: write an end, as in always[0:10], or use spec.requirements, each alone"
+            ),
+        ),
+        (
             "always(x > 1 implies eventually(y > 0))",
             {"dense": True},
             SpecificationError,
