@@ -118,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
     when = parser.add_argument_group("when to sample")
     when.add_argument(
         "--period",
-        type=float,
+        type=_number,
         metavar="N",
         help=f"the time between samples (default: {_default('period')})",
     )
@@ -163,6 +163,15 @@ def _parser() -> argparse.ArgumentParser:
         f"(default: {_default('qos')}); those of ROS 1 do both",
     )
     return parser
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"expected a number, got {text!r}; 100 ms is --period 100 --unit ms"
+        ) from None
 
 
 def _default(parameter: str) -> object:

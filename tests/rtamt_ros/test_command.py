@@ -42,8 +42,8 @@ ERRORS = {
     "--spec x>1 --period nan": "--period: expected a number above 0, got nan",
     "--spec x>1 --period 0.1 --unit ns": "expected a whole number of nanoseconds as the period, "
     "got 0",
-    "--spec x>1 --period 1h": "argument --period: invalid float value: '1h'; "
-    "see ros_stl_monitor.py --help",
+    "--spec x>1 --period 1h": "argument --period: expected a number, got '1h'; "
+    "100 ms is --period 100 --unit ms; see ros_stl_monitor.py --help",
     "--spec x>1 --stale soon": "--stale: expected seconds or TOPIC=SECONDS, got 'soon'",
     "--spec x>1 --stale x=-1": "expected seconds until an input is stale of x, more than 0, "
     "got -1.0; inf is never",
