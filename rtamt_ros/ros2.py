@@ -67,6 +67,8 @@ class Ros2:
         context = Context()
         with _refusals("arguments"):
             others = remove_ros_args(arguments)
+            if others:
+                raise InputError(f"ROS 2 has no argument {others[0]}; its own follow --ros-args")
             # rclpy takes the first argument for the program's name. Its handlers of signals would
             # end ROS while callbacks run: `spin` has its own.
             rclpy.init(
@@ -74,10 +76,12 @@ class Ros2:
                 context=context,
                 signal_handler_options=SignalHandlerOptions.NO,
             )
-        if others:
-            raise InputError(f"ROS 2 has no argument {others[0]}; its own follow --ros-args")
-        with _refusals(f"node {name!r}"):
-            self.node = make(name, context=context)
+        try:
+            with _refusals(f"node {name!r}"):
+                self.node = make(name, context=context)
+        except InputError:
+            context.shutdown()
+            raise
         self.name: str = self.node.get_fully_qualified_name()
         self.qos: Qos = "best_effort"
         self.depth = DEPTH
@@ -186,7 +190,8 @@ class Ros2:
                     except ExternalShutdownException:
                         self._ending.ask()
                     except Exception:  # noqa: BLE001 - of a service that rclpy offers
-                        self.log(Level.ERROR, traceback.format_exc())
+                        if not self._ending.asked:
+                            self.log(Level.ERROR, traceback.format_exc())
 
             # The wait of rclpy does not return for a signal, that of an ending does.
             self._runner = threading.Thread(target=run, name=self.name)
