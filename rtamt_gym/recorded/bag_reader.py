@@ -15,6 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.bag_paths import Steps, path_text
+from rtamt_gym.tables import shorten
 
 __all__ = ["Bag", "open_bag"]
 
@@ -55,6 +56,11 @@ class Bag:
             counted = self.counts.get(connection.topic, 0)
             self.counts[connection.topic] = counted + connection.msgcount
         empty = not reader.message_count
+        if not (empty or self.types):
+            raise InputError(
+                f"{source}: expected an index that lists the topics, got none"
+                f"{_RECOVERY.get(Path(source).suffix.lower(), '')}"
+            )
         self.begin: int = 0 if empty else reader.start_time
         self.end: int = 0 if empty else reader.end_time - 1  # rosbags gives the time behind it
         given = any(connection.msgdef.data for connection in reader.connections)
@@ -187,11 +193,13 @@ def _damaged(path: str, error: Exception) -> InputError:
     """The error about a bag that rosbags cannot read."""
     ending = Path(path).suffix.lower()
     kind = _KINDS.get(ending, "a bag of rosbag2")
-    said = " ".join(str(error).split()) or type(error).__name__
+    said = shorten(" ".join(str(error).split()) or type(error).__name__, 200)
     if "Profile" in said:
         return InputError(f"{path}: expected {kind}, got one with another profile")
     if isinstance(error, KeyError):
         return InputError(f"{path}: expected {kind}, got messages or schemas of {said}")
+    if said.startswith("Could not parse"):
+        return InputError(f"{path}: expected {kind}, got a definition of messages: {said}")
     whole = f"a whole {kind.partition(' ')[2]}"
     return InputError(
         f"{path}: expected {whole}, got an error: {said.removesuffix('.')}"

@@ -268,3 +268,32 @@ def test_a_bag_with_a_wrong_byte_is_read_or_refused_but_nothing_else(
             assert str(error).startswith(f"{path}")  # noqa: PT017 - some bytes do no harm
             refusals += 1
     assert refusals
+
+
+def test_an_index_without_topics_is_refused(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.mcap", SAID)
+    data = bytearray(path.read_bytes())
+    at = int.from_bytes(data[-28:-20], "little")  # where the footer says that the summary begins
+    while data[at] != 2:
+        size = int.from_bytes(data[at + 1 : at + 9], "little")
+        if data[at] in (3, 4, 11):  # schemas, channels and statistics become unknown records
+            data[at] = 0x90
+        at += 9 + size
+    path.write_bytes(data)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == (
+        f"{path}: expected an index that lists the topics, got none; what is whole in it: mcap "
+        "recover FILE -o WHOLE.mcap"
+    )
+
+
+def test_a_definition_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    path = plain_mcap(tmp_path / "run.mcap", SAID)
+    path.write_bytes(path.read_bytes().replace(b"Vector3 linear", b"Vector3 =inear"))
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value).startswith(
+        f"{path}: expected an MCAP file of ROS 2, got a definition of messages: Could not parse: "
+    )
+    assert len(str(caught.value)) < len(str(path)) + 280
