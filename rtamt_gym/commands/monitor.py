@@ -171,8 +171,10 @@ def _write(
     if options.write_mcap:
         from rtamt_gym.recorded.bag_output import write_mcap
 
-        topics = write_mcap(judged.trace, judged.judgements, asked.specs, options.write_mcap)
-        copied = f"copy of the bag: {options.write_mcap}, with {', '.join(topics)}"
+        added, lost = write_mcap(judged.trace, judged.judgements, asked.specs, options.write_mcap)
+        copied = f"copy of the bag: {options.write_mcap}, with {', '.join(added)}"
+        if lost:
+            copied += f"; without {', '.join(lost)}, whose classes the bag does not define"
         said.append(fill(copied, 80, subsequent_indent="  ", break_on_hyphens=False) + "\n")
     if options.plot:
         from rtamt_gym.drawing import save

@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym.recorded.bag_reader import Bag, open_bag
+from rtamt_gym.recorded.bag_reader import Bag, damaged, open_bag
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.recording import Floats
@@ -66,7 +66,7 @@ def write_mcap(
     judgements: Mapping[str, Judgement],
     specs: Mapping[str, rtamt.Specification],
     out: Path,
-) -> list[str]:
+) -> tuple[list[str], list[str]]:
     """Writes all messages of a bag and, at the times of the samples, what was found.
 
     The robustness of a requirement is on the topic of its output variable, else on
@@ -82,7 +82,7 @@ def write_mcap(
         out: The file.
 
     Returns:
-        The added topics.
+        The added topics, and those left out because the bag does not define their classes.
 
     Raises:
         InputError: If the bag is damaged.
@@ -93,43 +93,56 @@ def write_mcap(
         writer = Writer(made, version=8, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         with writer:
-            _write(writer, bag, added, trace.epoch)
+            left_out = _write(writer, bag, added, trace.epoch)
         (made / "copy.mcap").replace(out)
-    return [*added]
+    return [*added], left_out
 
 
-def _write(writer: Any, bag: Bag, added: Mapping[str, _Topic], epoch: int) -> None:  # noqa: ANN401
-    """Writes the messages of a bag and those that are added, in the order of their times."""
-    reader = bag.reader
+def _write(
+    writer: Any,  # noqa: ANN401 - of rosbags
+    bag: Bag,
+    added: Mapping[str, _Topic],
+    epoch: int,
+) -> list[str]:
+    """Writes the messages of a bag and those that are added, in the order of their times.
+
+    Returns the topics that are left out: a class that the bag does not define cannot be written.
+    """
     store = _store(bag)
     channels: dict[tuple[str, str], Any] = {}
-
-    def channel(topic: str, kind: str, extra: Any = None) -> Any:  # noqa: ANN401 - of rosbags
-        if (topic, kind) not in channels:
-            known = isinstance(extra, ConnectionExtRosbag2)
-            qos = extra.offered_qos_profiles if known else ()
-            channels[topic, kind] = writer.add_connection(
-                topic, kind, typestore=store, offered_qos_profiles=qos
-            )
-        return channels[topic, kind]
-
-    for each in reader.connections:
-        if each.msgtype in store.fielddefs:
-            channel(each.topic, each.msgtype, each.ext)
-
-    def copied() -> Iterator[tuple[int, Any, Any]]:
-        for connection, time, raw in bag.raw():
-            to = channels.get((connection.topic, connection.msgtype))
-            if to is not None:  # a class that the bag does not define cannot be written
-                data = raw if reader.is2 else store.ros1_to_cdr(raw, connection.msgtype)
-                yield time, to, data
-
-    sources = [copied()]
+    for each in bag.reader.connections:
+        name = each.topic, each.msgtype
+        if each.msgtype in store.fielddefs and name not in channels:
+            known = isinstance(each.ext, ConnectionExtRosbag2)
+            qos = each.ext.offered_qos_profiles if known else ()
+            channels[name] = writer.add_connection(*name, typestore=store, offered_qos_profiles=qos)
+    sources = [_copied(bag, store, channels)]
     for topic, found in added.items():
-        to = channel(topic, found.kind)
+        to = writer.add_connection(topic, found.kind, typestore=store)
         sources.append(_messages(to, found, _maker(store, found.kind), epoch))
     for time, to, data in heapq.merge(*sources, key=lambda each: each[0]):
         writer.write(to, time, data)
+    copied = {topic for topic, _ in channels}
+    return [topic for topic in bag.types if topic not in copied]
+
+
+def _copied(
+    bag: Bag,
+    store: Any,  # noqa: ANN401 - of rosbags
+    channels: Mapping[tuple[str, str], Any],
+) -> Iterator[tuple[int, Any, Any]]:
+    """The messages of the bag that can be written: time, connection, and bytes."""
+    for connection, time, raw in bag.raw():
+        to = channels.get((connection.topic, connection.msgtype))
+        if to is None:
+            continue
+        data: Any = raw
+        if not bag.reader.is2:
+            try:
+                data = store.ros1_to_cdr(raw, connection.msgtype)
+            except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
+                raise damaged(bag.source, error) from None
+        yield time, to, data
 
 
 def _messages(

@@ -17,7 +17,7 @@ from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.bag_paths import Steps, path_text
 from rtamt_gym.tables import shorten
 
-__all__ = ["Bag", "open_bag"]
+__all__ = ["Bag", "damaged", "open_bag"]
 
 _KINDS = {".mcap": "an MCAP file of ROS 2", ".bag": "a bag of ROS 1"}
 _RECOVERY = {
@@ -130,7 +130,7 @@ class Bag:
             try:
                 message = read(raw, connection.msgtype)
             except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
-                raise _damaged(self.source, error) from None
+                raise damaged(self.source, error) from None
             yield connection.topic, time, message
 
     def raw(self, topics: Collection[str] | None = None) -> Iterator[tuple[Any, int, bytes]]:
@@ -146,7 +146,7 @@ class Bag:
         try:
             yield from reader.messages(wanted)
         except Exception as error:  # noqa: BLE001 - rosbags raises what it stumbles on
-            raise _damaged(self.source, error) from None
+            raise damaged(self.source, error) from None
 
     def _fields(self, kind: str) -> Mapping[str, Any] | None:
         """The fields of a class in their order, each with its type; None if it is not defined."""
@@ -173,7 +173,7 @@ def open_bag(path: str) -> Iterator[Bag]:
     except Exception as error:  # rosbags raises what it stumbles on
         if isinstance(error, OSError) and error.filename is not None:
             raise
-        raise _damaged(path, error) from None
+        raise damaged(path, error) from None
     with closing(reader):
         yield Bag(reader, path)
 
@@ -189,7 +189,7 @@ def _long(name: str) -> str:
     return name if "/" in message else f"{package}/msg/{message}"
 
 
-def _damaged(path: str, error: Exception) -> InputError:
+def damaged(path: str, error: Exception) -> InputError:
     """The error about a bag that rosbags cannot read."""
     ending = Path(path).suffix.lower()
     kind = _KINDS.get(ending, "a bag of rosbag2")

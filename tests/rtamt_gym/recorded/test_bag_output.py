@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -233,3 +234,26 @@ def test_simulated_stamps_are_shown_at_times_of_recording(
     # The stamps are a second apart and the messages 0.1 s: the middle ones lie on each other.
     assert abs(found[0] - START) < 5 * 10**9
     assert found[-1] - found[0] == 9 * 10**9
+
+
+def test_topics_of_classes_that_nobody_defines_are_left_out_and_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = {"lab_msgs/Wheel": "float32 turn\n"}
+    said = [twist(START, 1.0), Said(START + 5, "/wheel", "lab_msgs/Wheel", {"turn": 1.0})]
+    bag = write_bag(tmp_path / "run.db3", said, definitions=own)
+    with sqlite3.connect(bag) as database:
+        database.execute("DROP TABLE message_definitions")
+        database.execute("DROP TABLE schema")
+    database.close()
+    copy = tmp_path / "copy.mcap"
+    command = ["monitor", "f = always(x < 9)", str(bag), "--signal", "x=/robot0/cmd_vel.linear.x"]
+    assert main([*command, "--dense", "--write-mcap", str(copy)]) == 0
+    assert " ".join(capsys.readouterr().out.split()).endswith(
+        "with /rtamt/f, /rtamt/f/verdict; without /wheel, whose classes the bag does not define"
+    )
+    assert [*messages(copy)] == ["/robot0/cmd_vel", "/rtamt/f", "/rtamt/f/verdict"]
+    assert main([*command[:-1], "x=/wheel.turn", "--dense"]) == 2
+    assert capsys.readouterr().err == (
+        f"rtamt: error: {bag}: /wheel (lab_msgs/Wheel): the bag does not define lab_msgs/Wheel\n"
+    )
