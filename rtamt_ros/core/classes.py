@@ -49,7 +49,7 @@ def _follow(message: Any, of: str, path: Iterable[str | int]) -> object:  # noqa
     value, name = message, of
     for step in path:
         if isinstance(step, int):
-            if _is_number(value) or not hasattr(value, "__getitem__"):
+            if not hasattr(value, "__len__") or isinstance(value, str):
                 raise SpecificationError(f"{name} is no list and has no element [{step}]")
             return None
         if not hasattr(value, step):
@@ -61,7 +61,8 @@ def _follow(message: Any, of: str, path: Iterable[str | int]) -> object:  # noqa
 
 
 def _is_number(value: object) -> bool:
-    return hasattr(value, "__float__") or isinstance(value, bool | int | float)
+    # An array of NumPy, as ROS 2 has for lists of fixed length, has `__float__` too.
+    return hasattr(value, "__float__") and not hasattr(value, "__len__")
 
 
 def _names(message: object) -> list[str]:

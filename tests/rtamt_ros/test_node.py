@@ -185,6 +185,17 @@ def test_two_requirements_in_one_message_have_bounds_of_their_own() -> None:
             "geometry_msgs/Twist.linear.x is no list and has no element [2]",
         ),
         (
+            ["from nav_msgs.msg import Odometry; input Odometry o; o.child_frame_id[0] > 0"],
+            "nav_msgs/Odometry.child_frame_id is no list and has no element [0]",
+        ),
+        *(
+            (
+                [f"from nav_msgs.msg import Odometry; input Odometry o; o.{of}.covariance > 0"],
+                f"expected a number as 'o.{of}.covariance', got a value of type {kind}",
+            )
+            for of, kind in (("pose", "list"), ("twist", "ndarray"))
+        ),
+        (
             ["robot.pose.x > 0"],
             (
                 "expected the class of the message 'robot', got none; declare it: from PACKAGE.msg "
@@ -379,3 +390,14 @@ def test_without_the_messages_of_diagnostics_the_rest_goes_on() -> None:
     )
     node.stop()
     assert not ros.publishers
+
+
+@pytest.mark.parametrize("of", ["pose", "twist"])
+def test_elements_of_lists_and_of_arrays_of_numpy_are_read(of: str) -> None:
+    odometry = "from nav_msgs.msg import Odometry; input Odometry o; "
+    ros, _ = started(f"{odometry}a = o.{of}.covariance[35] < 1")
+    heard = message("nav_msgs", "Odometry")
+    getattr(heard, of).covariance[35] = 0.25
+    ros.send("rtamt/o", heard)
+    ros.tick()
+    assert ros.data("rtamt/a") == [0.75]

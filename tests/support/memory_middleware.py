@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from rtamt import InputError
 from rtamt_ros.middleware import Handle, Level, Publisher
 
@@ -33,7 +35,7 @@ Quaternion = _fields(x=0.0, y=0.0, z=0.0, w=1.0)
 Pose = _fields(position=Vector3, orientation=Quaternion)
 PoseWithCovariance = _fields(pose=Pose, covariance=[0.0] * 36)
 Twist = _fields(linear=Vector3, angular=Vector3)
-TwistWithCovariance = _fields(twist=Twist, covariance=[0.0] * 36)
+TwistWithCovariance = _fields(twist=Twist, covariance=np.zeros(36))  # as on ROS 2
 
 CLASSES: dict[tuple[str, str], type] = {
     ("std_msgs", "Float64"): _fields(data=0.0),
