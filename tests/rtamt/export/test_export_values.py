@@ -7,7 +7,9 @@ import pytest
 from bits import identical
 from exported import exported
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
+from fmpy.fmi2 import fmi2Terminated  # type: ignore[import-untyped]
 
+from rtamt import EpisodeMonitor
 from rtamt.export.programs import Fmi
 
 TEXT = (
@@ -85,3 +87,44 @@ def test_a_term_of_constants_that_is_no_number_fails_the_initialization(fmi: Fmi
         assert heard.last == (
             "with these parameters a constant of the specification is not a number: k=0.5"
         )
+
+
+@BOTH
+def test_a_longer_step_takes_several_samples_of_held_inputs(fmi: Fmi) -> None:
+    text = "historically[2:2](x > 0) or x > 5"
+    episode = EpisodeMonitor(f"always({text})", 0.5)
+    with exported(f"always({text})", fmi, period=0.5) as unit:
+        unit.begin()
+        now = 0.0
+        for x, samples in ((6.0, 3), (-1.0, 2), (9.0, 1), (4.0, 7), (-2.0, 4)):
+            unit.step(now, samples / 2, {"x": x})
+            now += samples / 2
+            for _ in range(samples):
+                episode.update(x=x)
+            found = unit.get("robustness", "lower", "upper", "verdict")
+            assert identical(found, [episode.robustness, *episode.bounds(), episode.verdict])
+
+
+@BOTH
+def test_of_shorter_steps_those_take_a_sample_in_which_one_falls(fmi: Fmi) -> None:
+    with exported("always(x > 0)", fmi, period=1) as unit:
+        unit.begin()
+        for k, (x, least) in enumerate([(5, 5), (1, 5), (2, 5), (3, 5), (4, 4), (0, 4)]):
+            unit.step(k / 4, 0.25, {"x": float(x)})
+            assert unit.get("robustness") == [least]
+
+
+@BOTH
+def test_dense_time_ends_at_a_violation_too(fmi: Fmi) -> None:
+    with exported("always[0:1](x > 0)", fmi, dense=True, stop_on_violation=True) as unit:
+        unit.begin()
+        unit.step(0, 0.5, {"x": 1.0})
+        ended = False
+        try:
+            unit.step(0.5, 1, {"x": -1.0})
+            answer = unit.fmu.doStep(1.5, 1)
+            ended = fmi == 3 and answer[1]
+        except FMICallException:
+            ended = unit.fmu.getBooleanStatus(fmi2Terminated)
+        assert ended
+        assert unit.get("robustness", "verdict") == [-1.0, -1]
