@@ -1,11 +1,13 @@
 """Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=search``."""
 
+from pathlib import Path
+
 import pytest
 from hypothesis import HealthCheck, settings
 
 import rtamt
 
-pytest.register_assert_rewrite("ros_contract")  # tests that two files have in common
+pytest.register_assert_rewrite("ros_contract", "ros_live")  # tests that two files have in common
 
 settings.register_profile(
     "repeatable",
@@ -25,6 +27,15 @@ BACKENDS = ("python", "native") if rtamt.BACKEND == "native" else ("python",)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     """The whole suite runs on every core; tests that were chosen start no workers."""
     return None if config.args_source is pytest.Config.ArgsSource.TESTPATHS else 0
+
+
+def pytest_collect_file(file_path: Path) -> None:
+    """Where ROS is missing, its tests fail with how to install it."""
+    if file_path.name.startswith(("test_ros1", "test_ros2")):
+        from ros_processes import missing
+
+        if install := missing(int(file_path.name[8])):
+            raise pytest.Collector.CollectError(install)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

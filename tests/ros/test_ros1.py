@@ -1,12 +1,9 @@
 """The live scenario on ROS 1."""
 
 import pytest
-
-pytest.register_assert_rewrite("ros_live")
-
-from ros_live import LiveScenario, inputs_of, judge  # noqa: E402 - pytest rewrites it first
-from ros_messages import write_bag  # noqa: E402
-from ros_scenario import FOLLOWS, Run, play  # noqa: E402
+from ros_live import LiveScenario, inputs_of, judge
+from ros_messages import write_bag
+from ros_scenario import FOLLOWS, Run, play
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,8 @@
 """The live scenario on ROS 2."""
 
 import pytest
-
-pytest.register_assert_rewrite("ros_live")
-
-from ros_live import LiveScenario  # noqa: E402 - pytest rewrites its assertions first
-from ros_scenario import Run, play  # noqa: E402
+from ros_live import LiveScenario
+from ros_scenario import Run, play
 
 
 @pytest.fixture(scope="module")

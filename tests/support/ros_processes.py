@@ -24,7 +24,6 @@ INSTALL = {
     2: "expected rclpy, which is not installed; bash .ci/run ros ros2 makes an environment that "
     "has it and runs these tests there",
 }
-"""What is said where a generation is missing."""
 
 PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
@@ -60,6 +59,13 @@ machine, would wait 3 s for the next.
 
 BOOTSTRAP = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """What the wheels of ROS 2 set for their own environment: another environment must not have it."""
+
+
+def missing(generation: int) -> str | None:
+    """How to install a generation; None where it is."""
+    library = importlib.util.find_spec({1: "rospy", 2: "rclpy"}[generation])
+    there = library is not None and (generation == 2 or ROSMASTER.exists())
+    return None if there else INSTALL[generation]
 
 
 def free_port() -> int:
@@ -203,10 +209,7 @@ class Ros:
 
 @contextmanager
 def ros(generation: int, folder: Path) -> Iterator[Ros]:
-    """A master or a domain of its own, until the end of the block; fails where ROS is missing."""
-    library = importlib.util.find_spec({1: "rospy", 2: "rclpy"}[generation])
-    assert library is not None, INSTALL[generation]
-    assert generation == 2 or ROSMASTER.exists(), INSTALL[generation]
+    """A master or a domain of its own, until the end of the block."""
     found = Ros(generation, folder)
     try:
         if generation == 1:
