@@ -20,15 +20,18 @@ void machine_fields(Snapshot& s, M& machine) {
     if (s.reads()) restore_from(machine, {bytes.data(), bytes.size()});
 }
 
-[[noreturn]] void refuse(const Program& program, const double* inputs) {
+// Says why values at a time are refused.
+[[noreturn]] void refuse(const Program& program, const double* inputs, double time) {
+    const std::string when = ", at " + number_text(time) + " s";
     const std::size_t n = program.inputs.size();
     std::string text;
     for (std::size_t i = 0; i < n; ++i) {
         if (std::isnan(inputs[i]))
-            throw Refusal("expected a number as input '" + program.inputs[i].name + "', got nan");
+            throw Refusal("expected a number as input '" + program.inputs[i].name + "', got nan" +
+                          when);
         text += (i > 0 ? ", " : "") + program.inputs[i].name + "=" + number_text(inputs[i]);
     }
-    throw Refusal("a term of the specification is not a number at the inputs " + text);
+    throw Refusal("a term of the specification is not a number for " + text + when);
 }
 
 // An episode and named formulas, sample by sample.
@@ -48,11 +51,11 @@ public:
         best_ = episodes_.back().get();
     }
 
-    void step(const double* inputs, double, std::size_t samples) override {
+    void step(const double* inputs, double time, std::size_t samples) override {
         for (; samples > 0; --samples) {
             // The monitor has the terms of the episodes: it refuses what they refuse.
-            if (monitor_) take(*monitor_, inputs);
-            for (const auto& episode : episodes_) take(*episode, inputs);
+            if (monitor_) take(*monitor_, inputs, time);
+            for (const auto& episode : episodes_) take(*episode, inputs, time);
         }
     }
 
@@ -77,9 +80,9 @@ public:
 
 private:
     template <class M>
-    void take(M& machine, const double* inputs) {
+    void take(M& machine, const double* inputs, double time) {
         std::copy_n(inputs, machine.variables(), machine.pending());
-        if (!machine.take()) [[unlikely]] refuse(program_, inputs);
+        if (!machine.take()) [[unlikely]] refuse(program_, inputs, time);
     }
 
     const Program& program_;
@@ -105,14 +108,14 @@ public:
             throw Refusal("expected a time that ticks can count, got " + number_text(time) + " s");
         std::vector<dense::Pending>& pending = machine_.pending();
         for (std::size_t v = 0; v < pending.size(); ++v) {
-            if (std::isnan(inputs[v])) refuse(program_, inputs);
+            if (std::isnan(inputs[v])) refuse(program_, inputs, time);
             pending[v].times.assign(1, tick);
             pending[v].values.assign(1, inputs[v]);
             if (!machine_.sampler().fits(v, pending[v].events()))
                 throw Refusal("expected steps of a tick at least; two begin on the tick of " +
                               number_text(time) + " s");
         }
-        if (!machine_.take()) refuse(program_, inputs);
+        if (!machine_.take()) refuse(program_, inputs, time);
         machine_.drain([this](dense::Time, double value) {
             if (std::isnan(last_)) first_ = value;
             last_ = value;

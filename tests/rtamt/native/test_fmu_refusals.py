@@ -143,12 +143,12 @@ REFUSED: dict[str, tuple[Callable[[Unit], None], Act, str]] = {
     "an input that is nan": (
         begun,
         lambda u: u.set([FIRST + 1], [NAN]) or u.step(0.1, 0.1),
-        "expected a number as input 'y', got nan",
+        "expected a number as input 'y', got nan, at 0.1 s",
     ),
     "a term that is nan": (
         begun,
         lambda u: u.set([FIRST], [-1.0]) or u.step(0.1, 0.1),
-        "a term of the specification is not a number at the inputs x=-1, y=4",
+        "a term of the specification is not a number for x=-1, y=4, at 0.1 s",
     ),
     "a parameter that is nan": (
         new,

@@ -107,7 +107,7 @@ def compare(version: Version, programs: Programs, expected: Expected, trace: Tra
                 expected.update(values)
             except InputError:
                 assert made.step(2.0 + i, 1.0) == ERROR
-                assert " not a number at the inputs " in made.said
+                assert " is not a number for " in made.said
                 return
             assert made.step(2.0 + i, 1.0) == OK
             assert outputs(made, *shape) == expected.values()
