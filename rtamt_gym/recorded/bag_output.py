@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import ConnectionExtRosbag2
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 import rtamt
 from rtamt import InputError, Verdict
@@ -25,6 +26,9 @@ from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
 __all__ = ["check_output", "write_mcap"]
+
+_Message = tuple[int, Connection, bytes | memoryview]
+"""A message to write: its time, its connection and its bytes."""
 
 _SIGNS = {Verdict.VIOLATED: -1, Verdict.UNDECIDED: 0, Verdict.SATISFIED: 1}
 
@@ -99,7 +103,7 @@ def write_mcap(
 
 
 def _write(
-    writer: Any,  # noqa: ANN401 - of rosbags
+    writer: Writer,
     bag: Bag,
     added: Mapping[str, _Topic],
     epoch: int,
@@ -109,12 +113,12 @@ def _write(
     Returns the topics that are left out: a class that the bag does not define cannot be written.
     """
     store = _store(bag)
-    channels: dict[tuple[str, str], Any] = {}
+    channels: dict[tuple[str, str], Connection] = {}
     for each in bag.reader.connections:
         name = each.topic, each.msgtype
         if each.msgtype in store.fielddefs and name not in channels:
-            known = isinstance(each.ext, ConnectionExtRosbag2)
-            qos = each.ext.offered_qos_profiles if known else ()
+            ext = each.ext
+            qos = ext.offered_qos_profiles if isinstance(ext, ConnectionExtRosbag2) else ()
             channels[name] = writer.add_connection(*name, typestore=store, offered_qos_profiles=qos)
     sources = [_copied(bag, store, channels)]
     for topic, found in added.items():
@@ -128,15 +132,15 @@ def _write(
 
 def _copied(
     bag: Bag,
-    store: Any,  # noqa: ANN401 - of rosbags
-    channels: Mapping[tuple[str, str], Any],
-) -> Iterator[tuple[int, Any, Any]]:
+    store: Typestore,
+    channels: Mapping[tuple[str, str], Connection],
+) -> Iterator[_Message]:
     """The messages of the bag that can be written: time, connection, and bytes."""
     for connection, time, raw in bag.raw():
         to = channels.get((connection.topic, connection.msgtype))
         if to is None:
             continue
-        data: Any = raw
+        data: bytes | memoryview = raw
         if not bag.reader.is2:
             try:
                 data = store.ros1_to_cdr(raw, connection.msgtype)
@@ -146,11 +150,11 @@ def _copied(
 
 
 def _messages(
-    to: Any,  # noqa: ANN401 - of rosbags
+    to: Connection,
     found: _Topic,
-    made: Callable[[int, Any], Any],
+    made: Callable[[int, Any], memoryview],
     epoch: int,
-) -> Iterator[tuple[int, Any, Any]]:
+) -> Iterator[_Message]:
     """The messages of a topic that is added: time, connection, and bytes."""
     times = epoch + np.rint(found.times * 1e9).astype(np.int64)
     for time, value in zip(times.tolist(), found.values.tolist(), strict=True):
@@ -163,7 +167,7 @@ _STAMPED_TEXT = "std_msgs/Header header\nfloat64 value\n"
 _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
-def _store(bag: Bag) -> Any:  # noqa: ANN401 - of rosbags
+def _store(bag: Bag) -> Typestore:
     """The classes of the copy: those of the bag, of ROS 2, and those of our topics."""
     ours = get_typestore(Stores.ROS2_JAZZY).fielddefs
     known = bag.reader.typestore.fielddefs
@@ -177,14 +181,14 @@ def _store(bag: Bag) -> Any:  # noqa: ANN401 - of rosbags
     return store
 
 
-def _maker(store: Any, kind: str) -> Callable[[int, Any], Any]:  # noqa: ANN401 - of rosbags
+def _maker(store: Typestore, kind: str) -> Callable[[int, Any], memoryview]:
     """Gives the bytes of a message with a time and a number."""
     made = store.types[kind]
     if kind not in _STAMPED:
         return lambda _time, value: store.serialize_cdr(made(data=value), kind)
     stamp, header = store.types[_TIME], store.types[_HEADER]
 
-    def stamped(time: int, value: float) -> Any:  # noqa: ANN401 - of rosbags
+    def stamped(time: int, value: float) -> memoryview:
         at = stamp(sec=time // 10**9, nanosec=time % 10**9)
         return store.serialize_cdr(made(header=header(stamp=at, frame_id=""), value=value), kind)
 

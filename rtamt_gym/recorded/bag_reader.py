@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Nodetype
+from rosbags.interfaces import Connection, Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
@@ -133,7 +133,7 @@ class Bag:
                 raise damaged(self.source, error) from None
             yield connection.topic, time, message
 
-    def raw(self, topics: Collection[str] | None = None) -> Iterator[tuple[Any, int, bytes]]:
+    def raw(self, topics: Collection[str] | None = None) -> Iterator[tuple[Connection, int, bytes]]:
         """The messages of some topics, or of all: connection of rosbags, time, and bytes.
 
         Raises:
