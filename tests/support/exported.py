@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, cast
 from unittest.mock import patch
 
 import fmpy  # type: ignore[import-untyped]
+import pytest
 from fmpy import read_model_description
 from hypothesis import strategies as st
 from strategies import QUARTERS, formulas
@@ -21,6 +22,8 @@ from rtamt.export import unit
 from rtamt.export.programs import Fmi
 from rtamt.language.formula import make
 from rtamt.language.node import Node
+
+pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 Spec = str | Formula | Specification
 Listener = Callable[..., None]

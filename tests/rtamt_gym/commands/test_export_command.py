@@ -9,6 +9,8 @@ from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
 import rtamt
 from rtamt_gym.__main__ import main
 
+pytest.importorskip("rtamt._native", reason="no compiler was at hand")
+
 Output = pytest.CaptureFixture[str]
 ONE = (
     "const float limit = 3; const float T = 2; "
