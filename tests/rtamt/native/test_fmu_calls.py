@@ -163,3 +163,9 @@ def test_variables_are_set_all_or_none(version: Version, folder: Path) -> None:
         assert made.set([FIRST, FIRST + 1], [3.0, 4.0]) == OK
         assert made.set([FIRST, FIRST + 1, 99], [5.0, 6.0, 7.0]) == ERROR
         assert made.get(FIRST, FIRST + 1) == [3.0, 4.0]
+
+
+def test_the_library_knows_no_python() -> None:
+    data = Path(library()._name).read_bytes()
+    assert b"fmi3DoStep" in data
+    assert not [name for name in (b"PyObject", b"libpython", b"nanobind") if name in data]
