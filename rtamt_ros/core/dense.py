@@ -23,8 +23,9 @@ class Dense:
     """Judges a requirement on events: a value lasts until the next message of its topic.
 
     A run begins when every input has come and none is stale. The robustness of a time is reported
-    as soon as it is known: with receive times, whenever a message comes or a look is taken, as
-    topics that are silent have kept their values; with stamps, when every topic has a later one.
+    as soon as it is known: with receive times, when a message comes or a look is taken, that of the
+    message included, as topics that are silent have kept their values; with stamps, when every
+    topic has a later one.
 
     Args:
         requirement: What to judge.
@@ -118,7 +119,7 @@ class Dense:
                 events[name] = [((time - origin) / 1e9, value)]
             rows.append((time, row))
         if self._silence:
-            self._extend(events, now, origin)
+            self._extend(events, max(self._last.values()) + 1 if sources else now - 1)
         try:
             found = self._monitor.update(events)
         except InputError as error:  # a term is no number
@@ -139,13 +140,13 @@ class Dense:
                 for event in row.items():
                     self._record.row(time, event)
 
-    def _extend(self, events: dict[str, list[tuple[float, float]]], now: int, origin: int) -> None:
-        """The values of silent topics last until just before now."""
+    def _extend(self, events: dict[str, list[tuple[float, float]]], until: int) -> None:
+        """All values last until then: those of a message for a nanosecond, and so are judged."""
         for source in self.inputs:
-            if self._last[source] < now - 1:
-                self._last[source] = now - 1
+            if self._last[source] < until:
+                self._last[source] = until
                 for name, place in self._read[source]:
-                    same = ((now - 1 - origin) / 1e9, source.values[place])
+                    same = ((until - (self._origin or 0)) / 1e9, source.values[place])
                     events.setdefault(name, []).append(same)
 
     def _judged(self, found: Sequence[tuple[float, float]]) -> Sequence[Report]:

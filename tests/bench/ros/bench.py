@@ -76,7 +76,7 @@ def ours(*, dense: bool = False, count: int = 1, ros_arguments: tuple[str, ...] 
                 """
             )
         options = [option for file in files for option in ("--stl", str(file))]
-        options += ["--period", f"{period:g}", "--unit", "ms"] + ["--dense"] * dense
+        options += ["--dense"] if dense else ["--period", f"{period:g}", "--unit", "ms"]
         return [sys.executable, "-m", "rtamt_ros", *options, *ros_arguments]
 
     name = f"{'dense' if dense else 'sampled'}, {count} spec{'s' * (count > 1)}"
