@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 from xml.etree.ElementTree import Element, SubElement
 
+from rtamt.export import Fmi
 from rtamt.export.library import MODEL
-from rtamt.export.programs import Fmi
 from rtamt.export.variables import Kind, Variable
 
 __all__ = ["Description", "description_text"]

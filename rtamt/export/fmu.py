@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from rtamt.errors import InputError, InputTypeError, brief
-from rtamt.export.programs import Fmi, dense_programs, sampled_programs
+from rtamt.export import Fmi
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import Options, SampleOptions, Spec
 from rtamt.program.interface import Names, Semantics
@@ -89,6 +89,10 @@ def export_fmu(
         raise InputError(f"expected fmi=2 or fmi=3, got {brief(fmi)}")
     if not isinstance(path, str | os.PathLike):
         raise InputTypeError(f"expected the path of a file as text or a Path, got {brief(path)}")
+    # What these import takes 30 ms.
+    from rtamt.export.programs import dense_programs, sampled_programs
+    from rtamt.export.unit import unit
+
     known = traced(as_specification(spec))
     if dense:
         if period is not None:
@@ -110,8 +114,6 @@ def export_fmu(
             "align": align,
         }
         programs = sampled_programs(export_fmu, known, period, sampled)
-    from rtamt.export.unit import unit  # what it imports takes 30 ms
-
     data = unit(programs, fmi, stop=bool(stop_on_violation))
     with open(path, "wb") as file:  # noqa: PTH123 - pathlib takes 5 ms of every import
         file.write(data)

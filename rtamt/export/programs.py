@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Literal
 
 from rtamt.errors import SpecificationError
 from rtamt.export.program_file import (
@@ -25,10 +24,7 @@ from rtamt.program.polarity import positive
 from rtamt.program.program import Const, Program, Window
 from rtamt.program.timing import Period
 
-__all__ = ["Fmi", "Programs", "dense_programs", "sampled_programs"]
-
-Fmi = Literal[2, 3]
-"""The version of FMI: 2.0 or 3.0."""
+__all__ = ["Programs", "dense_programs", "sampled_programs"]
 
 
 @dataclass(frozen=True)

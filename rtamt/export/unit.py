@@ -9,10 +9,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from io import BytesIO
 
+from rtamt.export import Fmi
 from rtamt.export.description import Description, description_text
 from rtamt.export.library import library
 from rtamt.export.program_file import program_text
-from rtamt.export.programs import Fmi, Programs
+from rtamt.export.programs import Programs
 from rtamt.export.variables import variables_of
 
 __all__ = ["COMPRESSION", "unit"]

@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from strategies import QUARTERS, formulas
 
 from rtamt import Formula, Specification, export_fmu, variable
-from rtamt.export import unit
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi, unit
 from rtamt.language.formula import make
 from rtamt.language.node import Node
 

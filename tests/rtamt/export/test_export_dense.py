@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies import Trace, length, sample, traces
 
 from rtamt import DenseMonitor, InputError, SpecificationError, parse
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi
 
 INF = math.inf
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import rtamt
 from rtamt import SpecificationError, export_fmu
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi
 
 TEXT = """
 specification lane

@@ -22,7 +22,7 @@ from rtamt import (
     export_fmu,
     parse,
 )
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi
 from rtamt.program.interface import Semantics
 
 

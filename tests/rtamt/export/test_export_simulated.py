@@ -13,7 +13,7 @@ from fmus import library, write_fmu
 from numpy.typing import NDArray
 
 from rtamt import EpisodeMonitor, Monitor, export_fmu, parse
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi
 
 TEXT = """
 const float limit = 4

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies import Trace, length, sample, traces
 
 from rtamt import SpecificationError, parse
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi
 
 KINDS: dict[str, dict[str, Any]] = {"samples": {"period": 1}, "dense": {"dense": True}}
 

@@ -10,7 +10,7 @@ from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmpy.fmi2 import fmi2Terminated  # type: ignore[import-untyped]
 
 from rtamt import EpisodeMonitor
-from rtamt.export.programs import Fmi
+from rtamt.export import Fmi
 
 TEXT = (
     "const float gain = 4; const float T = 1; float x = 1.5; float y; once[0:T](x * gain + y > 1)"
