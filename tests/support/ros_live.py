@@ -178,9 +178,12 @@ class LiveScenario:
             (COMMAND, CMD),
             (SPEED, ODOM),
         ):
+            came = speeds(run.heard[topic])
             changes = [value for value, _ in groupby(record[name])]
+            if changes[0] not in came:  # the monitor may have heard more than the probe before
+                changes = changes[changes.index(came[0]) :]
             assert len(changes) > 20
-            assert in_order(changes, speeds(run.heard[topic])), name
+            assert in_order(changes, came), name
 
     def test_each_fault_drives_robustness_below_0_and_back(self, run: Run) -> None:
         for topic in (FOLLOWS, EVENTS):
@@ -192,10 +195,12 @@ class LiveScenario:
         assert -1 in [each.message.data for each in run.heard[f"{KEEPS}/verdict"]]
 
     def test_before_every_input_came_nothing_is_published(self, run: Run) -> None:
+        assert run.early[ODOM]
+        assert not run.early[CMD]
+        for topic in (FOLLOWS, KEEPS, EVENTS, f"{KEEPS}/verdict"):
+            assert not run.early[topic], topic
+            assert run.heard[topic], topic
         for topic in (*OFFLINE, EVENTS):
-            inputs = (ODOM,) if topic == MOVES else (CMD, ODOM)
-            first = run.heard[topic][0].time
-            assert first > max(run.heard[each][0].time for each in inputs) - 20_000_000, topic
             waits = "waiting for odom" if topic == MOVES else "waiting for cmd, odom"
             assert told(run, topic)[0].message == waits
 

@@ -89,6 +89,7 @@ class Run:
     Attributes:
         folder: With specifications, records and logs.
         heard: What came on each topic, in order.
+        early: What came before the controller was there.
         late: What a subscriber got that came after the end of the robot.
         addresses: Where the processes listened while all were there.
         codes: Exit codes of the processes that were asked to end, by name.
@@ -96,6 +97,7 @@ class Run:
 
     folder: Path
     heard: Mapping[str, list[Heard]]
+    early: Mapping[str, list[Heard]]
     late: Mapping[str, list[Heard]]
     addresses: list[Address]
     codes: Mapping[str, int]
@@ -148,6 +150,8 @@ def play(generation: int, folder: Path) -> Run:
         for name in ("follows", "events"):
             says(ears, "waiting for", name)
         robot = start("robot", "rtamt_ros.simulator --only robot", *ROBOT)
+        until(ears, MOVES, bool, "a number")  # it reads the odometry alone
+        early = {topic: ears.heard(topic) for topic in topics}
         asked["controller"] = start("controller", "rtamt_ros.simulator --only controller", *DRIVER)
         for topic in (FOLLOWS, EVENTS):
             until(ears, topic, lambda values: dips(values) == 2, "two faults")
@@ -164,4 +168,5 @@ def play(generation: int, folder: Path) -> Run:
         for process in asked.values():
             process.ask_to_end()
         codes = {name: process.ended() for name, process in asked.items()}
-        return Run(folder, {topic: ears.heard(topic) for topic in topics}, after, addresses, codes)
+        heard = {topic: ears.heard(topic) for topic in topics}
+        return Run(folder, heard, early, after, addresses, codes)
