@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rtamt import EpisodeMonitor, InputError, Monitor, SpecificationError, Verdict
 from rtamt_ros.core.account import Account
+from rtamt_ros.core.formulas import Formulas
 from rtamt_ros.core.record import Record
 from rtamt_ros.core.report import Report, seconds
 from rtamt_ros.core.requirements import Requirement, unbounded
@@ -20,7 +21,8 @@ class Sampled:
 
     The n-th sample of a run is that of its begin + n periods, whatever the jitter of the looks. One
     that comes late by several periods takes the values held then for all of them. The robustness is
-    that of `Monitor`; of a requirement for which no monitor can wait, that of `EpisodeMonitor`.
+    that of `Monitor`; of a requirement for which no monitor can wait, that of `EpisodeMonitor`. So
+    is that of every named formula (`Formulas`).
 
     Args:
         requirement: What to judge.
@@ -52,7 +54,9 @@ class Sampled:
         order = {source: at for at, source in enumerate(self.inputs)}
         cells = [requirement.cells[name] for name in self._episode.variables]
         self._places = [(order[source], place) for source, place in cells]
-        self._named = bool(requirement.specification.formulas)
+        self._formulas: Formulas | None = None
+        if requirement.specification.formulas and self._monitor is None:
+            self._formulas = Formulas(requirement.specification, self._episode.variables, options)
         self._record = record
         self._why = ""
         self._start: int | None = None
@@ -95,8 +99,9 @@ class Sampled:
 
     def _begin(self, now: int) -> Report:
         self._episode.reset()
-        if self._monitor is not None:
-            self._monitor.reset()
+        for each in (self._monitor, self._formulas):
+            if each is not None:
+                each.reset()
         self._start, self._count, self._decided = now, 0, False
         return self._feed(1)
 
@@ -133,13 +138,22 @@ class Sampled:
             None if known is None else about,
             self._episode.bounds(),
             self._episode.verdict,
-            self._monitor.values if self._monitor is not None and self._named else {},
+            self._values(),
             may_rise=self._may_rise,
         )
 
     def _step(self, sample: Sequence[float]) -> float:
         if self._monitor is None:
-            return self._episode.update(*sample)
+            robustness = self._episode.update(*sample)
+            if self._formulas is not None:
+                self._formulas.update(sample, robustness)
+            return robustness
         robustness = self._monitor.update(*sample)
         self._episode.update(*sample)
         return robustness
+
+    def _values(self) -> Mapping[str, float]:
+        """The robustness of every named formula, nan where it is not known yet."""
+        if self._formulas is not None:
+            return self._formulas.values
+        return {} if self._monitor is None else self._monitor.values

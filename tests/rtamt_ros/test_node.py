@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
-
 import pytest
-from memory_middleware import CLASSES, SECOND, MemoryMiddleware, message
+from memory_middleware import MemoryMiddleware, message
+from memory_nodes import MS, send, started, topics
 
 import rtamt
 from rtamt import InputError, SpecificationError
 from rtamt_ros.core.requirements import requirements_of
-from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
 
-MS = 1_000_000
 PAPER = """
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
@@ -32,19 +29,6 @@ out.value = always[0:0.2](near)
 """
 
 
-def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node that runs."""
-    ros = MemoryMiddleware()
-    node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
-    node.start()
-    return ros, node
-
-
-def send(ros: MemoryMiddleware, name: str, value: float) -> None:
-    """A number on a topic."""
-    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
-
-
 def drive(ros: MemoryMiddleware, speeds: list[tuple[float, float]]) -> None:
     """Commands and speeds, one pair a period."""
     for command, speed in speeds:
@@ -57,12 +41,6 @@ def drive(ros: MemoryMiddleware, speeds: list[tuple[float, float]]) -> None:
 def open_ends(ros: MemoryMiddleware) -> tuple[int, int, int]:
     """How many publishers, subscriptions and timers are open."""
     return len(ros.publishers), len(ros.subscriptions), len(ros.timers)
-
-
-def topics(ros: MemoryMiddleware) -> dict[str, str]:
-    """The topics that are published, with the packages of their messages."""
-    packages = {kind: package for (package, _), kind in CLASSES.items()}
-    return {each.topic: packages[each.message] for each in ros.publishers}
 
 
 def test_a_text_of_the_paper_is_monitored_as_it_stands() -> None:
@@ -105,57 +83,11 @@ def test_one_subscription_serves_all_that_read_a_topic() -> None:
 MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; float64 x; "
 
 
-def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
-    text = f"""{MESSAGES}
-    output Parts out
-    output Float32 alone
-    out.a = x > 1
-    out.inner.y = eventually[0:0.1](x > 2)
-    out.b = always(out.a or out.inner.y)
-    alone = x < 9
-    """
-    ros, _ = started(text.replace("; ", "\n"))
-    assert "rtamt/out" in topics(ros)
-    assert "rtamt/alone" in topics(ros)
-    begin = ros.time
-    for value in (3.0, 0.5, 4.0):
-        send(ros, "x", value)
-        ros.tick()
-        ros.time += 100 * MS
-    found = [(m.header.stamp.ns, m.a, m.inner.y, m.b) for m in ros.on("rtamt/out")]
-    # out.b is late by one sample; its parts come with it, each as late as itself.
-    assert found == [(begin, -0.5, 1.0, 2.0), (begin + 100 * MS, 3.0, 2.0, 2.0)]
-    assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
-
-
-def test_a_formula_that_two_requirements_use_is_published_once_when_it_is_known() -> None:
-    ros, _ = started("p = eventually[0:0.1](x > 0); a = p or x > 5; b = always(p)")
-    for value in (1.0, 2.0, 3.0):
-        send(ros, "x", value)
-        ros.tick()
-        ros.time += 100 * MS
-    assert ros.data("rtamt/p") == [2.0, 3.0]
-    assert ros.data("rtamt/a") == [2.0, 3.0]
-    assert ros.data("rtamt/b") == [2.0, 2.0]
-
-
 def test_a_field_that_several_read_is_read_once() -> None:
     texts = ["x > 0; ", "always(x > 1)", "p = x > 0; q = x < 3"]
     inputs, requirements = requirements_of([rtamt.parse(text) for text in texts], Settings())
     assert [[field.variable for field in each.fields] for each in inputs] == [["x"]]
     assert [each.name for each in requirements] == ["spec", "spec_2", "p", "q"]
-
-
-def test_two_requirements_in_one_message_have_bounds_of_their_own() -> None:
-    text = f"{MESSAGES}output Parts out; @ topic(out, /safe); out.a = x > 1; out.inner.x = x < 5"
-    ros, _ = started(text)
-    assert {topic for topic in topics(ros) if "verdict" in topic} == {
-        "/safe/a/verdict",
-        "/safe/inner/x/verdict",
-    }
-    send(ros, "x", 2.0)
-    ros.tick()
-    assert [(m.a, m.inner.x) for m in ros.on("/safe")] == [(1.0, 3.0)]
 
 
 @pytest.mark.parametrize(
@@ -335,61 +267,6 @@ def test_a_replacement_begins_anew_with_its_own_topics_and_settings() -> None:
     node.stop()
     node.replace(["z > 0"])
     assert not node.running
-
-
-@pytest.mark.parametrize("generation", [1, 2])
-def test_diagnostics_come_once_a_second_and_when_a_level_changes(generation: int) -> None:
-    ros = MemoryMiddleware(generation=generation, name="/ns/monitor")
-    node = MonitorNode(ros, ["bounded = always(x < 3)", PAPER])
-    node.start()
-    for n in range(30):
-        send(ros, "x", 1.0 if n < 15 else 4.0)
-        ros.tick()
-        ros.time += 100 * MS
-    found = ros.on("/diagnostics")
-    begin = 1000 * SECOND
-    assert [(each.header.stamp.ns - begin) // MS for each in found] == [0, 1000, 1500, 2500]
-    first, second = found[-1].status
-    assert (first.level, second.level) == ((2, 1) if generation == 1 else (b"\x02", b"\x01"))
-    assert (first.name, second.name) == ("ns/monitor: bounded", "ns/monitor: out.value")
-    at = "1001.500 s"
-    assert first.message == (f"violated, robustness -1; violated 1 time since start, first at {at}")
-    assert second.message == "waiting for cmd, odom"
-    assert {each.key: each.value for each in first.values} == {
-        "formula": "always(x < 3)",
-        "robustness": "-1",
-        "at": "1002.500 s",
-        "lower": "-inf",
-        "upper": "-1",
-        "verdict": "VIOLATED",
-        "worst robustness": "-1",
-        "worst at": at,
-        "violations": "1",
-        "first violation at": at,
-        "waiting for": "",
-        "stale inputs": "",
-        "late samples": "0",
-        "messages out of order": "0",
-        "unreadable messages": "0",
-        "restarts": "0",
-    }
-    assert [level for level, _ in ros.lines] == [Level.OK, Level.WARN, Level.ERROR]
-    assert ros.lines[1][1] == "out.value: waiting for cmd, odom"
-
-
-def test_without_the_messages_of_diagnostics_the_rest_goes_on() -> None:
-    ros = MemoryMiddleware(missing={"diagnostic_msgs"})
-    node = MonitorNode(ros, ["x > 0"])
-    node.start()
-    send(ros, "x", 1.0)
-    ros.tick()
-    assert ros.data("rtamt/spec") == [1.0]
-    assert ros.lines[0] == (
-        Level.WARN,
-        "there is no /diagnostics: diagnostic_msgs is not installed",
-    )
-    node.stop()
-    assert not ros.publishers
 
 
 @pytest.mark.parametrize("of", ["pose", "twist"])

@@ -3,29 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, cast
 
-from memory_middleware import SECOND, MemoryMiddleware, message
+from memory_middleware import SECOND, message
+from memory_nodes import MS, send, started
 
 from rtamt_ros.middleware import Level
-from rtamt_ros.node import MonitorNode, Settings
 
-MS = 1_000_000
 START = 1000 * SECOND
 ODOM = "from nav_msgs.msg import Odometry; input Odometry odom; "
-
-
-def started(text: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node that runs."""
-    ros = MemoryMiddleware(time=START)
-    node = MonitorNode(ros, [text], Settings(**cast("Any", settings)))
-    node.start()
-    return ros, node
-
-
-def send(ros: MemoryMiddleware, name: str, value: float) -> None:
-    """A number on a topic."""
-    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
 
 
 def odometry(speed: float, stamp: int | None = None) -> object:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from memory_middleware import SECOND, MemoryMiddleware, message
+from memory_middleware import SECOND, message
+from memory_nodes import MS, send, started
 
 from rtamt import InputError, Verdict
 from rtamt_ros.middleware import Level
-from rtamt_ros.node import MonitorNode, Settings
+from rtamt_ros.node import Settings
 
-MS = 1_000_000
 START = 1000 * SECOND
 STALE = 500 * MS  # five periods of 100 ms
 X_AND_Y = "historically(x > 0 and y > 0)"
@@ -25,19 +25,6 @@ GAPS = st.lists(
     ),
     max_size=80,
 )
-
-
-def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node that runs."""
-    ros = MemoryMiddleware(time=START)
-    node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
-    node.start()
-    return ros, node
-
-
-def send(ros: MemoryMiddleware, name: str, value: float) -> None:
-    """A number on a topic."""
-    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
 
 
 @given(GAPS)

@@ -5,29 +5,13 @@ from __future__ import annotations
 import csv
 import math
 from pathlib import Path
-from typing import Any, cast
 
 import pytest
-from memory_middleware import SECOND, MemoryMiddleware, message
+from memory_middleware import SECOND
+from memory_nodes import MS, send, started
 
 from rtamt import InputError, evaluate
 from rtamt_gym.__main__ import main
-from rtamt_ros.node import MonitorNode, Settings
-
-MS = 1_000_000
-
-
-def started(text: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
-    """A node that runs."""
-    ros = MemoryMiddleware()
-    node = MonitorNode(ros, [text], Settings(**cast("Any", settings)))
-    node.start()
-    return ros, node
-
-
-def send(ros: MemoryMiddleware, name: str, value: float) -> None:
-    """A number on a topic."""
-    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -1,0 +1,101 @@
+"""The topics of robustness, bounds and verdicts."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from memory_nodes import MS, send, started, topics
+
+from rtamt import EpisodeMonitor, Monitor, parse
+
+MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; float64 x; "
+
+
+def test_formulas_named_after_fields_of_a_message_are_one_message() -> None:
+    text = f"""{MESSAGES}
+    output Parts out
+    output Float32 alone
+    out.a = x > 1
+    out.inner.y = eventually[0:0.1](x > 2)
+    out.b = always(out.a or out.inner.y)
+    alone = x < 9
+    """
+    ros, _ = started(text.replace("; ", "\n"))
+    assert "rtamt/out" in topics(ros)
+    assert "rtamt/alone" in topics(ros)
+    begin = ros.time
+    for value in (3.0, 0.5, 4.0):
+        send(ros, "x", value)
+        ros.tick()
+        ros.time += 100 * MS
+    found = [(m.header.stamp.ns, m.a, m.inner.y, m.b) for m in ros.on("rtamt/out")]
+    # out.b is late by one sample; its parts come with it, each as late as itself.
+    assert found == [(begin, -0.5, 1.0, 2.0), (begin + 100 * MS, 3.0, 2.0, 2.0)]
+    assert ros.data("rtamt/alone") == [6.0, 8.5, 5.0]
+
+
+def test_a_formula_that_two_requirements_use_is_published_once_when_it_is_known() -> None:
+    ros, _ = started("p = eventually[0:0.1](x > 0); a = p or x > 5; b = always(p)")
+    for value in (1.0, 2.0, 3.0):
+        send(ros, "x", value)
+        ros.tick()
+        ros.time += 100 * MS
+    assert ros.data("rtamt/p") == [2.0, 3.0]
+    assert ros.data("rtamt/a") == [2.0, 3.0]
+    assert ros.data("rtamt/b") == [2.0, 2.0]
+
+
+def test_two_requirements_in_one_message_have_bounds_of_their_own() -> None:
+    text = f"{MESSAGES}output Parts out; @ topic(out, /safe); out.a = x > 1; out.inner.x = x < 5"
+    ros, _ = started(text)
+    assert {topic for topic in topics(ros) if "verdict" in topic} == {
+        "/safe/a/verdict",
+        "/safe/inner/x/verdict",
+    }
+    send(ros, "x", 2.0)
+    ros.tick()
+    assert [(m.a, m.inner.x) for m in ros.on("/safe")] == [(1.0, 3.0)]
+
+
+# For each text the named formulas beside the result, and who says their robustness.
+UNBOUNDED: dict[str, dict[str, type[Monitor | EpisodeMonitor]]] = {
+    "slow = always(x < 3); out = always(slow) and x > 0": {"slow": Monitor},
+    "near = x > 0; up = eventually(near); out = always(up)": {"near": Monitor, "up": Monitor},
+    "seen = eventually[0:0.2](x > 1); kept = always(seen) or x < 0; out = eventually(kept)": {
+        "seen": Monitor,
+        "kept": EpisodeMonitor,
+    },
+}
+
+
+@pytest.mark.parametrize("text", UNBOUNDED)
+@given(values=st.lists(st.sampled_from([-2.0, -0.0, 0.0, 1.0, 2.5, 7.0]), min_size=1, max_size=9))
+def test_each_formula_of_a_requirement_without_an_end_has_a_robustness_of_its_own(
+    text: str, values: list[float]
+) -> None:
+    ros, node = started(text)
+    spec = parse(text)
+    alone = {
+        name: kind(spec.formulas[name], period="100ms") for name, kind in UNBOUNDED[text].items()
+    }
+    whole = EpisodeMonitor(spec, period="100ms")
+    said: dict[str, list[str]] = {name: [] for name in (*alone, "out")}
+    for value in values:
+        send(ros, "x", value)
+        ros.tick()
+        ros.time += 100 * MS
+        said["out"].append(repr(whole.update(value)))
+        for name, monitor in alone.items():
+            said[name].append(repr(monitor.update(value)))
+    for name, numbers in said.items():
+        found = [repr(number) for number in ros.data(f"rtamt/{name}")]
+        assert found == [number for number in numbers if number != "nan"], name
+    node.stop()
+    node.start()
+    seen = {name: len(ros.data(f"rtamt/{name}")) for name in said}
+    send(ros, "x", values[0])
+    ros.tick()
+    for name, before in seen.items():  # begun anew
+        found = [repr(number) for number in ros.data(f"rtamt/{name}")[before:]]
+        assert found == [number for number in said[name][:1] if number != "nan"]

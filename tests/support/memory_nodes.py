@@ -1,0 +1,32 @@
+"""Nodes on a middleware in memory."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from memory_middleware import CLASSES, MemoryMiddleware, message
+
+from rtamt_ros.node import MonitorNode, Settings
+
+__all__ = ["MS", "send", "started", "topics"]
+
+MS = 1_000_000
+
+
+def started(*texts: str, **settings: object) -> tuple[MemoryMiddleware, MonitorNode]:
+    """A node that runs."""
+    ros = MemoryMiddleware()
+    node = MonitorNode(ros, list(texts), Settings(**cast("Any", settings)))
+    node.start()
+    return ros, node
+
+
+def send(ros: MemoryMiddleware, name: str, value: float) -> None:
+    """A number on a topic."""
+    ros.send(f"rtamt/{name}", message("std_msgs", "Float64", data=value))
+
+
+def topics(ros: MemoryMiddleware) -> dict[str, str]:
+    """The topics that are published, with the packages of their messages."""
+    packages = {kind: package for (package, _), kind in CLASSES.items()}
+    return {each.topic: packages[each.message] for each in ros.publishers}
