@@ -73,7 +73,6 @@ def _run(argv: Sequence[str]) -> int:
 
 def _in_options(message: str) -> str:
     """A message about parameters in the words of the command line."""
-    message = message.replace(", or let --align round it", "")  # which is of `rtamt monitor`
     for option, parameter in _PARAMETERS_OF.items():
         message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
     return re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)
@@ -126,6 +125,12 @@ def _parser() -> argparse.ArgumentParser:
         "--unit",
         choices=tuple(UNITS),
         help=f"of the period (default: {_default('unit')})",
+    )
+    when.add_argument(
+        "--align",
+        choices=("outward", "inward", "nearest"),
+        help="how a bound that is no multiple of the period is rounded to samples (default: such "
+        "a bound is an error)",
     )
     when.add_argument(
         "--dense",

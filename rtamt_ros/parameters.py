@@ -6,13 +6,16 @@ An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` says which di
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import rtamt
-from rtamt import InputError, Specification
+from rtamt import InputError, RtamtError, Specification
 from rtamt.errors import alternatives, brief, is_one_of
+from rtamt_ros.core.judges import Judges
 from rtamt_ros.core.settings import Settings
 
 __all__ = ["DEPTH", "PARAMETERS", "UNITS", "Qos", "read"]
@@ -37,6 +40,7 @@ PARAMETERS: dict[str, tuple[object, str]] = {
         "seconds until an input is stale, or a list of TOPIC=SECONDS",
     ),
     "semantics": ("standard", "the robustness of inputs and outputs"),
+    "align": ("", "how bounds between samples are rounded: outward, inward or nearest"),
     "record": ("", "a CSV file for the samples and their robustness"),
     "qos": (
         "best_effort",
@@ -52,21 +56,16 @@ def read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:
     """What the values of all parameters say to monitor, and how.
 
     Raises:
-        InputError: On a value that has no meaning, or a file that cannot be read.
-        SpecificationError: On a text that is no specification.
+        InputError: On a value that has no meaning, a file that cannot be read, or a topic with a
+            time of its own that nothing reads.
+        SpecificationError: On a text that is no specification, or that a monitor cannot run; a note
+            names its file.
     """
     for name, known in (("unit", UNITS), ("qos", get_args(Qos))):
         if not is_one_of(values[name], known):
             raise InputError(f"{name}: expected {alternatives(known)}, got {brief(values[name])}")
     if values["depth"] < 1:
         raise InputError(f"depth: expected 1 message or more, got {values['depth']}")
-    specifications = []
-    for path in _texts(values, "spec_file"):
-        try:
-            specifications.append(rtamt.load(path))
-        except OSError as error:
-            raise InputError(f"spec_file: cannot read {path}: {error.strerror}") from error
-    specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
     stale, stale_of = _stale(values["stale"])
     settings = Settings(
         period=_period(values["period"], values["unit"]),
@@ -75,9 +74,28 @@ def read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:
         stale=stale,
         stale_of=stale_of,
         semantics=values["semantics"],
+        align=values["align"] or None,
         record=Path(values["record"]) if values["record"] else None,
     )
+    specifications = [_loaded(path, settings) for path in _texts(values, "spec_file")]
+    specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
+    if specifications:
+        Judges(specifications, settings, Counter())  # which refuses what no monitor can run
     return specifications, settings
+
+
+def _loaded(path: str, settings: Settings) -> Specification:
+    """The specification in a file, which a monitor can run."""
+    try:
+        specification = rtamt.load(path)
+    except OSError as error:
+        raise InputError(f"spec_file: cannot read {path}: {error.strerror}") from error
+    try:
+        Judges([specification], replace(settings, stale_of={}, record=None), Counter())
+    except RtamtError as error:
+        error.add_note(f"in {path}")
+        raise
+    return specification
 
 
 def _texts(values: Mapping[str, Any], name: str) -> list[str]:

@@ -26,7 +26,7 @@ class Sampled:
 
     Args:
         requirement: What to judge.
-        settings: The period and the semantics.
+        settings: The period, the semantics and `align`.
         record: Where the samples go.
 
     Raises:
@@ -39,7 +39,11 @@ class Sampled:
         self.account = Account(requirement)
         self.inputs = requirement.inputs
         self._period, self._gap = settings.period, settings.gap
-        options: Any = {"period": f"{settings.period}ns", "semantics": settings.semantics}
+        options: Any = {
+            "period": f"{settings.period}ns",
+            "semantics": settings.semantics,
+            "align": settings.align,
+        }
         self._episode = EpisodeMonitor(requirement.specification, **options)
         self._monitor: Monitor | None = None
         try:

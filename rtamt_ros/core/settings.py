@@ -28,13 +28,14 @@ class Settings:
             periods, and at least half a second.
         stale_of: The same for single topics, named as in the specification.
         semantics: As for `rtamt.Monitor`.
+        align: As for `rtamt.Monitor`; dense time has no samples to round to.
         record: A CSV file for times, variables and robustness of every sample, or in dense time for
             every event: ``rtamt monitor`` finds the same robustness. A run of the monitor after a
             restart has a file of its own, ``NAME-2.csv``; of several requirements each has,
             ``NAME-REQUIREMENT.csv``.
 
     Raises:
-        InputError: On a period or a time that is not positive.
+        InputError: On a period or a time that is not positive, or on `align` in dense time.
     """
 
     period: int = 100_000_000
@@ -43,6 +44,7 @@ class Settings:
     stale: float | None = None
     stale_of: Mapping[str, float] = field(default_factory=dict)
     semantics: str = "standard"
+    align: str | None = None
     record: Path | None = None
 
     def __post_init__(self) -> None:
@@ -51,6 +53,8 @@ class Settings:
             raise InputError(
                 f"expected a whole number of nanoseconds as the period, got {self.period}"
             )
+        if self.dense and self.align is not None:
+            raise InputError("expected align= or dense time, which has no samples to round to")
         for topic, seconds in {"": self.stale, **self.stale_of}.items():
             if seconds is not None and not seconds > 0:
                 of = f" of {topic}" if topic else ""

@@ -47,6 +47,17 @@ ERRORS = {
     "--spec x>1 --stale soon": "--stale: expected seconds or TOPIC=SECONDS, got 'soon'",
     "--spec x>1 --stale x=-1": "expected seconds until an input is stale of x, more than 0, "
     "got -1.0; inf is never",
+    "--spec x>1 --stale rtamt/y=2": "stale speaks of the topic rtamt/y, which nothing reads; "
+    "did you mean 'rtamt/x'?",
+    "--spec eventually[0:0.25](x>1)": "STL:1:11: bound 0.25 s is not a multiple of the period "
+    "0.1 s (2.5 steps)\n"
+    "  eventually[0:0.25](x>1)\n"
+    "            ^\n"
+    "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let --align round it",
+    "--spec x>1 --align up": "argument --align: invalid choice: 'up' (choose from 'outward', "
+    "'inward', 'nearest'); see ros_stl_monitor.py --help",
+    "--spec x>1 --dense --align inward": "expected --align or dense time, which has no samples to "
+    "round to",
     "--spec x>1 --perod 3": "unrecognized arguments: --perod 3; see ros_stl_monitor.py --help",
 }
 
@@ -64,10 +75,23 @@ def test_bad_arguments_end_with_code_2_and_one_message(
 def test_an_error_in_a_file_names_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "bad.stl"
-    path.write_text("x >")
-    assert main(["--stl", str(path)]) == 2
-    assert f"in {path}: STL:1:4: expected an operand" in capsys.readouterr().err
+    good, bad = tmp_path / "good.stl", tmp_path / "bad.stl"
+    good.write_text("y > 1")
+    errors = {
+        "x >": "STL:1:4: expected an operand",
+        "once[0:0.25](x > 1)": "STL:1:5: bound 0.25 s is not a multiple of the period 0.1 s",
+        "m.a > 1": "expected the class of the message 'm', got none",
+    }
+    for text, error in errors.items():
+        bad.write_text(text)
+        assert main(["--stl", str(good), "--stl", str(bad)]) == 2
+        assert f"in {bad}: {error}" in capsys.readouterr().err
+
+
+def test_align_rounds_bounds_that_are_no_whole_number_of_periods(played: Played) -> None:
+    given = ["--period", "0.5", "--unit", "s", "--align", "outward"]
+    assert main(["--spec", "out = once[0:0.25](x > 1)", *given]) == 0
+    assert played.data("rtamt/out") == [1.0, 1.0]
 
 
 REMAPPED = ("--ros-args", "-r", "odom:=wheels")
@@ -160,6 +184,7 @@ def test_parameters_become_settings() -> None:
     assert read({**DEFAULTS, "stale": 0.25})[1] == replace(plain, stale=0.25)
     settings = read({**DEFAULTS, "dense": True, "stamps": True, "record": "a.csv"})[1]
     assert settings == replace(plain, dense=True, stamps=True, record=Path("a.csv"))
+    assert read({**DEFAULTS, "align": "nearest"})[1] == replace(plain, align="nearest")
 
 
 def test_files_and_texts_are_monitored_together() -> None:
@@ -213,11 +238,6 @@ REFUSED = {
     "Twist has no field 'linaer'; did you mean 'linear'?",
     "from absent_msgs.msg import Thing; input Thing it; x = it.y > 1": "absent_msgs is not "
     "installed",
-    "eventually[0:0.25](x > 1)": "STL:1:11: bound 0.25 s is not a multiple of the period 0.1 s "
-    "(2.5 steps)\n"
-    "  eventually[0:0.25](x > 1)\n"
-    "            ^\n"
-    "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart",
 }
 
 
@@ -242,14 +262,14 @@ def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
 
     monkeypatch.setitem(sys.modules, "rtamt_ros.ros2_lifecycle", SimpleNamespace(run=run))
     spec = str(ROOT / "examples" / "ros" / "spec.stl")
-    options = "--period 50 --stale 2 --stale cmd=inf --stamps --qos reliable --ros 2"
+    options = "--period 50 --stale 2 --stale robot0/cmd_vel=inf --stamps --qos reliable --ros 2"
     assert main(["--stl", spec, *options.split(), *REMAPPED]) == 7
     ((name, arguments, parameters),) = runs
     assert (name, arguments) == ("stl_monitor", [*REMAPPED])
     assert parameters == {
         "spec_file": [spec],
         "period": 50.0,
-        "stale": ["2", "cmd=inf"],
+        "stale": ["2", "robot0/cmd_vel=inf"],
         "stamps": True,
         "qos": "reliable",
     }
