@@ -17,7 +17,7 @@ from rtamt_ros.core.outputs import bound_topics, outputs_of
 from rtamt_ros.core.publishing import BOUNDS, Diagnostics, Publishing
 from rtamt_ros.core.report import Report
 from rtamt_ros.core.settings import Settings
-from rtamt_ros.middleware import Handle, Middleware
+from rtamt_ros.middleware import Handle, Level, Middleware
 
 __all__ = ["MonitorNode", "Report", "Settings"]
 
@@ -196,6 +196,9 @@ class _Running:
         except InputError:
             self.close()
             raise
+        heard = ", ".join(f"{each.topic} ({'/'.join(_class(each))})" for each in self.judges.inputs)
+        said = ", ".join(each.topic for each in plan.outputs)
+        middleware.log(Level.OK, f"hears {heard}; publishes {said}")
         if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
             self._look()
 
