@@ -62,6 +62,20 @@ def _lasts(fault: Stuck | Surge, steps: int) -> bool:
     return begin <= steps < begin + round(fault.duration / SCENARIO.period)
 
 
+def _checked(parameters: Mapping[str, float], seed: int) -> NDArray[np.float64]:
+    """The parameters of the scenario, within their ranges."""
+    row = SCENARIO.parameter_row(parameters, SCENARIO.defaults)
+    for each in SCENARIO.parameters:
+        if each.name in parameters and not each.low <= parameters[each.name] <= each.high:
+            raise InputError(
+                f"expected {each.name} from {each.low:g} to {each.high:g}, "
+                f"got {parameters[each.name]:g}"
+            )
+    if seed < 0:
+        raise InputError(f"expected a seed of at least 0, got {seed}")
+    return row
+
+
 class Robot:
     """A robot that subscribes to ``NAME/cmd_vel`` and publishes ``NAME/odom``.
 
@@ -86,16 +100,7 @@ class Robot:
         seed: int = 0,
         stuck: Stuck | None = None,
     ) -> None:
-        given = dict(parameters or {})
-        self._parameters = SCENARIO.parameter_row(given, SCENARIO.defaults)
-        for each in SCENARIO.parameters:
-            if each.name in given and not each.low <= given[each.name] <= each.high:
-                raise InputError(
-                    f"expected {each.name} from {each.low:g} to {each.high:g}, "
-                    f"got {given[each.name]:g}"
-                )
-        if seed < 0:
-            raise InputError(f"expected a seed of at least 0, got {seed}")
+        self._parameters = _checked(parameters or {}, seed)
         self._at_once = SCENARIO.parameter_row({"lag": 0.0}, self._parameters)
         self._random = np.random.default_rng(seed)
         self._stuck = stuck
@@ -271,6 +276,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options, of_ros = split(parser, sys.argv[1:] if arguments is None else arguments)
     parameters = {each.name: getattr(options, each.name) for each in SCENARIO.parameters}
     try:
+        _checked(parameters, options.seed)  # before a node waits for a master
         generation = chosen(options.ros)
         node = open_node(generation, options.only or "simulator", of_ros.of(generation))
         if options.only != "controller":
@@ -279,6 +285,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             Controller(node, options.name, surge=options.surge)
     except InputError as error:
         parser.error(str(error))
+    except KeyboardInterrupt:  # while it waits for a master of ROS 1
+        sys.exit(130)
     node.spin()
     node.close()
 

@@ -175,6 +175,7 @@ def test_bad_arguments_are_named(options: dict[str, Any], text: str) -> None:
             "argument --surge: expected BEGIN:DURATION:SPEED in seconds, such as 5:1:-0.5, got ''",
         ),
         ("--lagg 1", "unrecognized arguments: --lagg 1"),
+        ("--lag 3", "expected lag from 0 to 2, got 3"),
     ],
 )
 def test_a_bad_line_is_refused_before_there_is_a_node(
