@@ -1,4 +1,4 @@
-"""The page on learners and the groups of their tests: neither has what the other lacks."""
+"""The page on learners: its programs are run by tests, and do what it says."""
 
 from pathlib import Path
 from typing import Any
@@ -18,14 +18,6 @@ def test_every_program_of_the_page_is_run_by_a_test() -> None:
     run_by = {heading: sum(f'run("{heading}"' in text for text in texts) for heading in programs()}
     assert len(run_by) > 5
     assert set(run_by.values()) == {1}
-
-
-def test_every_test_of_a_learner_belongs_to_a_group() -> None:
-    groups = {path.stem for path in GROUPS.glob("*.txt")}
-    assert len(groups) > 4
-    names = [path.stem.removeprefix("test_") for path in GROUPS.glob("test_*.py")]
-    assert [sum(name.startswith(group) for group in groups) for name in names] == [1] * len(names)
-    assert all(any(name.startswith(group) for name in names) for group in groups)
 
 
 def test_the_order_of_wrappers_counts_episodes_and_rewards_as_the_learner_gets_them(

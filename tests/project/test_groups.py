@@ -1,0 +1,26 @@
+"""Tests that `.ci/run` runs in environments of their own, which the suite leaves out."""
+
+import tomllib
+
+import pytest
+from paths import ROOT
+
+FOLDERS = ("browser", "cluster", "learners", "ros")
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_test_of_a_folder_belongs_to_one_group(folder: str) -> None:
+    groups = {path.stem for path in (ROOT / "tests" / folder).glob("*.txt")}
+    tests = (ROOT / "tests" / folder).glob("test_*.py")
+    names = [path.stem.removeprefix("test_") for path in tests]
+    assert [sum(name.startswith(group) for group in groups) for name in names] == [1] * len(names)
+    assert groups
+    assert all(any(name.startswith(group) for name in names) for group in groups)
+
+
+def test_the_suite_leaves_the_groups_out_and_ci_runs_them() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    left_out = settings["tool"]["pytest"]["ini_options"]["norecursedirs"]
+    assert {f"tests/{folder}" for folder in FOLDERS} <= set(left_out)
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert [folder for folder in FOLDERS if f"groups tests/{folder} " not in ci] == []
