@@ -124,6 +124,7 @@ class Ros2:
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
         handle = _Handle(self, self.node.destroy_subscription, callback)
         qos = self.qos
+        wanted = f"{message.__module__.partition('.')[0]}/msg/{message.__name__}"
 
         def cannot_hear(_event: object) -> None:
             self.log(
@@ -133,7 +134,20 @@ class Ros2:
             )
 
         def heard(message: Any) -> None:
+            handle.called = True
             handle.call(message)
+
+        def compare_types() -> None:  # DDS tells nobody of a publisher of another type
+            publishers = self.node.get_publishers_info_by_topic(handle.entity.topic_name)
+            others = sorted({each.topic_type for each in publishers} - {wanted})
+            if others:
+                self.log(
+                    Level.ERROR,
+                    f"a publisher of {topic} sends {', '.join(others)} instead of {wanted}: none "
+                    "of its messages come",
+                )
+            if handle.watch is not None and (others or handle.called):
+                handle.watch.close()
 
         with _refusals(f"topic {topic!r}"):
             handle.entity = self.node.create_subscription(
@@ -145,6 +159,7 @@ class Ros2:
                     incompatible_qos=cannot_hear, use_default_callbacks=False
                 ),
             )
+        handle.watch = self.every(_SECOND, compare_types)
         return handle
 
     def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
@@ -215,12 +230,20 @@ class Ros2:
 
 
 class _Handle:
-    """A subscription or a timer until it is closed; an exception ends one call only."""
+    """A subscription or a timer until it is closed; an exception ends one call only.
+
+    Attributes:
+        entity: The subscription or the timer of rclpy.
+        called: Whether a message came.
+        watch: A timer that looks after a subscription, and is closed with it.
+    """
 
     def __init__(
         self, ros: Ros2, destroy: Callable[[Any], object], callback: Callable[..., None]
     ) -> None:
-        self.entity: object = None
+        self.entity: Any = None
+        self.called = False
+        self.watch: Handle | None = None
         self._ros = ros
         self._destroy = destroy
         self._callback: Callable[..., None] | None = callback
@@ -236,6 +259,8 @@ class _Handle:
     def close(self) -> None:
         if self._callback is not None:
             self._callback = None
+            if self.watch is not None:
+                self.watch.close()
             self._destroy(self.entity)
 
 
