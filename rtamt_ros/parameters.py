@@ -52,8 +52,15 @@ PARAMETERS: dict[str, tuple[object, str]] = {
 """Name, default and meaning of every parameter."""
 
 
-def read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:
+def read(
+    values: Mapping[str, Any], *, runnable: bool = True
+) -> tuple[list[Specification], Settings]:
     """What the values of all parameters say to monitor, and how.
+
+    Args:
+        values: Those of all `PARAMETERS`.
+        runnable: Whether they have to fit each other; parameters that are set one by one need not
+            until there is a monitor.
 
     Raises:
         InputError: On a value that has no meaning, a file that cannot be read, or a topic with a
@@ -77,19 +84,22 @@ def read(values: Mapping[str, Any]) -> tuple[list[Specification], Settings]:
         align=values["align"] or None,
         record=Path(values["record"]) if values["record"] else None,
     )
-    specifications = [_loaded(path, settings) for path in _texts(values, "spec_file")]
+    paths = _texts(values, "spec_file")
+    specifications = [_loaded(path, settings if runnable else None) for path in paths]
     specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
-    if specifications:
+    if specifications and runnable:
         Judges(specifications, settings, Counter())  # which refuses what no monitor can run
     return specifications, settings
 
 
-def _loaded(path: str, settings: Settings) -> Specification:
-    """The specification in a file, which a monitor can run."""
+def _loaded(path: str, settings: Settings | None) -> Specification:
+    """The specification in a file, which a monitor can run with these settings if there are any."""
     try:
         specification = rtamt.load(path)
     except OSError as error:
         raise InputError(f"spec_file: cannot read {path}: {error.strerror}") from error
+    if settings is None:
+        return specification
     try:
         Judges([specification], replace(settings, stale_of={}, record=None), Counter())
     except RtamtError as error:

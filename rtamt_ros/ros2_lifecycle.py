@@ -113,7 +113,7 @@ class StlMonitor:
     def _change(self, given: Mapping[str, object]) -> None:
         before = self._values()
         values = {**before, **given}
-        specifications, settings = read(values)
+        specifications, settings = read(values, runnable=self._monitor is not None)
         if self._monitor is None:
             return
         for name in ("qos", "depth"):
