@@ -1,5 +1,6 @@
 """The packages for colcon fit the Python package that they start."""
 
+import configparser
 import re
 import tomllib
 import xml.etree.ElementTree as ET
@@ -26,6 +27,12 @@ def test_what_is_installed_is_there_and_what_is_there_is_installed() -> None:
     named = set(re.findall(r'"((?:config|launch|resource|scripts)/[^"]+|package\.xml)"', setup))
     files = {str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file()}
     assert named == files - {"setup.py", "setup.cfg"}
+
+
+def test_programs_run_on_the_python_of_the_active_environment() -> None:
+    setup = configparser.ConfigParser()
+    setup.read(PACKAGES / "rtamt_ros/setup.cfg")
+    assert setup["build_scripts"]["executable"] == "/usr/bin/env python3"
 
 
 def test_the_file_of_parameters_says_their_defaults() -> None:
