@@ -62,6 +62,10 @@ class Middleware(Protocol):
         """The time of the clock of ROS; 0 before the first tick of a simulated one."""
         ...
 
+    def resolve(self, topic: str) -> str:
+        """The whole name of a topic: with the namespace of the node, and remapped."""
+        ...
+
     def stamp(self, message: Any) -> int | None:  # noqa: ANN401
         """The time in a message's header; None without a header, or where it is not set."""
         ...

@@ -196,9 +196,7 @@ class _Running:
         except InputError:
             self.close()
             raise
-        heard = ", ".join(f"{each.topic} ({'/'.join(_class(each))})" for each in self.judges.inputs)
-        said = ", ".join(each.topic for each in plan.outputs)
-        middleware.log(Level.OK, f"hears {heard}; publishes {said}")
+        self._tell_topics()
         if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
             self._look()
 
@@ -210,6 +208,14 @@ class _Running:
             self._handles.pop().close()
         with self._lock:
             self.judges.close()
+
+    def _tell_topics(self) -> None:
+        """Log on which topics the node hears and publishes."""
+        tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
+        for source in self.judges.inputs:
+            tell(f"hears {whole(source.topic)} ({'/'.join(_class(source))}) as {source.name}")
+        for output in self._plan.outputs:
+            tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
 
     def _callback(self, source: Input) -> Callable[[Any], None]:
         """What a message of a topic does."""

@@ -93,6 +93,9 @@ class Ros1:
     def now(self) -> int:
         return _now()
 
+    def resolve(self, topic: str) -> str:
+        return str(rospy.resolve_name(topic))
+
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         return (stamp and int(stamp.to_nsec())) or None

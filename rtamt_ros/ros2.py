@@ -112,6 +112,9 @@ class Ros2:
         time: int = self._clock.now().nanoseconds
         return time
 
+    def resolve(self, topic: str) -> str:
+        return str(self.node.resolve_topic_name(topic))
+
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
         return stamp and (stamp.sec * _SECOND + stamp.nanosec or None)

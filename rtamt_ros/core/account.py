@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rtamt import Verdict
+from rtamt_ros.core.record import Record
 from rtamt_ros.core.report import Report, holds, seconds
 from rtamt_ros.core.requirements import Requirement
 from rtamt_ros.middleware import Level
@@ -27,6 +28,7 @@ class Account:
 
     Args:
         requirement: The requirement.
+        record: Where its samples go.
 
     Attributes:
         last: The last report.
@@ -34,11 +36,12 @@ class Account:
         restarts: As in `Report`.
     """
 
-    def __init__(self, requirement: Requirement) -> None:
+    def __init__(self, requirement: Requirement, record: Record | None = None) -> None:
         self.name = requirement.name
         self.inputs = requirement.inputs
         self.last: Report | None = None
         self.missed = self.restarts = 0
+        self._record = record
         self._began = False
         self._why = ""
         self._worst: float | None = None
@@ -133,10 +136,11 @@ class Account:
         for source in self.inputs:
             out_of_order += source.out_of_order
             errors += source.errors
+        unrecorded = "" if self._record is None else self._record.error
         self.last = Report(
             self.name,
             time,
-            level,
+            max(level, Level.WARN) if unrecorded else level,
             problem,
             worst=self._worst,
             worst_time=self._worst_time,
@@ -147,6 +151,7 @@ class Account:
             errors=errors,
             restarts=self.restarts,
             restarted_because=self._why,
+            unrecorded=unrecorded,
             **found,
         )
         return self.last

@@ -41,7 +41,7 @@ class Dense:
     ) -> None:
         spec = requirement.specification
         options: Any = {"semantics": settings.semantics}
-        self.account = Account(requirement)
+        self.account = Account(requirement, record)
         self.inputs = requirement.inputs
         self._monitor = DenseMonitor(spec, **options)
         self._read = {

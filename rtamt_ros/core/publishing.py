@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 from typing import Any
 
-from rtamt import InputError
+from rtamt import InputError, Verdict
 from rtamt_ros.core.outputs import Output
 from rtamt_ros.core.report import Report, seconds
 from rtamt_ros.middleware import Level, Middleware, Publisher
@@ -42,7 +43,7 @@ class Publishing:
         self._middleware = middleware
         self._open: list[Publisher] = []
         self._of: dict[str, list[_Outgoing]] = {name: [] for name in bounds}
-        self._bounds: dict[str, list[tuple[str, Publisher]]] = {name: [] for name in bounds}
+        self._bounds: dict[str, list[_Bound]] = {name: [] for name in bounds}
         try:
             for output in outputs:
                 publisher = self._publisher(output.topic, classes[output.package, output.message])
@@ -52,21 +53,17 @@ class Publishing:
             for name, topic in bounds.items():
                 for what, message in BOUNDS.items():
                     publisher = self._publisher(f"{topic}/{what}", classes["std_msgs", message])
-                    self._bounds[name].append((what, publisher))
+                    self._bounds[name].append(_Bound(what, publisher))
         except InputError:
             self.close()
             raise
 
     def publish(self, report: Report) -> None:
-        """Publish what is known."""
+        """Publish what is known; of the bounds and the verdict, what is new."""
         for outgoing in self._of[report.name]:
             outgoing.publish(report)
-        for what, publisher in self._bounds[report.name]:
-            value = getattr(report, what)
-            if value is not None:
-                message = publisher.message()
-                message.data = int(value) if what == "verdict" else value
-                publisher.publish(message)
+        for bound in self._bounds[report.name]:
+            bound.publish(report)
 
     def close(self) -> None:
         """Close every publisher."""
@@ -77,6 +74,29 @@ class Publishing:
         publisher = self._middleware.publisher(topic, message)
         self._open.append(publisher)
         return publisher
+
+
+class _Bound:
+    """The messages of a bound or a verdict, each of which is published once until it changes.
+
+    Their topics are latched, and a message costs as much as a hundred samples of a monitor.
+    """
+
+    def __init__(self, what: str, publisher: Publisher) -> None:
+        self._of = attrgetter(what)
+        self._publisher = publisher
+        self._last = ""
+
+    def publish(self, report: Report) -> None:
+        value = self._of(report)
+        if value is None:
+            return
+        written = float(value).hex()  # tells -0.0 from 0.0, and nan is nan
+        if written != self._last:
+            self._last = written
+            message = self._publisher.message()
+            message.data = int(value) if isinstance(value, Verdict) else value
+            self._publisher.publish(message)
 
 
 class _Outgoing:
@@ -108,7 +128,9 @@ class _Outgoing:
 
 
 class Diagnostics:
-    """The states of requirements on ``/diagnostics``: once a second, and when a level changes.
+    """The states of requirements on ``/diagnostics``: once a second, and when one is another.
+
+    It is another when its level changes, or when its record ends. The log has these times only.
 
     Without the package ``diagnostic_msgs`` there are none, which the log says.
 
@@ -120,7 +142,7 @@ class Diagnostics:
     def __init__(self, middleware: Middleware, formulas: Mapping[str, str]) -> None:
         self._middleware = middleware
         self._formulas = formulas
-        self._levels: dict[str, Level] = {}
+        self._states: dict[str, tuple[Level, str]] = {}
         self._told = 0
         self._publisher: Publisher | None = None
         try:
@@ -135,11 +157,11 @@ class Diagnostics:
 
     def tell(self, reports: Sequence[Report], now: int) -> bool:
         """Publish and log what is new; whether it was time to."""
-        levels = {each.name: each.level for each in reports}
-        changed = [each for each in reports if self._levels.get(each.name) != each.level]
+        states = {each.name: (each.level, each.unrecorded) for each in reports}
+        changed = [each for each in reports if self._states.get(each.name) != states[each.name]]
         if not changed and 0 <= now - self._told < _SECOND:
             return False
-        self._told, self._levels = now, levels
+        self._told, self._states = now, states
         for report in changed:
             self._middleware.log(report.level, f"{report.name}: {report.text}")
         if self._publisher is not None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
@@ -20,7 +21,8 @@ class Record:
 
     A node that is stopped and started, or given other specifications, goes on with the numbers.
 
-    The times are dates of the clock of ROS, to the nanosecond.
+    The times are dates of the clock of ROS, to the nanosecond. Where a file cannot be written, as
+    on a disk that is full, the record ends, and nothing else does.
 
     Args:
         path: The file of the first run.
@@ -29,6 +31,9 @@ class Record:
 
     Raises:
         InputError: If there is no such folder.
+
+    Attributes:
+        error: Why the record has ended; empty while it goes on.
     """
 
     def __init__(self, path: Path, columns: Sequence[str], runs: Counter[Path]) -> None:
@@ -38,30 +43,53 @@ class Record:
         self._columns = ("time", *columns)
         self._runs = runs
         self._file: IO[str] | None = None
-        self._write: Any = None
+        self._write: Callable[[Sequence[object]], object] = _nowhere
+        self.error = ""
 
     def begin(self) -> None:
         """Begin the file of the next run."""
         self.close()
+        if self.error:
+            return
         path = self._path
         self._runs[path] += 1
         if self._runs[path] > 1:
             path = path.with_stem(f"{path.stem}-{self._runs[path]}")
-        self._file = path.open("w", encoding="utf-8", newline="")
-        self._write = csv.writer(self._file, lineterminator="\n").writerow
-        self._write(self._columns)
+        with self._ending():
+            self._file = path.open("w", encoding="utf-8", newline="")
+            self._write = csv.writer(self._file, lineterminator="\n").writerow
+            self._write(self._columns)
 
     def row(self, time: int, values: Iterable[object]) -> None:
         """Write a row, at a time in nanoseconds."""
-        self._write((f"{np.datetime64(time, 'ns')}Z", *values))
+        with self._ending():
+            self._write((f"{np.datetime64(time, 'ns')}Z", *values))
 
     def flush(self) -> None:
         """Put on the disk what was written."""
         if self._file is not None:
-            self._file.flush()
+            with self._ending():
+                self._file.flush()
 
     def close(self) -> None:
         """End the file of this run."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        file, self._file, self._write = self._file, None, _nowhere
+        if file is not None:
+            with self._ending():
+                file.close()
+
+    @contextmanager
+    def _ending(self) -> Iterator[None]:
+        """End the record where the system refuses to write."""
+        try:
+            yield
+        except OSError as error:
+            file, self._file, self._write = self._file, None, _nowhere
+            self.error = self.error or f"{self._path}: {error.strerror or error}"
+            with suppress(OSError):  # what it holds back cannot be written either
+                if file is not None:
+                    file.close()
+
+
+def _nowhere(_row: Sequence[object]) -> None:
+    """Write a row of a record that has ended."""

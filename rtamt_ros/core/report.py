@@ -46,6 +46,7 @@ class Report(NamedTuple):
         errors: Messages left out because a field was nan, or was not there.
         restarts: How often the monitor began anew, after a gap or a jump of the clock.
         restarted_because: Why it did so last.
+        unrecorded: Why samples are no longer recorded, where they were to be.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Report(NamedTuple):
     errors: int = 0
     restarts: int = 0
     restarted_because: str = ""
+    unrecorded: str = ""
 
     @property
     def text(self) -> str:
@@ -83,6 +85,8 @@ class Report(NamedTuple):
             parts.append(f"restarted {times}{last} because {self.restarted_because}")
         if self.missed:
             parts.append(f"{_counted(self.missed, 'sample')} late")
+        if self.unrecorded:
+            parts.append(f"nothing is recorded any more: {self.unrecorded}")
         return "; ".join(part for part in parts if part)
 
     def _robustness_text(self) -> str:

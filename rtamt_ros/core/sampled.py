@@ -36,7 +36,7 @@ class Sampled:
     def __init__(
         self, requirement: Requirement, settings: Settings, record: Record | None = None
     ) -> None:
-        self.account = Account(requirement)
+        self.account = Account(requirement, record)
         self.inputs = requirement.inputs
         self._period, self._gap = settings.period, settings.gap
         options: Any = {

@@ -12,6 +12,7 @@ from memory_nodes import MS, send, started
 
 from rtamt import InputError, evaluate
 from rtamt_gym.__main__ import main
+from rtamt_ros.middleware import Level
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -99,3 +100,34 @@ def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         started("x > 0", record=tmp_path / "no" / "run.csv")
     assert str(error.value) == f"expected a folder for the record, there is no {tmp_path / 'no'}"
+
+
+def test_a_disk_that_is_full_ends_the_record_and_nothing_else() -> None:
+    ros, node = started("always(x > 0)", record=Path("/dev/full"))
+    for n in range(25):
+        send(ros, "x", 5.0 - n % 4)
+        ros.tick(1000 * SECOND + n * 100 * MS)
+    said = "nothing is recorded any more: /dev/full: No space left on device"
+    texts = [text for _, text in ros.lines if said in text]
+    assert texts == [f"spec: holds so far, robustness 4; {said}"]
+    last = ros.on("/diagnostics")[-1].status[0].message
+    assert last == f"holds so far, robustness 2; {said}"
+    assert len(ros.data("rtamt/spec")) == 25
+    assert node.reports[0].level is Level.WARN
+    node.stop()
+
+
+def test_a_folder_that_is_gone_at_the_next_run_is_said(tmp_path: Path) -> None:
+    folder = tmp_path / "records"
+    folder.mkdir()
+    ros, node = started("x > 0", record=folder / "run.csv")
+    for time in (0, 900, 1000, 1100):
+        ros.time = 1000 * SECOND + time * MS
+        send(ros, "x", 1.0)
+        ros.tick()
+        if not time:
+            (folder / "run.csv").unlink()
+            folder.rmdir()
+    assert ros.data("rtamt/spec") == [1.0] * 4
+    assert node.reports[0].unrecorded == f"{folder / 'run.csv'}: No such file or directory"
+    node.stop()

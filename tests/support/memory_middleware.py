@@ -134,6 +134,9 @@ class MemoryMiddleware:
     def now(self) -> int:
         return self.time
 
+    def resolve(self, topic: str) -> str:
+        return topic if topic.startswith("/") else f"/{topic}"
+
     def stamp(self, message: Any) -> int | None:
         return message.header.stamp.ns or None if hasattr(message, "header") else None
 

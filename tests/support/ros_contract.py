@@ -257,6 +257,7 @@ class MiddlewareContract:
         robot = world.peer("robot", {"__ns": "/robot7", "odom": "wheels"})
         assert robot.ask("name").startswith("/robot7/robot")
         for key, at in {"x": "/robot7/x", "odom": "/robot7/wheels", topic: topic}.items():
+            assert robot.ask("resolve", key) == at
             robot.ask("publisher", key, key, *FLOAT, latched=True)
             robot.ask("publish", key, {"data": 3.0})
             listener.ask("subscribe", at, at, *FLOAT, ["data"], late=True)

@@ -96,6 +96,10 @@ class Desk:
         """The name of the node."""
         return self.node.name
 
+    def resolve(self, topic: str) -> str:
+        """The whole name of a topic."""
+        return self.node.resolve(topic)
+
     def now(self) -> int:
         """The time of the clock of ROS."""
         return self.node.now()
