@@ -19,11 +19,19 @@ from bench import INPUT, PATIENCE, Subject, bench
 
 @dataclass(frozen=True)
 class Latency:
-    """Nanoseconds, and the processor time of the node as a share of one processor."""
+    """What was measured of a subject at one rate.
+
+    Attributes:
+        whole: Nanoseconds from the publishing of an input to the arrival of its robustness.
+        after_tick: Nanoseconds from a tick to the arrival of its value, by the stamps.
+        unseen: The share of inputs without a robustness: lost, or followed by another before the
+            next tick.
+        load: The processor time of the node as a share of one processor.
+    """
 
     whole: np.ndarray
     after_tick: np.ndarray
-    lost: float
+    unseen: float
     load: float
 
 
