@@ -73,7 +73,7 @@ class Account:
 
     def without(self, now: int) -> tuple[Report, str]:
         """The report while inputs have not come or are stale, and why a run ends."""
-        waiting = [each for each in self.inputs if each.time is None]
+        waiting = [each for each in self.inputs if each.is_awaited()]
         stale = [each for each in self.inputs if each.is_stale(now)]
         gone = [each.name for each in self.inputs if each in waiting or each in stale]
         what = ["waiting for " + ", ".join(each.name for each in waiting)] if waiting else []

@@ -16,6 +16,8 @@ from rtamt_ros.core.settings import Settings
 
 __all__ = ["Dense"]
 
+_Events = dict[str, list[tuple[float, float]]]
+
 _UNKNOWN = (-math.inf, math.inf)
 
 
@@ -92,14 +94,15 @@ class Dense:
             return []
         self._monitor.reset()
         self._has_jumped()
-        self._origin = min(each.time or 0 for each in self.inputs)
+        times = [each.time for each in self.inputs if each.time is not None]
+        self._origin = min(times, default=now)
         self._robustness, self._last = None, {}
         self._bounds, self._verdict = _UNKNOWN, Verdict.UNDECIDED
         self._fresh = True
         return self._feed(self.inputs, now)
 
     def _is_absent(self, now: int) -> bool:
-        return any(each.time is None or each.is_stale(now) for each in self.inputs)
+        return any(each.is_gone(now) for each in self.inputs)
 
     def _has_jumped(self) -> bool:
         before, self._jumps = self._jumps, sum(each.jumps for each in self.inputs)
@@ -107,19 +110,25 @@ class Dense:
 
     def _feed(self, sources: Sequence[Input], now: int) -> Sequence[Report]:
         origin = self._origin or 0
-        events: dict[str, list[tuple[float, float]]] = {}
+        events: _Events = {}
         rows: list[tuple[int, dict[str, float]]] = []
         for source in sources:
-            time, values = source.time or 0, source.values
-            if self._silence:  # a clock may slip back a little, or have one time for two messages
-                time = max(time, self._last.get(source, time - 1) + 1)
+            time, values = source.time, source.values
+            if time is None:  # a default
+                time = origin
+            # A clock may slip back a little, have one time for two messages, or come after a value
+            # that lasted until now.
+            time = max(time, self._last.get(source, time - 1) + 1)
             self._last[source] = time
             row = {name: values[place] for name, place in self._read[source]}
             for name, value in row.items():
                 events[name] = [((time - origin) / 1e9, value)]
             rows.append((time, row))
         if self._silence:
-            self._extend(events, max(self._last.values()) + 1 if sources else now - 1)
+            until = max(self._last.values()) + 1 if sources else now - 1
+            self._extend(events, self.inputs, until)
+        else:
+            self._extend_defaults(events)
         try:
             found = self._monitor.update(events)
         except InputError as error:  # a term is no number
@@ -140,9 +149,16 @@ class Dense:
                 for event in row.items():
                     self._record.row(time, event)
 
-    def _extend(self, events: dict[str, list[tuple[float, float]]], until: int) -> None:
-        """All values last until then: those of a message for a nanosecond, and so are judged."""
-        for source in self.inputs:
+    def _extend_defaults(self, events: _Events) -> None:
+        """Values before the first message last while those of stamped messages do."""
+        lasting = [each for each in self.inputs if each.time is None]
+        stamped = [time for each, time in self._last.items() if each.time is not None]
+        if lasting and stamped:
+            self._extend(events, lasting, min(stamped))
+
+    def _extend(self, events: _Events, sources: Sequence[Input], until: int) -> None:
+        """Values last until then: those of a message for a nanosecond, and so are judged."""
+        for source in sources:
             if self._last[source] < until:
                 self._last[source] = until
                 for name, place in self._read[source]:

@@ -23,12 +23,14 @@ class Input:
         name: What the specifications call it.
         topic: As it is written there.
         settings: When it is stale, and what the times of messages are.
+        default: The value before the first message, for which nothing waits then.
 
     Attributes:
+        default: As given.
         package: The package of the class of its messages.
         message: The name of the class.
         fields: What is read of a message; `values` has the same order.
-        values: Those of the last message, in order; empty before the first.
+        values: Those of the last message, in order; before the first the default, or none.
         time: Nanoseconds at which it came, or those of its stamp; None before the first.
         taken: How many messages were taken.
         out_of_order: How many were left out because they are older than the one before.
@@ -44,6 +46,7 @@ class Input:
         "_lock",
         "_reads",
         "_stamps",
+        "default",
         "error",
         "errors",
         "fields",
@@ -60,7 +63,9 @@ class Input:
         "went_back",
     )
 
-    def __init__(self, name: str, topic: str, settings: Settings) -> None:
+    def __init__(
+        self, name: str, topic: str, settings: Settings, default: float | None = None
+    ) -> None:
         self.name = name
         self.topic = topic
         self.package: str | None = None
@@ -72,6 +77,7 @@ class Input:
         self._again = 0 if settings.dense else -1  # two events of a topic need two times
         self._gap = settings.gap
         self._lock = threading.Lock()
+        self.default = default
         self.values: list[float] = []
         self.time: int | None = None
         self.taken = self.out_of_order = self.errors = 0
@@ -85,6 +91,7 @@ class Input:
             return paths.index(field.path)
         self.fields.append(field)
         self._reads.append(field.read)
+        self.values = self._defaults()
         return len(paths)
 
     def take(self, message: Any, time: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
@@ -118,18 +125,30 @@ class Input:
         """Whether the last message is too old; it is not if there was none."""
         return self.age(now) > self.stale_after
 
+    def is_awaited(self) -> bool:
+        """Whether it has no value before its first message."""
+        return self.time is None and self.default is None
+
+    def is_gone(self, now: int) -> bool:
+        """Whether it has no value: it is awaited or stale."""
+        time = self.time
+        return self.default is None if time is None else now - time > self.stale_after
+
     def forget_after(self, now: int) -> None:
         """Forget a message that came later than now, before the clock went back."""
         with self._lock:
             if self.time is not None and self.time > now:
                 self.time = None
-                self.values = []
+                self.values = self._defaults()
 
     def came_before_the_clock(self, now: int) -> None:
         """Take now for the time of a message that came before a simulated clock began."""
         with self._lock:
             if self.time == 0:
                 self.time = now
+
+    def _defaults(self) -> list[float]:
+        return [] if self.default is None else [self.default] * len(self.fields)
 
     def _refuse(self, message: Any, error: Exception | None) -> bool:  # noqa: ANN401
         reason = self._reason(message, error)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from rtamt import InputError, Specification, SpecificationError, Subscription, subscriptions
@@ -38,23 +38,26 @@ def requirements_of(
 ) -> tuple[tuple[Input, ...], tuple[Requirement, ...]]:
     """The topics that specifications read, each once, and what they require.
 
+    A topic with several declared values before its first message is read once for each of them.
     Requirements of one name are told apart by a number: ``out``, ``out_2``.
 
     Raises:
         SpecificationError: If a topic is read as messages of two classes, or of none.
         InputError: If the settings speak of a topic that is not read.
     """
-    inputs: dict[str, Input] = {}
+    inputs: dict[tuple[str, float | None], Input] = {}
     requirements: dict[str, Requirement] = {}
     for origin, specification in enumerate(specifications):
         for title, part in specification.requirements.items():
             cells = {}
             for subscription in subscriptions(part):
+                topic, default = subscription.topic, _default(part, subscription)
                 source = inputs.setdefault(
-                    subscription.topic,
-                    Input(subscription.variable, subscription.topic, settings),
+                    (topic, default), Input(subscription.variable, topic, settings, default)
                 )
-                _agree(source, subscription)
+                for each in inputs.values():
+                    if each.topic == topic:
+                        _agree(each, subscription)
                 for field in subscription.fields:
                     cells[field.variable] = (source, source.add(field))
             numbered = (f"{title}_{count}" for count in itertools.count(2))
@@ -62,16 +65,7 @@ def requirements_of(
             name = next(each for each in candidates if each not in requirements)
             read = tuple(dict.fromkeys(source for source, _ in cells.values()))
             requirements[name] = Requirement(name, part, cells, read, origin)
-    for topic in settings.stale_of:
-        if topic not in inputs:
-            hint = nearest(topic, inputs) or f"; the topics are {', '.join(inputs)}"
-            raise InputError(f"stale speaks of the topic {topic}, which nothing reads{hint}")
-    for source in inputs.values():
-        if source.message is None:
-            raise SpecificationError(
-                f"expected the class of the message '{source.name}', got none; declare it: "
-                f"from PACKAGE.msg import CLASS, then input CLASS {source.name}"
-            )
+    _check(inputs.values(), settings)
     return tuple(inputs.values()), tuple(requirements.values())
 
 
@@ -81,6 +75,28 @@ def unbounded(specification: Specification) -> str:
     begin, end = specification.bounds(formula.interval)
     single = formula.op is not None and formula.op.name in ("always", "eventually")
     return formula.op.name if formula.op and single and begin == 0 and end is None else ""
+
+
+def _check(inputs: Collection[Input], settings: Settings) -> None:
+    """Refuse topics without a class, and settings of topics that nothing reads."""
+    topics = dict.fromkeys(each.topic for each in inputs)
+    for topic in settings.stale_of:
+        if topic not in topics:
+            hint = nearest(topic, topics) or f"; the topics are {', '.join(topics)}"
+            raise InputError(f"stale speaks of the topic {topic}, which nothing reads{hint}")
+    for source in inputs:
+        if source.message is None:
+            raise SpecificationError(
+                f"expected the class of the message '{source.name}', got none; declare it: "
+                f"from PACKAGE.msg import CLASS, then input CLASS {source.name}"
+            )
+
+
+def _default(specification: Specification, subscription: Subscription) -> float | None:
+    """The value before the first message, which the declaration of a plain variable may have."""
+    declared = specification.declaration(subscription.variable)
+    plain = all(field.path == ("data",) for field in subscription.fields)
+    return declared.default if declared is not None and plain else None
 
 
 def _agree(source: Input, subscription: Subscription) -> None:

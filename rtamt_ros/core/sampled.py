@@ -78,7 +78,7 @@ class Sampled:
         """The report of a time; None if no sample is due."""
         jumps = 0
         for source in self.inputs:
-            if source.time is None or now - source.time > source.stale_after:
+            if source.is_gone(now):
                 report, why = self.account.without(now)
                 self.stop(why)
                 return report
