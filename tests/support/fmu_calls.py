@@ -81,7 +81,14 @@ class Unit:
             location = folder.resolve().as_uri().encode()
             if prefix is not None:
                 location = prefix + str(folder).encode()
-            given = (b"unit", 1, token.encode(), location, ctypes.byref(self._callbacks), 0)
+            given: tuple[Any, ...] = (
+                b"unit",
+                1,
+                token.encode(),
+                location,
+                ctypes.byref(self._callbacks),
+                0,
+            )
             self.pointer = make(*given, int(logging))
         else:
             self._logger = _LOG_3(lambda _, *said: self._keep(*said))
