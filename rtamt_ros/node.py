@@ -192,11 +192,11 @@ class _Running:
             for source in self.judges.inputs:
                 callback = self._callback(source)
                 self._handles.append(middleware.subscribe(source.topic, plan.of(source), callback))
+            self._tell_topics()
             self._handles.append(middleware.every(plan.settings.period, self._look))
         except InputError:
             self.close()
             raise
-        self._tell_topics()
         if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
             self._look()
 
@@ -224,10 +224,12 @@ class _Running:
             return partial(self._take, source)
 
         def by_stamp(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
-            take(message, stamp(message) or now())
+            came = now()
+            take(message, stamp(message) or came, came)
 
         def by_receipt(message: Any) -> None:  # noqa: ANN401
-            take(message, now())
+            came = now()
+            take(message, came, came)
 
         return by_stamp if self._plan.settings.stamps else by_receipt
 

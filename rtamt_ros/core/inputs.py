@@ -32,6 +32,8 @@ class Input:
         fields: What is read of a message; `values` has the same order.
         values: Those of the last message, in order; before the first the default, or none.
         time: Nanoseconds at which it came, or those of its stamp; None before the first.
+        came: Nanoseconds at which it came. Its age counts from here where its stamp is later: a
+            publisher whose clock is ahead is stale as soon as another.
         taken: How many messages were taken.
         out_of_order: How many were left out because they are older than the one before.
         errors: How many were left out because they could not be read.
@@ -46,6 +48,7 @@ class Input:
         "_lock",
         "_reads",
         "_stamps",
+        "came",
         "default",
         "error",
         "errors",
@@ -80,6 +83,7 @@ class Input:
         self.default = default
         self.values: list[float] = []
         self.time: int | None = None
+        self.came = 0
         self.taken = self.out_of_order = self.errors = 0
         self.jumps = self.went_back = 0
         self.error = ""
@@ -94,7 +98,7 @@ class Input:
         self.values = self._defaults()
         return len(paths)
 
-    def take(self, message: Any, time: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
+    def take(self, message: Any, time: int, came: int) -> bool:  # noqa: ANN401 - the classes of ROS have no types
         """Hold what is read of a message; False if it is left out."""
         try:
             values = [float(read(message)) for read in self._reads]
@@ -113,13 +117,14 @@ class Input:
                 self.went_back = last - time
             self.values = values
             self.time = time
+            self.came = came
             self.taken += 1
             self.error = ""
         return True
 
     def age(self, now: int) -> int:
-        """Nanoseconds since the last message, of which there must be one."""
-        return 0 if self.time is None else now - self.time
+        """Nanoseconds since the last message; 0 without one."""
+        return 0 if self.time is None else now - min(self.time, self.came)
 
     def is_stale(self, now: int) -> bool:
         """Whether the last message is too old; it is not if there was none."""
@@ -131,21 +136,21 @@ class Input:
 
     def is_gone(self, now: int) -> bool:
         """Whether it has no value: it is awaited or stale."""
-        time = self.time
-        return self.default is None if time is None else now - time > self.stale_after
+        return self.default is None if self.time is None else self.is_stale(now)
 
     def forget_after(self, now: int) -> None:
         """Forget a message that came later than now, before the clock went back."""
         with self._lock:
-            if self.time is not None and self.time > now:
+            if self.time is not None and self.came > now:
                 self.time = None
                 self.values = self._defaults()
 
     def came_before_the_clock(self, now: int) -> None:
         """Take now for the time of a message that came before a simulated clock began."""
         with self._lock:
-            if self.time == 0:
-                self.time = now
+            if self.time is not None and not self.came:
+                self.came = now
+                self.time = self.time or now
 
     def _defaults(self) -> list[float]:
         return [] if self.default is None else [self.default] * len(self.fields)

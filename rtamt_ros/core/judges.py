@@ -62,7 +62,7 @@ class Judges:
 
     def take(self, source: Input, message: Any, time: int, now: int) -> Sequence[Report]:  # noqa: ANN401
         """Take a message, at the time that counts; in dense time, the reports that it brings."""
-        if not source.take(message, time):
+        if not source.take(message, time, now):
             return []
         reports: list[Report] = []
         for judge in self._judges:

@@ -114,6 +114,16 @@ def test_the_age_by_stamps_is_that_of_the_stamp() -> None:
     assert node.reports[0].stale == ()
 
 
+def test_a_publisher_whose_clock_is_ahead_is_stale_as_soon_as_another() -> None:
+    ros, node = started(f"{ODOM}odom.twist.twist.linear.x > 0", stamps=True)
+    ros.send("rtamt/odom", odometry(1.0, START + 3600 * SECOND))
+    ros.tick()
+    assert node.reports[0].robustness == 1.0
+    ros.tick(START + 600 * MS)
+    assert node.reports[0].text == "odom stale 0.6 s"
+    assert math.isnan(ros.latched("rtamt/spec"))
+
+
 def test_stamps_that_went_back_for_good_begin_anew() -> None:
     text = "historically(odom.twist.twist.linear.x > 0)"
     ros, node = started(ODOM + text, stamps=True, stale=math.inf)
