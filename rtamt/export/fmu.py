@@ -36,28 +36,30 @@ def export_fmu(
 
     * ``robustness``, ``lower``, ``upper`` and ``verdict`` (-1 violated, 0 undecided, 1 satisfied),
       to the bit those of `EpisodeMonitor` after the same samples;
-    * every named formula, to the bit that of `Monitor.values`.
+    * every named formula, the result's own name too: to the bit what `Monitor` on this formula
+      says, late by its latency; of one with an unbounded future inside, for which no monitor can
+      wait, what `EpisodeMonitor` on it says: its robustness as if the run ended now.
 
     A sample is taken at every multiple of the period after the start, the first at the start: a
     step from t to t + period takes in the values that the inputs have at t. Longer steps hold
     them. Before the first step robustness and named formulas are nan.
 
     A constant in a bound of an interval gives the monitor its form, so it can be read, not set;
-    constants that no formula uses are left out. A named formula needs a future with an end, or is
-    the result, whose own output is left out if it needs the whole future.
+    constants that no formula uses are left out.
 
     Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its begin. ``robustness`` and named formulas are those of `DenseMonitor.values`. ``lower`` and
-    ``upper`` bound the robustness at the start: of ``always p`` the least robustness so far is the
-    upper bound, of ``eventually p`` the greatest is the lower; of others both are the robustness
-    at the start once it is settled. Under semantics in which predicates count 0 they stay infinite.
+    its begin. ``robustness`` and named formulas are those of `DenseMonitor`, which has to be able
+    to wait for each. ``lower`` and ``upper`` bound the robustness at the start: of ``always p`` the
+    least robustness so far is the upper bound, of ``eventually p`` the greatest is the lower; of
+    others both are the robustness at the start once it is settled. Under semantics in which
+    predicates count 0 they stay infinite.
 
     The library inside is that of the platform on which the unit is exported: Linux on x86-64. The
     same arguments give the same bytes.
 
     Args:
         spec: Text, a formula, or a parsed specification; its result is monitored.
-        path: The file to write, such as ``"monitor.fmu"``.
+        path: The file to write; its name ends in ``.fmu``.
         period: Seconds between samples, as a number or as text (``"100ms"``).
         dense: Whether it monitors over dense time; then there is no period.
         fmi: The version of FMI, 2 or 3.
@@ -70,10 +72,11 @@ def export_fmu(
         resolution: As for `DenseMonitor`.
 
     Raises:
-        SpecificationError: As `EpisodeMonitor` and `DenseMonitor` raise it, on a named formula that
-            needs the whole future, or on a name that the monitor has itself, such as ``lower``.
-        InputError: On an argument that has no such value, neither a period nor ``dense``, or where
-            the library was not built or does not exist for this platform.
+        SpecificationError: As `EpisodeMonitor` and `DenseMonitor` raise it, or on a name that the
+            monitor has itself, such as ``lower``.
+        InputError: On an argument that has no such value, a path that does not end in ``.fmu``,
+            neither a period nor ``dense``, or where the library was not built or does not exist for
+            this platform.
         OSError: If the file cannot be written.
 
     Example:
@@ -89,6 +92,8 @@ def export_fmu(
         raise InputError(f"expected fmi=2 or fmi=3, got {brief(fmi)}")
     if not isinstance(path, str | os.PathLike):
         raise InputTypeError(f"expected the path of a file as text or a Path, got {brief(path)}")
+    if not os.fspath(path).lower().endswith(".fmu"):  # of another name no tool takes it
+        raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .fmu")
     # What these import takes 30 ms.
     from rtamt.export.programs import dense_programs, sampled_programs
     from rtamt.export.unit import unit

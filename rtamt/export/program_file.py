@@ -13,17 +13,22 @@ that is absent is ``-``. Numbers are written so that they read as the same doubl
                                            `EncodedDense.clock`, and what the robustness says of the
                                            bounds (below)
 ``input NAME START``                       a variable, in the order of `Program.variables`
-``formula NAME``                           a named formula, in the order of the observed registers
+``formula NAME EPISODE``                   a named formula: the episode, counted from 0, whose
+                                           robustness it is; without one the next observed register
 ``parameter NAME START``                   a constant that may be set
 ``fixed NAME VALUE``                       a constant that may be read alone
 ``stop 0`` or ``stop 1``                   the start value of ``stop_on_violation``
 ``derived FUNCTION A B``                   a number that follows from parameters; the i-th is ``$i``
-``episode``                                an `EncodedEpisode` begins: once, or twice: with neutral
-                                           predicates as -0.0 and as 0.0 (`rtamt.machines.neutral`)
+``episodes READINGS``                      before them: how many episodes are of the specification;
+                                           two with neutral predicates, which are -0.0 in the first
+                                           and 0.0 in the second (`rtamt.machines.neutral`)
+``episode``                                an `EncodedEpisode` begins: first those, then those of
+                                           named formulas for which no monitor can wait
 ``sample-row`` and the fields of a row     `DiscreteRow`: terms of an episode, rows of a monitor
 ``formula-row`` and the fields of a row    `FormulaRow`
 ``initial R ...``, ``streams R ...``       registers of the episode
-``monitor TERMS``                          an `Encoded` program of named formulas begins
+``monitor TERMS``                          an `Encoded` program of named formulas begins; it has all
+                                           terms, so that it refuses what an episode refuses
 ``observed R LATENCY``                     the register of a named formula; over dense time without
                                            the latency
 ``dense TERMS RESULT``                     an `EncodedDense` program begins
@@ -45,8 +50,9 @@ What the library does with it:
   those of [t, t + h), which read the inputs that are set then: h = period takes the one at t, a
   multiple takes several with inputs held, a step that is no multiple takes one when its time comes.
   The inputs before the first step are therefore the first sample; after n steps of a period the
-  outputs are those of `EpisodeMonitor` (named formulas: `Monitor.values`) after n samples. Before
-  the first they are those of new monitors: robustness and named formulas nan.
+  outputs are those of `EpisodeMonitor` (named formulas: of `Monitor` on each of them, or where it
+  cannot wait of `EpisodeMonitor`) after n samples. Before the first they are those of new monitors:
+  robustness and named formulas nan.
 - Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
   `DenseMonitor` has settled then. BOUNDS says what is known of the trace's begin: ``first``, its
   first robustness is both bounds as soon as it is there; ``least`` and ``greatest``, the robustness
@@ -93,16 +99,21 @@ class SampledFile:
 
     Attributes:
         period: Numerator and denominator of the seconds between samples.
-        episodes: The program of the episode; two if it has neutral predicates, with -0.0 first.
-        monitor: The program of the named formulas; None without them. It has the terms of the
-            episode too, so that it refuses every sample that the episode refuses.
-        observed: Register and latency of each named formula.
+        readings: How many of the episodes are of the specification: one, or with neutral predicates
+            two, with -0.0 first.
+        episodes: Their programs, then those of named formulas for which no monitor can wait.
+        monitor: The program of the other named formulas; None without any named formula. It has the
+            terms of the episodes too, so that it refuses every sample that one of them refuses.
+        observed: Register and latency of each of the other named formulas.
+        sources: For every named formula the index of its episode; None: it is the next observed.
     """
 
     period: tuple[int, int]
+    readings: int
     episodes: Sequence[EncodedEpisode]
     monitor: Encoded | None
     observed: Sequence[tuple[int, int]]
+    sources: Sequence[int | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,15 +159,17 @@ def program_text(file: ProgramFile) -> str:
     writer = _Writer([each.name for each in file.parameters])
     writer.add("rtamt-program", 1)
     writer.add("token", file.token)
+    sources: Sequence[int | None] = [None] * len(file.formulas)
     match file.programs:
         case SampledFile(period):
             writer.add("samples", *period)
+            sources = file.programs.sources
         case DenseFile(program, bounds):
             writer.add("ticks", *program.clock, bounds)
     for each in file.inputs:
         writer.add("input", each.name, float(each.start))
-    for name in file.formulas:
-        writer.add("formula", name)
+    for name, source in zip(file.formulas, sources, strict=True):
+        writer.add("formula", name, source)
     for each in file.parameters:
         writer.add("parameter", each.name, float(each.start))
     for each in file.fixed:
@@ -172,6 +185,7 @@ def program_text(file: ProgramFile) -> str:
 
 
 def _sampled(writer: _Writer, programs: SampledFile) -> None:
+    writer.add("episodes", programs.readings)
     for episode in programs.episodes:
         writer.add("episode")
         writer.rows("sample-row", episode.terms)

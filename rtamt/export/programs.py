@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rtamt.errors import SpecificationError
 from rtamt.export.program_file import (
     Bounds,
     DenseFile,
@@ -35,13 +34,13 @@ class Programs:
         written: The programs as the file of a unit has them.
         program: The program that has all registers.
         step: Seconds between samples; None over dense time.
-        late: For each named formula that is an output, the time by which its value is late.
+        said: For each named formula, what is said of its value behind the formula.
     """
 
     written: SampledFile | DenseFile
     program: Program
     step: float | None
-    late: Mapping[str, str]
+    said: Mapping[str, str]
 
     def file(self, *, token: str, stop: bool) -> ProgramFile:
         """The file of the unit."""
@@ -56,7 +55,7 @@ class Programs:
         return ProgramFile(
             token=token,
             inputs=variables,
-            formulas=list(self.late),
+            formulas=list(self.said),
             parameters=[c for c in constants if c.name in used - spec.bounding],
             fixed=[c for c in constants if c.name in spec.bounding],
             stop=stop,
@@ -75,53 +74,60 @@ def sampled_programs(
 ) -> Programs:
     """The programs of a unit that takes samples; ``spec`` has traced constants."""
     *_, seconds, program = compiled(caller, spec, period, options, online=False)
-    limit_episode(program)
-    readings = [program]
-    if program.neutral:
-        plain = positive(program)
-        readings = [plain.reading(-0.0), plain.reading(0.0)]
-    named = _named(program)
-    late = {} if named is None else {n: named.latencies[r] or 0 for n, r in named.outputs.items()}
-    if named is not None:
-        limit_discrete(named)
     step = Fraction(seconds or 1)
+    running = program.running(*program.specification.formulas.values())
+    late = {name: running.latencies[register] for name, register in running.outputs.items()}
+    monitor = _monitor(running, [name for name, latency in late.items() if latency is not None])
+    # The others, for which no monitor can wait, have an episode of their own.
+    episodes, judges = _readings(program), dict[int, int]()
+    judges[program.result] = len(episodes) - 1
+    sources: list[int | None] = []
+    said = dict[str, str]()
+    for name, latency in late.items():
+        if latency is None:
+            register = program.outputs[name]
+            if register not in judges:
+                judges[register] = len(episodes)
+                episodes.append(_readings(replace(program, result=register))[-1])
+            sources.append(judges[register])
+            said[name] = "as if the run ended now"
+        else:
+            sources.append(None)
+            said[name] = _late(latency * step)
     written = SampledFile(
         period=step.as_integer_ratio(),
-        episodes=[encoded_episode(each) for each in readings],
-        monitor=None if named is None else encoded_discrete(named),
-        observed=[] if named is None else [(named.outputs[n], late[n]) for n in late],
+        readings=judges[program.result] + 1,
+        episodes=[encoded_episode(each) for each in episodes],
+        monitor=None if monitor is None else encoded_discrete(monitor),
+        observed=[]
+        if monitor is None
+        else [(register, late[name] or 0) for name, register in monitor.outputs.items()],
+        sources=sources,
     )
-    return Programs(written, program, float(step), {n: _seconds(k * step) for n, k in late.items()})
+    return Programs(written, program, float(step), said)
 
 
-def _named(program: Program) -> Program | None:
-    """The program of the named formulas, each with a latency; None without any.
+def _readings(program: Program) -> list[Program]:
+    """The program of an episode; two if it has neutral predicates, with -0.0 and with 0.0."""
+    limit_episode(program)
+    if not program.neutral:
+        return [program]
+    plain = positive(program)
+    return [plain.reading(-0.0), plain.reading(0.0)]
 
-    It has all terms, so that it refuses every sample that the episode refuses. The result is not
-    among them if it needs the whole future: the outputs of the episode speak of it.
+
+def _monitor(program: Program, names: Sequence[str]) -> Program | None:
+    """The program of these named formulas, each with a latency; None without named formulas.
+
+    It has all terms, so that it refuses every sample that an episode refuses.
     """
-    named = program.specification.formulas
-    others = {
-        name: register
-        for name, register in program.outputs.items()
-        if named[name] is not program.specification.formula
-    }
-    if others:
-        several = len(program.specification.requirements) > 1
-        instead = "spec.requirements, each alone" if several else "the formula unnamed"
-        _part(program, others).online("the output of a named formula", instead)
-    try:
-        online = program.online()
-    except SpecificationError:
-        return _part(program, others) if others else None
-    return _part(online, online.outputs) if online.outputs else None
-
-
-def _part(program: Program, outputs: Mapping[str, int]) -> Program:
-    """The terms of a program, and what computes these outputs."""
+    if not program.outputs:
+        return None
+    outputs = {name: program.outputs[name] for name in names}
     kept = sorted({*range(program.terms), *program.needed(*outputs.values())})
-    part = replace(program, result=next(iter(outputs.values())), outputs=outputs)
-    return part.reordered(kept, program.terms)
+    part = replace(program, result=0, outputs=outputs).reordered(kept, program.terms)
+    limit_discrete(part)
+    return part
 
 
 def dense_programs(
@@ -129,20 +135,21 @@ def dense_programs(
 ) -> Programs:
     """The program of a unit over dense time; ``spec`` has traced constants."""
     *_, whole = compiled_dense(caller, spec, resolution, options, online=False)
-    online = whole.program.online("an FMU over dense time", "a period, which takes samples")
+    program = whole.program.running(*whole.program.specification.formulas.values())
+    online = program.online("an FMU over dense time", "a period, which takes samples")
     dense = DenseProgram(online, whole.resolution)
     # The simulator's time is in seconds, whatever the unit of the specification is.
     encoded = encoded_dense(dense)._replace(clock=clock_of(dense.resolution))
     written = DenseFile(encoded, _bounds(whole.program), list(online.outputs.values()))
     late = {
-        name: _seconds((online.latencies[register] or 0) * dense.resolution)
+        name: _late((online.latencies[register] or 0) * dense.resolution)
         for name, register in online.outputs.items()
     }
     return Programs(written, online, None, late)
 
 
-def _seconds(time: Fraction) -> str:
-    return f"{float(time):g} s" if time else ""
+def _late(time: Fraction) -> str:
+    return f"late by {float(time):g} s" if time else ""
 
 
 def _bounds(program: Program) -> Bounds:

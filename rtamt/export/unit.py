@@ -35,8 +35,7 @@ def unit(programs: Programs, fmi: Fmi, *, stop: bool) -> bytes:
     spec = programs.program.specification
     file = programs.file(token=_UNNAMED, stop=stop)
     meanings = {
-        name: f"{spec.formulas[name]}{late and f', late by {late}'}"
-        for name, late in programs.late.items()
+        name: f"{spec.formulas[name]}{said and f', {said}'}" for name, said in programs.said.items()
     }
     described = Description(
         name=spec.title or "monitor",

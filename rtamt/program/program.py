@@ -226,24 +226,7 @@ class Program:
         Raises:
             SpecificationError: Naming the operator, and what to write instead.
         """
-        program = self
-        root = self.instructions[self.result]
-        if isinstance(root, Window) and root.hi is None and self._is_running():
-            running = Window(root.fold, None, 0, root.args)
-            instructions = (*self.instructions, running)
-            named = self.specification.formulas
-            at = len(self.instructions)
-            program = replace(
-                self,
-                instructions=instructions,
-                latencies=latencies_of(instructions),
-                sources=(*self.sources, self.sources[self.result]),
-                result=at,
-                outputs={
-                    name: at if named[name] is self.specification.formula else register
-                    for name, register in self.outputs.items()
-                },
-            ).pruned()
+        program = self.running(self.specification.formula)
         for register, instruction in enumerate(program.instructions):
             if isinstance(instruction, Window) and instruction.hi is None:
                 source = program.sources[register]
@@ -256,12 +239,49 @@ class Program:
                 )
         return program
 
-    def _is_running(self) -> bool:
-        """Whether the specification itself is ``always p`` or ``eventually p`` without bounds.
+    def running(self, *formulas: Node) -> Program:
+        """The program in which formulas are judged as a whole trace of their own.
+
+        Each that is ``always p`` or ``eventually p`` without end becomes the fold over all samples
+        so far, as result and as output; inside others it stays what it is.
+
+        Args:
+            formulas: The specification's formula, or named ones.
+        """
+        instructions, sources = list(self.instructions), list(self.sources)
+        folds: dict[int, int] = {}
+
+        def judged(formula: Node, register: int) -> int:
+            window = self.instructions[register]
+            if not isinstance(window, Window) or window.hi is not None:
+                return register
+            if not (any(formula is each for each in formulas) and self._is_running(formula)):
+                return register
+            if register not in folds:
+                folds[register] = len(instructions)
+                instructions.append(Window(window.fold, None, 0, window.args))
+                sources.append(self.sources[register])
+            return folds[register]
+
+        named = self.specification.formulas
+        result = judged(self.specification.formula, self.result)
+        outputs = {name: judged(named[name], register) for name, register in self.outputs.items()}
+        if not folds:
+            return self
+        return replace(
+            self,
+            instructions=tuple(instructions),
+            latencies=latencies_of(instructions),
+            sources=tuple(sources),
+            result=result,
+            outputs=outputs,
+        ).pruned()
+
+    def _is_running(self, formula: Node) -> bool:
+        """Whether a formula is ``always p`` or ``eventually p`` without bounds.
 
         The instruction does not tell: that of ``eventually[0:0](eventually p)`` is the same.
         """
-        formula = self.specification.formula
         op, (begin, end) = formula.op, self.specification.bounds(formula.interval)
         single = op is not None and op.future and len(formula.args) == 1
         return single and begin == 0 and end is None

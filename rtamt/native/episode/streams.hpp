@@ -189,7 +189,8 @@ class Operands {
 public:
     using Element = typename F::Element;
 
-    Operands(Stream& p, Stream& q) : p_(p), q_(q) {}
+    // A fold of one operand has no second one.
+    Operands(Stream& p, Stream& q) : p_(p), q_(F::width > 1 ? q : p) {}
 
     Time latency() const { return std::max(p_.latency(), q_.latency()); }
     std::uint32_t unknown_mask() const { return p_.unknown_mask() | q_.unknown_mask(); }

@@ -41,14 +41,16 @@ public:
         const std::size_t variables = program.inputs.size();
         if (program.monitor) {
             const MonitorProgram& m = *program.monitor;
-            monitor_ = std::make_unique<DiscreteMachine>(m.rows.with(numbers), m.terms, variables,
-                                                         m.observed);
+            // The machine wants to be observed, even if all formulas are judged by episodes.
+            monitor_ = std::make_unique<DiscreteMachine>(
+                m.rows.with(numbers), m.terms, variables,
+                m.observed.empty() ? std::vector<Observed>{{0, 0}} : m.observed);
         }
         for (const EpisodeProgram& e : program.episodes)
             episodes_.push_back(std::make_unique<EpisodeMachine>(
                 e.terms.with(numbers), variables, e.formulas, e.initial, e.streams));
         worst_ = episodes_.front().get();
-        best_ = episodes_.back().get();
+        best_ = episodes_[program.readings - 1].get();
     }
 
     void step(const double* inputs, double time, std::size_t samples) override {
@@ -65,7 +67,9 @@ public:
     double upper() const override { return best_->upper(); }
 
     double formula(std::size_t index) const override {
-        const Observed& o = program_.monitor->observed[index];
+        const NamedFormula& formula = program_.formulas[index];
+        if (formula.episode) return episodes_[*formula.episode]->result();
+        const Observed& o = program_.monitor->observed[formula.observed];
         return monitor_->samples() > o.latency ? monitor_->registers()[o.slot] : kNan;
     }
 

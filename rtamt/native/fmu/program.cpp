@@ -68,17 +68,18 @@ public:
         if (value > kMaxRegisters) refuse("a register", std::to_string(value));
         return value;
     }
+    std::optional<std::size_t> optional_index() {
+        if (!dash()) return index();
+        return std::nullopt;
+    }
     std::vector<std::size_t> indices() {
         std::vector<std::size_t> all;
         while (!empty()) all.push_back(index());
         return all;
     }
     std::optional<std::int64_t> bound() {
-        if (rest_.substr(0, 2) == "-" || rest_.substr(0, 2) == "- ") {
-            word();
-            return std::nullopt;
-        }
-        return number<std::int64_t>();
+        if (!dash()) return number<std::int64_t>();
+        return std::nullopt;
     }
     // A number of a program with these parameters and derived numbers.
     Number value(const Program& program) {
@@ -102,6 +103,13 @@ public:
     }
 
 private:
+    // Takes a field that is absent.
+    bool dash() {
+        const bool absent = rest_.substr(0, 2) == "-" || rest_.substr(0, 2) == "- ";
+        if (absent) word();
+        return absent;
+    }
+
     std::string_view rest_;
     std::size_t number_;
 };
@@ -144,7 +152,10 @@ private:
         } else if (kind == "fixed") {
             program_.fixed.push_back(named(line));
         } else if (kind == "formula") {
-            program_.formulas.push_back(line.word());
+            std::string name = line.word();
+            const auto episode = line.optional_index();
+            program_.formulas.push_back({std::move(name), episode, observed_});
+            observed_ += !episode;
         } else if (kind == "stop") {
             program_.stop = line.word() == "1";
         } else if (kind == "derived") {
@@ -173,7 +184,9 @@ private:
     }
 
     void row(const std::string& kind, Line& line) {
-        if (kind == "episode") {
+        if (kind == "episodes" && program_.readings == 0) {
+            program_.readings = line.index();
+        } else if (kind == "episode") {
             program_.episodes.emplace_back();
         } else if (kind == "monitor" && !program_.monitor) {
             program_.monitor.emplace().terms = line.index();
@@ -261,18 +274,23 @@ private:
 
     void check(const Line& last) const {
         const bool samples = program_.period > 0 && !program_.dense &&
-                             (program_.episodes.size() == 1 || program_.episodes.size() == 2);
+                             (program_.readings == 1 || program_.readings == 2) &&
+                             program_.readings <= program_.episodes.size();
         const bool dense = program_.period == 0 && program_.dense && program_.episodes.empty();
         const std::size_t observed = program_.monitor ? program_.monitor->observed.size()
                                      : program_.dense ? program_.dense->observed.size()
                                                       : 0;
         if (program_.token.empty() || samples == dense || (dense && program_.monitor))
             last.refuse("a token and programs");
-        if (observed != program_.formulas.size()) last.refuse("a register for each named formula");
+        bool known = observed == observed_;
+        for (const NamedFormula& each : program_.formulas)
+            known &= !each.episode || *each.episode < program_.episodes.size();
+        if (!known) last.refuse("a register or an episode for each named formula");
     }
 
     Program program_;
     DenseProgram dense_;
+    std::size_t observed_ = 0;  // named formulas that are observed registers
 };
 
 // The text before the last line, which says the hash of it.

@@ -66,7 +66,14 @@ struct EpisodeProgram {
 struct MonitorProgram {
     std::size_t terms = 0;
     Rows<DiscreteRow> rows;
-    std::vector<Observed> observed;  // a register for each named formula
+    std::vector<Observed> observed;
+};
+
+// A named formula: its robustness is that of an episode, or else the value of an observed register.
+struct NamedFormula {
+    std::string name;
+    std::optional<std::size_t> episode;
+    std::size_t observed;
 };
 
 // What the robustness over dense time says of the bounds of the episode.
@@ -76,7 +83,7 @@ struct DenseProgram {
     std::size_t terms = 0;
     std::size_t result = 0;
     Rows<DenseRow> rows;
-    std::vector<std::size_t> observed;  // a register for each named formula
+    std::vector<std::size_t> observed;
     Clock clock{1.0, 1, 1};  // counts ticks in a second
     Bounds bounds = Bounds::none;
 };
@@ -87,9 +94,10 @@ struct Program {
     std::vector<Named> inputs;
     std::vector<Named> parameters;
     std::vector<Named> fixed;
-    std::vector<std::string> formulas;
+    std::vector<NamedFormula> formulas;
     bool stop = false;  // whether a violation ends the simulation, unless said otherwise
     std::vector<Derived> derived;
+    std::size_t readings = 0;  // of the episodes: how many are of the specification
     std::vector<EpisodeProgram> episodes;
     std::optional<MonitorProgram> monitor;
     std::optional<DenseProgram> dense;

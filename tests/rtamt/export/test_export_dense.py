@@ -74,3 +74,24 @@ def test_steps_are_in_seconds_whatever_the_unit_of_the_text(unit: str) -> None:
             monitor.step(i * size, size, {"x": x})
             settled.append(monitor.get("robustness")[0])
     assert identical(settled, [math.nan, math.nan, math.nan, 5.0, 5.0])
+
+
+def test_a_named_formula_over_the_whole_trace_has_what_is_known_so_far() -> None:
+    text = (
+        "low = always(x < 5); seen = eventually[0:1](x > 2); done = eventually(seen); once(x > 3)"
+    )
+    parts = {
+        "low": "always(x < 5)",
+        "seen": "eventually[0:1](x > 2)",
+        "done": "eventually(eventually[0:1](x > 2))",
+    }
+    monitors = {name: DenseMonitor(f"{name} = {part}") for name, part in parts.items()}
+    with exported(text, 2, dense=True) as unit:
+        unit.begin()
+        for i, x in enumerate((1.0, 4.0, 3.0, 2.0, 1.0)):
+            for monitor in monitors.values():
+                monitor.update({"x": [(float(i), x)]})
+            unit.step(i, 1, {"x": x})
+            expected = [monitor.values[name] for name, monitor in monitors.items()]
+            assert identical(unit.get(*parts), expected)
+        assert unit.get(*parts) == [1.0, 1.0, 2.0]

@@ -119,11 +119,27 @@ def test_one_of_several_requirements_is_exported(tmp_path: Path) -> None:
     assert names[5:] == ["gap", "apart"]
 
 
-def test_a_result_that_needs_the_whole_future_has_no_output_of_its_own(tmp_path: Path) -> None:
-    path = tmp_path / "answer.fmu"
-    export_fmu("hot = x > 1; answer = always(hot implies eventually(y > 0))", path, period=1)
-    names = [each.name for each in read_model_description(path).modelVariables]
-    assert names[5:] == ["x", "y", "hot"]
+def test_every_named_formula_is_an_output_which_says_of_what_time_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "slow.fmu"
+    export_fmu(
+        """
+        slow = always(v < 9)
+        done = eventually(x > 0)
+        soon = eventually[0:2](x > 0)
+        answered = always(x > 1 implies soon)
+        out = slow and always(v > 1 implies done) and answered
+        """,
+        path,
+        period=0.5,
+    )
+    described = read_model_description(path).modelVariables[7:]
+    assert [(each.name, each.description.partition(", ")[2]) for each in described] == [
+        ("slow", ""),
+        ("done", ""),
+        ("soon", "late by 2 s"),
+        ("answered", "late by 2 s"),
+        ("out", "as if the run ended now"),
+    ]
 
 
 def test_a_constant_in_a_bound_is_fixed_in_terms_too(tmp_path: Path) -> None:

@@ -1,9 +1,8 @@
 """Exported monitors give what the monitors give, bit by bit."""
 
-import os
+import math
 import re
 from collections.abc import Mapping
-from contextlib import suppress
 from typing import Any, get_args
 
 import pytest
@@ -23,7 +22,16 @@ from rtamt import (
     parse,
 )
 from rtamt.export import Fmi
+from rtamt.monitors.options import Spec
 from rtamt.program.interface import Semantics
+
+
+def judge(spec: Spec, period: float, **options: Any) -> Monitor | EpisodeMonitor:  # noqa: ANN401
+    """What judges a named formula: a monitor, or the one of episodes if none can wait for it."""
+    try:
+        return Monitor(spec, period, **options)
+    except SpecificationError:
+        return EpisodeMonitor(spec, period, **options)
 
 
 class Expected:
@@ -39,21 +47,22 @@ class Expected:
         whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
         options: Any = {"semantics": semantics, "backend": "python"}
         self.episode = EpisodeMonitor(whole, period, **options)
-        self.monitors = {"part": Monitor(part, period, **options)}
-        with suppress(SpecificationError):  # it needs the whole future
-            self.monitors["whole"] = Monitor(whole, period, **options)
+        named = {"part": part, "whole": whole}
+        self.monitors = {name: judge(spec, period, **options) for name, spec in named.items()}
+        self.named = [math.nan] * len(self.monitors)
         self.outputs = ("robustness", "lower", "upper", "verdict", *self.monitors)
 
     def update(self, values: Mapping[str, float]) -> None:
-        monitors: list[Monitor | EpisodeMonitor] = [*self.monitors.values(), self.episode]
-        for monitor in monitors:
+        self.named = [
             monitor.update({name: values[name] for name in monitor.variables})
+            for monitor in self.monitors.values()
+        ]
+        self.episode.update({name: values[name] for name in self.episode.variables})
 
     @property
     def values(self) -> list[float]:
         episode = self.episode
-        named = [monitor.values[name] for name, monitor in self.monitors.items()]
-        return [episode.robustness, *episode.bounds(), float(episode.verdict), *named]
+        return [episode.robustness, *episode.bounds(), float(episode.verdict), *self.named]
 
 
 def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> None:
@@ -82,7 +91,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
         expected = Expected(drawn, period)
     except SpecificationError as error:
         with pytest.raises(SpecificationError, match=re.escape(str(error).partition("\n")[0])):
-            export_fmu(drawn.text, os.devnull, period=period)
+            export_fmu(drawn.text, "never.fmu", period=period)
         return
     with exported(drawn.text, fmi, period=period) as unit:
         unit.begin()
@@ -122,3 +131,40 @@ def test_every_semantics_is_exported(semantics: Semantics, drawn: Drawn, trace: 
     with exported(drawn.text, 2, period=1, semantics=semantics) as unit:
         unit.begin()
         check_steps(unit, expected, trace, 1)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_named_formulas_without_an_end_are_judged_as_far_as_the_run_has_come(fmi: Fmi) -> None:
+    text = """
+    const float limit = 30
+    slow = always(speed < limit)
+    done = eventually(speed > 20)
+    answered = always(speed > 10 implies done)
+    out = always(slow) and answered
+    """
+    with exported(text, fmi, period=1) as unit:
+        unit.begin({"limit": 25.0})
+        found = []
+        for i, speed in enumerate((5.0, 15.0, 22.0, 12.0)):
+            unit.step(i, 1, {"speed": speed})
+            found.append(unit.get("slow", "done", "answered", "out"))
+            assert unit.get("out") == unit.get("robustness")
+    assert found == [
+        [20.0, -15.0, 5.0, 5.0],
+        [10.0, -5.0, -5.0, -5.0],
+        [3.0, 2.0, 2.0, 2.0],
+        [3.0, 2.0, -2.0, -2.0],
+    ]
+
+
+def test_a_sample_is_refused_by_every_formula_or_by_none() -> None:
+    # The terms of `other` are in no formula of the result, which would have taken the sample.
+    text = "other = always(eventually(sqrt(y) > 0)); fine = always(eventually(x > 0))"
+    with exported(text, 2, period=1) as unit:
+        unit.begin()
+        unit.step(0, 1, {"x": 1.0, "y": 4.0})
+        with pytest.raises(FMICallException):
+            unit.step(1, 1, {"x": 2.0, "y": -1.0})
+        assert unit.get("other", "fine", "robustness") == [2.0, 1.0, 1.0]
+        unit.step(1, 1, {"x": 2.0, "y": 1.0})
+        assert unit.get("other", "fine", "robustness") == [1.0, 2.0, 2.0]

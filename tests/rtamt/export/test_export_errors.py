@@ -68,27 +68,15 @@ TIMED = "const float T = 2; always(x > 1 implies eventually[0:T](y > 0))"
             ),
         ),
         (
-            "done = eventually(y > 0); always(x > 1 implies done)",
-            {"period": 1},
+            "done = eventually(always(y > 0)); always(x > 1) or done",
+            {"dense": True},
             SpecificationError,
             (
-                "STL:1:8: 'eventually' without an end needs the whole future, "
-                "for which the output of a named formula cannot wait\n"
-                "  done = eventually(y > 0); always(x > 1 implies done)\n"
-                "         ^\n"
-                "  hint: write an end, as in eventually[0:10], or use the formula unnamed"
-            ),
-        ),
-        (
-            "low = always(x < 5); fast = always(v > 1)",
-            {"period": 1},
-            SpecificationError,
-            (
-                "STL:1:7: 'always' without an end needs the whole future, "
-                "for which the output of a named formula cannot wait\n"
-                "  low = always(x < 5); fast = always(v > 1)\n"
-                "        ^\n"
-                "  hint: write an end, as in always[0:10], or use spec.requirements, each alone"
+                "STL:1:19: 'always' without an end needs the whole future, "
+                "for which an FMU over dense time cannot wait\n"
+                "  done = eventually(always(y > 0)); always(x > 1) or done\n"
+                "                    ^\n"
+                "  hint: write an end, as in always[0:10], or use a period, which takes samples"
             ),
         ),
         (
@@ -129,6 +117,17 @@ def test_a_path_is_text_or_a_path() -> None:
     with pytest.raises(InputTypeError) as raised:
         export_fmu(TIMED, 3, period=1)  # type: ignore[arg-type]
     assert str(raised.value) == "expected the path of a file as text or a Path, got 3"
+
+
+def test_a_file_that_no_tool_takes_is_not_written(tmp_path: Path) -> None:
+    for name in ("x.txt", "monitor", "fmu"):
+        with pytest.raises(InputError) as raised:
+            export_fmu(TIMED, tmp_path / name, period=1)
+        assert str(raised.value) == (
+            f"cannot write {tmp_path / name}: expected a name that ends in .fmu"
+        )
+    assert list(tmp_path.iterdir()) == []
+    export_fmu(TIMED, tmp_path / "M.FMU", period=1)
 
 
 def test_without_the_library_nothing_is_exported(

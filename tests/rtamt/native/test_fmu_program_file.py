@@ -20,7 +20,8 @@ TEXTS = {
     "samples": """
         const float limit = 3
         near = historically[1:4](x < 2 * limit) and prev(y > 0)
-        always(x > limit implies eventually[0:4] always[1:3](y > sqrt(limit)))
+        done = eventually always(y > 2)
+        done and always(x > limit implies eventually[0:4] always[1:3](y > sqrt(limit)))
     """,
     "neutral": """
         input float x
@@ -137,7 +138,12 @@ def test_the_place_of_a_fault_is_said(tmp_path: Path) -> None:
     assert said("sample-row", "sample-row 99999999 LOAD x 0 0 0.0 0 0") == (
         "expected a register, got '99999999'"
     )
-    assert said("observed", "") == "expected a register for each named formula"
+    neither = "expected a register or an episode for each named formula"
+    assert said("observed", "") == neither
+    assert said("formula near", "formula near 1") == neither
+    assert said("formula near", "formula near 2") == neither
+    assert said("episodes", "") == "expected a token and programs"
+    assert said("episodes", "episodes 3") == "expected a token and programs"
 
 
 @kinds

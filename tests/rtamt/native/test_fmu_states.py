@@ -31,7 +31,8 @@ pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 TEXT = """
 const float limit = 1
 near = (x < limit) since[0:3] (y > 0)
-whole = always(x > limit implies eventually[0:4](y > 0))
+done = eventually(always(y > limit))
+whole = done and always(x > limit implies eventually[0:4](y > 0))
 """
 DENSE = "near = once[0:3](x > 0)\nwhole = always((x < 1) since[0:3] (y > 0))"
 DAMAGED = "expected the bytes of a state, got damaged ones"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -59,29 +58,36 @@ def dense(spec: Spec) -> Programs:
     return dense_programs(dense, traced(as_specification(spec)), "1ns", {})
 
 
-class Expected:
-    """The monitors of Python: of the episode, and of the named formulas by their names."""
+def judge(spec: Spec, **options: Any) -> Monitor | EpisodeMonitor:  # noqa: ANN401 - of a monitor
+    """What judges a named formula: a monitor, or the one of episodes if none can wait for it."""
+    try:
+        return Monitor(spec, 1, **options)
+    except SpecificationError:
+        return EpisodeMonitor(spec, 1, **options)
 
-    def __init__(self, spec: Spec, parts: Mapping[str, Spec], **options: Any) -> None:  # noqa: ANN401
+
+class Expected:
+    """The monitors of Python: of the episode, and of the named formulas."""
+
+    def __init__(self, spec: Spec, *parts: Spec, **options: Any) -> None:  # noqa: ANN401
         self.episode = EpisodeMonitor(spec, 1, backend="python", **options)
-        self.monitors: dict[str, Monitor] = {}
-        for name, part in parts.items():
-            with suppress(SpecificationError):  # it needs the whole future
-                self.monitors[name] = Monitor(part, 1, backend="python", **options)
+        self.monitors = [judge(part, backend="python", **options) for part in parts]
+        self.named = [math.nan] * len(parts)
 
     @property
     def names(self) -> tuple[str, ...]:
         return self.episode.variables
 
     def update(self, values: Mapping[str, float]) -> None:
-        monitors: list[Monitor | EpisodeMonitor] = [*self.monitors.values(), self.episode]
-        for monitor in monitors:
+        self.named = [
             monitor.update({name: values[name] for name in monitor.variables})
+            for monitor in self.monitors
+        ]
+        self.episode.update(values)
 
     def values(self) -> list[int]:
         e = self.episode
-        named = [monitor.values[name] for name, monitor in self.monitors.items()]
-        return bits([e.robustness, e.lower, e.upper, float(e.verdict), *named])
+        return bits([e.robustness, e.lower, e.upper, float(e.verdict), *self.named])
 
 
 def outputs(unit: Unit, variables: int, named: int) -> list[int]:
@@ -115,13 +121,14 @@ def compare(version: Version, programs: Programs, expected: Expected, trace: Tra
 
 @versions
 @settings(max_examples=30)
-@given(part=formulas(2), whole=formulas(endless=True), trace=traces())
+@given(part=formulas(2, endless=True), whole=formulas(endless=True), trace=traces())
 def test_steps_of_a_period_give_what_the_monitors_give(
     version: Version, part: Formula, whole: Formula, trace: Trace
 ) -> None:
     first = f"part = {part}"
-    text = f"{first}\nwhole = {whole}"
-    compare(version, sampled(text), Expected(text, {"part": first, "whole": text}), trace)
+    second = f"whole = {whole}"
+    text = f"{first}\n{second}"
+    compare(version, sampled(text), Expected(text, first, second), trace)
 
 
 @versions
@@ -132,7 +139,7 @@ def test_what_hangs_on_neutral_predicates_stays_open(
 ) -> None:
     spec, semantics = case
     programs = sampled(spec, semantics=semantics)
-    compare(version, programs, Expected(spec, {}, semantics=semantics), trace)
+    compare(version, programs, Expected(spec, semantics=semantics), trace)
 
 
 # Between two samples there are eight eighths of a period, which doubles add up exactly.
@@ -147,7 +154,7 @@ def test_a_step_takes_the_samples_whose_time_has_come(
     version: Version, formula: Formula, trace: Trace, sizes: list[int]
 ) -> None:
     text = f"part = {formula}"
-    expected = Expected(text, {"part": text})
+    expected = Expected(text, text)
     shape = (len(expected.names), 1)
     with TemporaryDirectory() as folder, unit(version, write(Path(folder), sampled(text))) as made:
         made.begin(-1.0)
@@ -245,7 +252,7 @@ def test_parameters_are_read_when_initialization_ends(version: Version, tmp_path
     with unit(version, folder) as made:
         for limit in (0.5, -0.0, 7.0):
             constants = {"limit": limit + 0.0}
-            expected = Expected(parse(LIMIT, constants=constants), {})
+            expected = Expected(parse(LIMIT, constants=constants))
             assert made.set([references["limit"]], [limit]) == OK
             made.begin()
             assert made.get(references["limit"], references["width"]) == [limit + 0.0, 4.0]

@@ -205,6 +205,23 @@ def test_rows_that_would_break_memory_are_refused(
         native.EpisodeMachine([TERM], formulas, initial, streams, ("x",), reader)
 
 
+@pytest.mark.parametrize("span", [(0, 1), (0, None), (-1, 0), (None, 0)])
+@pytest.mark.parametrize("streams", [[0, 1], [0, 1, 2]])
+def test_a_second_operand_of_a_fold_of_one_is_not_read(
+    span: tuple[int | None, int | None], streams: list[int]
+) -> None:
+    terms = [TERM, (1, *TERM[1:])]
+    reader = EpisodeMonitor("x > 0")._reader
+    outer = ("WINDOW", "max", 2, 2, 0, None)
+    results = []
+    for second in (0, 1):
+        formulas = [("WINDOW", "min", 0, second, *span), outer]
+        initial = [3] if 2 in streams else [2]
+        machine = native.EpisodeMachine(terms, formulas, initial, streams, ("x",), reader)
+        results.append([machine.update(x) for x in (3.0, 1.0, 2.0, 4.0)])
+    assert results[0] == results[1]
+
+
 def test_slots_that_a_monitor_does_not_have_are_refused() -> None:
     class Other:
         __slots__ = ("value",)
