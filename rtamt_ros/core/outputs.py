@@ -37,8 +37,8 @@ def outputs_of(requirements: Sequence[Requirement]) -> list[Output]:
     topic, that of ``out``. A default topic that is taken gets a number: ``rtamt/out_2``.
 
     Raises:
-        SpecificationError: If two results, or formulas of two texts, were given one topic, or a
-            formula has the name of a whole message.
+        SpecificationError: If two results, or formulas of two texts, were given one topic, a
+            result the topic of an input of its text, or a formula the name of a whole message.
     """
     made: dict[tuple[int, str], Output] = {}
     taken = {topic for each in requirements for topic in each.specification.topics.values()}
@@ -53,6 +53,7 @@ def outputs_of(requirements: Sequence[Requirement]) -> list[Output]:
                 stem = owner or (requirement.name if result else name)
                 topic = spec.topics.get(owner or name) or _free(stem, taken)
                 _refuse_twice(topic, made.values(), key[1])
+                _refuse_loop(topic, requirement, key[1])
                 made[key] = Output(topic, package, message)
             known = {formula for _, formula in made[key].formulas}
             if result or name not in known:
@@ -124,4 +125,13 @@ def _refuse_twice(topic: str, made: Iterable[Output], name: str) -> None:
             raise SpecificationError(
                 f"expected a topic for '{name}' that nothing else is published on, got {topic}; "
                 f"write another: @ topic({name}, PATH)"
+            )
+
+
+def _refuse_loop(topic: str, requirement: Requirement, name: str) -> None:
+    for source in requirement.inputs:
+        if source.topic == topic:
+            raise SpecificationError(
+                f"expected a topic for '{name}' that is not the one of '{source.name}', which it "
+                f"reads, got {topic}; write another: @ topic({name}, PATH)"
             )

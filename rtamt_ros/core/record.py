@@ -30,7 +30,7 @@ class Record:
         runs: How many files the node has begun for a path; counted here.
 
     Raises:
-        InputError: If there is no such folder.
+        InputError: If there is no such folder, or the path is one.
 
     Attributes:
         error: Why the record has ended; empty while it goes on.
@@ -39,6 +39,8 @@ class Record:
     def __init__(self, path: Path, columns: Sequence[str], runs: Counter[Path]) -> None:
         if not path.parent.is_dir():
             raise InputError(f"expected a folder for the record, there is no {path.parent}")
+        if path.is_dir():
+            raise InputError(f"expected a file for the record, {path} is a folder")
         self._path = path
         self._columns = ("time", *columns)
         self._runs = runs

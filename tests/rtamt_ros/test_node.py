@@ -164,6 +164,13 @@ def test_a_field_that_several_read_is_read_once() -> None:
             ),
         ),
         (
+            ["float64 x; @ topic(x, speed); @ topic(out, speed); out = x > 0"],
+            (
+                "expected a topic for 'out' that is not the one of 'x', which it reads, got speed; "
+                "write another: @ topic(out, PATH)"
+            ),
+        ),
+        (
             ["always[0:0.25](x > 0)"],
             (
                 "STL:1:7: bound 0.25 s is not a multiple of the period 0.1 s (2.5 steps)\n"

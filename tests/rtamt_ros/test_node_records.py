@@ -100,6 +100,9 @@ def test_a_folder_that_is_not_there_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         started("x > 0", record=tmp_path / "no" / "run.csv")
     assert str(error.value) == f"expected a folder for the record, there is no {tmp_path / 'no'}"
+    with pytest.raises(InputError) as error:
+        started("x > 0", record=tmp_path)
+    assert str(error.value) == f"expected a file for the record, {tmp_path} is a folder"
 
 
 def test_a_disk_that_is_full_ends_the_record_and_nothing_else() -> None:
