@@ -62,6 +62,8 @@ class Judges:
 
     def take(self, source: Input, message: Any, time: int, now: int) -> Sequence[Report]:  # noqa: ANN401
         """Take a message, at the time that counts; in dense time, the reports that it brings."""
+        if self.settings.dense and now > 0:
+            self._follow_clock(now)
         if not source.take(message, time, now):
             return []
         reports: list[Report] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import pytest
 from memory_middleware import SECOND, message
 from memory_nodes import MS, send, started
 
@@ -81,6 +82,21 @@ def test_nothing_is_said_before_a_simulated_clock_begins() -> None:
     assert not ros.on("rtamt/spec")
     ros.tick(5000 * SECOND)  # a latched message came before
     assert ros.data("rtamt/spec") == [1.0]
+
+
+@pytest.mark.parametrize("dense", [False, True])
+def test_a_clock_that_goes_back_counts_once_whatever_the_stamps(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    text = f"{ODOM}input float64 x; out = odom.twist.twist.linear.x > x"
+    ros, node = started(text, dense=dense, stamps=True)
+    for begin in (START, START - 50 * SECOND, START - 100 * SECOND):
+        for n in range(8):
+            ros.time = begin + n * 100 * MS
+            ros.send("rtamt/odom", odometry(1.0, ros.time))
+            send(ros, "x", 0.0)
+            ros.tick()
+    (report,) = node.reports
+    assert (report.restarts, report.out_of_order) == (2, 0)
+    assert report.restarted_because == "the clock went back by 50.7 s"
 
 
 # Stamps. -----------------------------------------------------------------------------------------
