@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.bag_reader import Bag
-from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
+from rtamt_gym.recorded.bag_topics import TopicFields, starts_of, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.tables import counted, number
@@ -115,12 +115,15 @@ def read_signals(
     end = max((int(times[-1]) for times in spans.values()), default=bag.end)
     if clock == "log":  # the metadata of a bag in several files may tell of the first alone
         zero, end = min(zero, bag.begin), max(end, bag.end)
+    starts = starts_of(specs, columns)
+    notes += _started(signals, starts, zero, {v: m.topic for m in read for v in m.variables})
     offset = min(apart.values(), key=abs, default=0.0)
     epoch = zero + (round(offset * 1e9) if abs(offset) > _APART else 0)
     ordered = {v: signals[v] for spec in specs.values() for v in spec.variables}
     found = BagSignals(bag.source, ordered, zero, end, epoch, notes)
     notes += _missing(read, columns)
-    notes += _silences(found, spans, columns.stale)
+    awaited = {m.topic for m in read if not starts.keys() >= {*m.variables}}
+    notes += _silences(found, spans, awaited, columns.stale)
     return found
 
 
@@ -242,7 +245,30 @@ def _missing(read: Sequence[_Messages], columns: Columns) -> list[str]:
     return [f"messages without a number leave the value before ({each})"] if each else []
 
 
-def _silences(found: BagSignals, spans: Mapping[str, Stamps], stale: float | None) -> list[str]:
+def _started(
+    signals: dict[str, tuple[Stamps, Floats]],
+    starts: Mapping[str, float],
+    zero: int,
+    topics: Mapping[str, str],
+) -> list[str]:
+    """Gives variables the values that they have before their first message, and says so."""
+    notes = []
+    for name, start in starts.items():
+        times, values = signals.get(name, (np.array([], np.int64), np.array([])))
+        if len(times) and times[0] <= zero:
+            continue
+        signals[name] = np.append(zero, times), np.append(start, values)
+        until = "no message is there"
+        if len(times):
+            until = f"its first message comes at {number((int(times[0]) - zero) / 1e9)} s"
+        of = f" of {topics[name]}" if name in topics else ""
+        notes.append(f"'{name}'{of} is {number(start)}, its default: {until}")
+    return notes
+
+
+def _silences(
+    found: BagSignals, spans: Mapping[str, Stamps], awaited: Collection[str], stale: float | None
+) -> list[str]:
     """Says which topics begin late, pause or end early, so that what is judged was held.
 
     Raises:
@@ -250,6 +276,8 @@ def _silences(found: BagSignals, spans: Mapping[str, Stamps], stale: float | Non
     """
     notes = []
     for topic, times in spans.items():
+        if topic not in awaited:  # their variables have a value from the begin on
+            continue
         late = (int(times[0]) - found.zero) / 1e9
         if late > _LEAST_QUIET:
             notes.append(

@@ -15,7 +15,7 @@ from rtamt_gym.recorded.columns import Columns
 if TYPE_CHECKING:
     from rtamt_gym.recorded.bag_reader import Bag
 
-__all__ = ["TopicFields", "check_topics", "columns_of", "topic_fields"]
+__all__ = ["TopicFields", "check_topics", "columns_of", "starts_of", "topic_fields"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +38,14 @@ class _Wish:
     Attributes:
         topic: The topic as it is written, or None where no text names one.
         kind: The class that it declares, or None.
+        start: The value before the first message, the default that it declares for a plain
+            variable, or None.
         default: The topic if no text names one.
     """
 
     topic: str | None = None
     kind: str | None = None
+    start: float | None = None
     default: str = ""
 
     @property
@@ -56,20 +59,27 @@ class _Wish:
         Raises:
             InputError: If they say different things.
         """
-        for here, there in ((self.topic, other.topic), (self.kind, other.kind)):
+        said: dict[str, tuple[object, object]] = {
+            "topic": (self.topic, other.topic),
+            "class": (self.kind, other.kind),
+            "default": (self.start, other.start),
+        }
+        for what, (here, there) in said.items():
             if here is not None and there is not None and here != there:
-                what = "topic" if here == self.topic else "class"
                 raise InputError(
                     f"expected one {what} for '{name}', which two specifications read, got {here} "
                     f"and {there}; give one of them another name, or judge them one at a time"
                 )
-        return _Wish(self.topic or other.topic, self.kind or other.kind, self.default)
+        start = other.start if self.start is None else self.start
+        return _Wish(self.topic or other.topic, self.kind or other.kind, start, self.default)
 
 
 def topic_fields(
     bag: Bag, specs: Mapping[str, rtamt.Specification], columns: Columns
 ) -> list[TopicFields]:
     """The topics of a bag that specifications read, with the variables that each has.
+
+    A variable that has a value without a message is in none if its topic is missing or empty.
 
     Args:
         bag: The bag.
@@ -85,7 +95,13 @@ def topic_fields(
     found: dict[str, list[SubscribedField]] = {}
     wishes, parts = _wishes(specs)
     for variable, (message, path) in parts.items():
-        topic, whole = _placed(bag, variable, message, path, wishes[message], columns)
+        wish = wishes[message]
+        started = wish.start is not None and variable not in columns.signals
+        if started or variable in columns.starts:
+            where, _ = read_source(columns.signals.get(variable) or wish.whole)
+            if not any(bag.counts[topic] for topic in _alike(bag, where)):
+                continue
+        topic, whole = _placed(bag, variable, message, path, wish, columns)
         if held := bag.class_at(topic, whole):
             raise InputError(
                 f"{bag.source}: expected a number for '{variable}', got '{path_text(whole)}' of "
@@ -93,6 +109,13 @@ def topic_fields(
             )
         found.setdefault(topic, []).append(SubscribedField(variable, whole))
     return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
+
+
+def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dict[str, float]:
+    """The values that plain variables have before the first message of their topics."""
+    wishes, _ = _wishes(specs)
+    starts = {name: wish.start for name, wish in wishes.items() if wish.start is not None}
+    return starts | {name: start for name, start in columns.starts.items() if name in wishes}
 
 
 def check_topics(specs: Mapping[str, rtamt.Specification]) -> None:
@@ -115,7 +138,7 @@ def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Co
     for variable, (message, path) in parts.items():
         if variable not in signals and message not in signals:
             signals[variable] = f"{wishes[message].whole}.{path_text(path)}"
-    return replace(columns, signals=signals)
+    return replace(columns, signals=signals, starts=starts_of(specs, columns))
 
 
 _DATA: Steps = ("data",)
@@ -131,7 +154,8 @@ def _wishes(
     for spec in specs.values():
         for each in rtamt.subscriptions(spec):
             name = each.variable
-            wish = _Wish(spec.topics.get(name), _class_of(each, spec), each.topic)
+            start = _start_of(each, spec)
+            wish = _Wish(spec.topics.get(name), _class_of(each, spec), start, each.topic)
             wishes[name] = wish if name not in wishes else wishes[name].joined(wish, name)
             parts |= {field.variable: (name, field.path) for field in each.fields}
     return wishes, parts
@@ -140,6 +164,13 @@ def _wishes(
 def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
     """The class that a text declares; a variable without declaration may be of any."""
     return f"{each.package}/{each.message}" if each.variable in spec.declarations else None
+
+
+def _start_of(each: Subscription, spec: rtamt.Specification) -> float | None:
+    """The default that a text declares for a plain variable."""
+    declared = spec.declaration(each.variable)
+    plain = all(field.path == _DATA for field in each.fields)
+    return declared.default if declared is not None and plain else None
 
 
 def _placed(
@@ -159,29 +190,36 @@ def _placed(
     return topic, (*prefix, *path) or _DATA
 
 
+def _alike(bag: Bag, written: str) -> list[str]:
+    """The topics of a bag that a text can mean."""
+    known = {f"/{topic.lstrip('/')}": topic for topic in bag.types}
+    whole = f"/{written.lstrip('/')}"
+    if whole in known:
+        return [known[whole]]
+    if written.startswith("/"):
+        return []
+    return [topic for name, topic in known.items() if name.endswith(whole)]
+
+
 def _topic(bag: Bag, written: str, variable: str, *, named: bool) -> str:
     """The topic of a bag that a text means.
 
     Raises:
         InputError: If there is none, or more than one, or it has no message.
     """
-    known = {f"/{topic.lstrip('/')}": topic for topic in bag.types}
-    whole = f"/{written.lstrip('/')}"
-    alike = [topic for name, topic in known.items() if name.endswith(whole)]
-    if whole in known:
-        topic = known[whole]
-    elif written.startswith("/") or not alike:
+    alike, whole = _alike(bag, written), f"/{written.lstrip('/')}"
+    if not alike:
+        known = {f"/{topic.lstrip('/')}" for topic in bag.types}
         raise InputError(
             f"{bag.source}: no topic '{written}', which '{variable}' reads; the topics are "
             f"{_listed(known)}{_hint(whole, variable, known, named=named)}"
         )
-    elif len(alike) > 1:
+    if len(alike) > 1:
         raise InputError(
             f"{bag.source}: expected one topic that ends in '{whole}', which '{variable}' reads, "
             f"got {_listed(alike)}; give --signal {variable}=TOPIC"
         )
-    else:
-        (topic,) = alike
+    (topic,) = alike
     if not bag.counts[topic]:
         raise InputError(
             f"{bag.source}: expected messages on {topic}, which '{variable}' reads, got none"

@@ -48,6 +48,8 @@ class Columns:
             None: 0.05, and such a trace is refused.
         stale: The longest time in seconds for which a topic of a bag may be without a message; one
             that is longer is refused. None: any time, and a long one is said.
+        starts: The value of variables of a bag before the first message of their topics, or without
+            one; the default that a text declares is such a value too.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.
@@ -61,6 +63,7 @@ class Columns:
     missing: Missing = "raise"
     jitter: float | None = None
     stale: float | None = None
+    starts: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_choice("--time-unit", self.time_unit, UNITS)

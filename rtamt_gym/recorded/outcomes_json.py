@@ -34,7 +34,7 @@ def to_json(matrix: Matrix, rules: Mapping[str, str], columns: Columns) -> str:
         "rtamt": rtamt.__version__,
         **rules,
         "columns": {
-            name: dict(value) if name == "signals" else value
+            name: dict(value) if isinstance(value, Mapping) else value
             for name, value in said.items()
             if value != getattr(default, name)
         },
