@@ -116,8 +116,8 @@ class Input:
                 self.jumps += 1
                 self.went_back = last - time
             self.values = values
+            self.came = came  # before the time: who asks for its age now does not lock
             self.time = time
-            self.came = came
             self.taken += 1
             self.error = ""
         return True
@@ -136,7 +136,10 @@ class Input:
 
     def is_gone(self, now: int) -> bool:
         """Whether it has no value: it is awaited or stale."""
-        return self.default is None if self.time is None else self.is_stale(now)
+        time = self.time
+        if time is None:
+            return self.default is None
+        return now - min(time, self.came) > self.stale_after
 
     def forget_after(self, now: int) -> None:
         """Forget a message that came later than now, before the clock went back."""
