@@ -5,12 +5,19 @@ from __future__ import annotations
 import ctypes
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
+from weakref import WeakValueDictionary
 
 import fmpy  # type: ignore[import-untyped]
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmpy.fmi2 import (  # type: ignore[import-untyped]
+    FMU2Slave,
+    defaultCallbacks,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
     fmi2Discard,
     fmi2Fatal,
     fmi2LastSuccessfulTime,
@@ -74,17 +81,40 @@ class Instance:
         self.ended = False
         self._version = 2 if described.fmiVersion == "2.0" else 3
         try:
-            self._fmu = fmpy.instantiate_fmu(
-                str(folder),
-                described,
-                fmi_type="CoSimulation",
-                debug_logging=True,  # many FMUs say why they fail only then
-                logger=self._listen,
-            )
+            self._fmu = self._made(described, str(folder))
         except Exception as error:  # FMPy has no class of its own for what it refuses
             raise InputError(
                 f"cannot load the FMU {name!r}: {error}{self._last_messages()}"
             ) from error
+
+    def _made(self, described: Any, folder: str) -> Any:  # noqa: ANN401 - FMPy has no types
+        """The FMU behind FMPy, with debug logging: many say why they fail only then."""
+        if self._version == 3:
+            return fmpy.instantiate_fmu(
+                folder,
+                described,
+                fmi_type="CoSimulation",
+                debug_logging=True,
+                logger=self.listen,
+            )
+        number = next(_numbers)
+        _instances[number] = self
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger = _LOGGER
+        callbacks.allocateMemory = defaultCallbacks.allocateMemory
+        callbacks.freeMemory = defaultCallbacks.freeMemory
+        callbacks.componentEnvironment = number
+        with suppress(ImportError, OSError):  # FMPy has no such library for every platform
+            from fmpy.logging import addLoggerProxy  # type: ignore[import-untyped]
+
+            addLoggerProxy(ctypes.byref(callbacks))
+        fmu = FMU2Slave(
+            guid=described.guid,
+            unzipDirectory=folder,
+            modelIdentifier=described.coSimulation.modelIdentifier,
+        )
+        fmu.instantiate(callbacks=callbacks, loggingOn=True)
+        return fmu
 
     def enter(self, starts: Sequence[tuple[Variable, float]]) -> None:
         """Sets start values and begins the initialization."""
@@ -223,7 +253,8 @@ class Instance:
             f"FMU {self._name!r} failed at {self._now:g} s: {error}{self._last_messages()}"
         ) from error
 
-    def _listen(self, *message: Any) -> None:  # noqa: ANN401 - not the same in FMI 2.0 and 3.0
+    def listen(self, *message: Any) -> None:  # noqa: ANN401 - not the same in FMI 2.0 and 3.0
+        """Takes a message of the FMU."""
         *_, status, _, text = message
         (self._warnings if status else self._messages).append(text or b"")
 
@@ -231,3 +262,20 @@ class Instance:
         """The last warnings and errors of the FMU; its last messages if there are none."""
         said = [text.decode(errors="replace").strip() for text in self._warnings or self._messages]
         return f" It said: {'; '.join(said)}" if said else ""
+
+
+_numbers = count(1)
+_instances: WeakValueDictionary[int, Instance] = WeakValueDictionary()
+"""Instances of FMI 2.0, by the number that their FMU has as its environment."""
+
+
+def _hear(environment: int | None, *message: Any) -> None:  # noqa: ANN401 - as of `Instance`
+    """Takes the message of an FMU of FMI 2.0; one that does not say of whom goes to the last."""
+    instance = _instances.get(environment or 0) or next(reversed([*_instances.values()]), None)
+    if instance is not None:
+        instance.listen(*message)
+
+
+_LOGGER: Final = fmi2CallbackLoggerTYPE(_hear)
+"""FMPy calls the logger of the last FMU for all of them, and whether or not it was freed: so it is
+always this one."""

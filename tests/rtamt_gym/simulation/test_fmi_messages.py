@@ -1,7 +1,9 @@
 """What FMUs say when they fail, and FMUs that break the rules of the standard."""
 
+import gc
 import math
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -66,7 +68,7 @@ def test_an_interrupt_while_an_fmu_speaks_ends_the_run(
             raise KeyboardInterrupt
 
     before = sys.unraisablehook
-    monkeypatch.setattr(Instance, "_listen", listen)
+    monkeypatch.setattr(Instance, "listen", listen)
     with pytest.raises(KeyboardInterrupt) as stopped:
         simulate(Fmus(tank), LOW, duration=math.inf)
     run: Run = stopped.value.run  # type: ignore[attr-defined]  # simulate sets it
@@ -84,7 +86,7 @@ def test_another_error_that_cannot_be_raised_is_told_as_before(
     def listen(_self: Instance, *_message: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(Instance, "_listen", listen)
+    monkeypatch.setattr(Instance, "listen", listen)
     assert simulate(Fmus(tank), LOW, duration=0.2).steps == 2
     assert told == [ZeroDivisionError] * 4
 
@@ -114,3 +116,26 @@ def test_what_is_no_fmu_is_refused_unchecked_too(tmp_path: Path) -> None:
         with pytest.raises(InputError) as refused:
             Fmus(broken, validate=validate)
         assert str(refused.value) == f"cannot read the FMU {broken}: File is not a zip file"
+
+
+def test_each_of_several_fmus_is_heard(tank: Path, version: int) -> None:
+    both = Fmus({"one": tank, "other": tank}, parameters={"one.fails_at": 0.55})
+    with pytest.raises(StateError) as refused:
+        simulate(both, "always(one.level < 9)", duration=2)
+    assert str(refused.value) == (
+        f"FMU 'one' failed at 0.5 s: fmi{version}DoStep failed with status 3 (error). "
+        "It said: the tank has burst"
+    )
+
+
+def test_an_fmu_is_heard_after_a_later_one_was_freed(tank: Path) -> None:
+    early = Fmus(tank, parameters={"fails_at": 0.55})
+    early.bind(["level"], {}, Fraction(1, 10))
+    early.start()
+    assert simulate(Fmus(tank), LOW, duration=1).steps == 10
+    gc.collect()
+    for _ in range(5):
+        early.advance()
+    with pytest.raises(StateError, match=r"It said: the tank has burst$"):
+        early.advance()
+    early.close()
