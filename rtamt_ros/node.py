@@ -189,9 +189,9 @@ class _Running:
         self._diagnostics = Diagnostics(middleware, plan.formulas)
         self._handles += [publishing, self._diagnostics]
         try:
-            for source in self.judges.inputs:
-                callback = self._callback(source)
-                self._handles.append(middleware.subscribe(source.topic, plan.of(source), callback))
+            for topic, (source, *_) in self.judges.topics.items():
+                callback = self._callback(topic)
+                self._handles.append(middleware.subscribe(topic, plan.of(source), callback))
             self._tell_topics()
             self._handles.append(middleware.every(plan.settings.period, self._look))
         except InputError:
@@ -212,34 +212,30 @@ class _Running:
     def _tell_topics(self) -> None:
         """Log on which topics the node hears and publishes."""
         tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
-        for source in self.judges.inputs:
-            tell(f"hears {whole(source.topic)} ({'/'.join(_class(source))}) as {source.name}")
+        for topic, sources in self.judges.topics.items():
+            names = ", ".join(dict.fromkeys(each.name for each in sources))
+            tell(f"hears {whole(topic)} ({'/'.join(_class(sources[0]))}) as {names}")
         for output in self._plan.outputs:
             tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
 
-    def _callback(self, source: Input) -> Callable[[Any], None]:
+    def _callback(self, topic: str) -> Callable[[Any], None]:
         """What a message of a topic does."""
-        now, stamp, take = self._middleware.now, self._middleware.stamp, source.take
-        if self._plan.settings.dense:
-            return partial(self._take, source)
+        settings, now, stamp = self._plan.settings, self._middleware.now, self._middleware.stamp
+        take = self.judges.take
 
-        def by_stamp(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
+        def sampled(message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
             came = now()
-            take(message, stamp(message) or came, came)
+            take(topic, message, (settings.stamps and stamp(message)) or came, came)
 
-        def by_receipt(message: Any) -> None:  # noqa: ANN401
-            came = now()
-            take(message, came, came)
+        def dense(message: Any) -> None:  # noqa: ANN401
+            with self._lock:
+                if not self._closed:
+                    came = now()
+                    time = (settings.stamps and stamp(message)) or came
+                    for report in take(topic, message, time, came):
+                        self._publish(report)
 
-        return by_stamp if self._plan.settings.stamps else by_receipt
-
-    def _take(self, source: Input, message: Any) -> None:  # noqa: ANN401 - the classes of ROS have no types
-        with self._lock:
-            if not self._closed:
-                now = self._middleware.now()
-                time = (self._plan.settings.stamps and self._middleware.stamp(message)) or now
-                for report in self.judges.take(source, message, time, now):
-                    self._publish(report)
+        return dense if settings.dense else sampled
 
     def _look(self) -> None:
         with self._lock:

@@ -35,7 +35,8 @@ class Judges:
             messages or two.
 
     Attributes:
-        inputs: The topics that are read, each once.
+        inputs: What the requirements read, each its own.
+        topics: The topics that are read, and the inputs of each.
         requirements: What is judged.
         settings: How.
     """
@@ -45,7 +46,11 @@ class Judges:
     ) -> None:
         self.settings = settings
         self._runs = runs
-        self.inputs, self.requirements = requirements_of(specifications, settings)
+        self.requirements = requirements_of(specifications, settings)
+        self.inputs = [source for each in self.requirements for source in each.inputs]
+        self.topics: dict[str, list[Input]] = {}
+        for source in self.inputs:
+            self.topics.setdefault(source.topic, []).append(source)
         self._records = [self._record(each) for each in self.requirements]
         make: type[Sampled | Dense] = Dense if settings.dense else Sampled
         self._judges = [
@@ -60,16 +65,16 @@ class Judges:
         last = (each.account.last for each in self._judges)
         return tuple(each for each in last if each is not None)
 
-    def take(self, source: Input, message: Any, time: int, now: int) -> Sequence[Report]:  # noqa: ANN401
+    def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[Report]:  # noqa: ANN401
         """Take a message, at the time that counts; in dense time, the reports that it brings."""
         if self.settings.dense and now > 0:
             self._follow_clock(now)
-        if not source.take(message, time, now):
-            return []
+        taken = {each for each in self.topics[topic] if each.take(message, time, now)}
         reports: list[Report] = []
-        for judge in self._judges:
-            if isinstance(judge, Dense) and source in judge.inputs:
-                reports += judge.event(source, now)
+        for judge in self._judges if taken and self.settings.dense else ():
+            for source in judge.inputs:
+                if source in taken and isinstance(judge, Dense):
+                    reports += judge.event(source, now)
         return reports
 
     def look(self, now: int) -> Sequence[Report]:

@@ -35,38 +35,40 @@ class Requirement:
 
 def requirements_of(
     specifications: Iterable[Specification], settings: Settings
-) -> tuple[tuple[Input, ...], tuple[Requirement, ...]]:
-    """The topics that specifications read, each once, and what they require.
+) -> tuple[Requirement, ...]:
+    """What specifications require.
 
-    A topic with several declared values before its first message is read once for each of them.
+    Each requirement has inputs of its own: a field that one cannot read concerns no other.
     Requirements of one name are told apart by a number: ``out``, ``out_2``.
 
     Raises:
         SpecificationError: If a topic is read as messages of two classes, or of none.
         InputError: If the settings speak of a topic that is not read.
     """
-    inputs: dict[tuple[str, float | None], Input] = {}
     requirements: dict[str, Requirement] = {}
     for origin, specification in enumerate(specifications):
         for title, part in specification.requirements.items():
-            cells = {}
-            for subscription in subscriptions(part):
-                topic, default = subscription.topic, _default(part, subscription)
-                source = inputs.setdefault(
-                    (topic, default), Input(subscription.variable, topic, settings, default)
-                )
-                for each in inputs.values():
-                    if each.topic == topic:
-                        _agree(each, subscription)
-                for field in subscription.fields:
-                    cells[field.variable] = (source, source.add(field))
             numbered = (f"{title}_{count}" for count in itertools.count(2))
             candidates = itertools.chain((title,), numbered)
             name = next(each for each in candidates if each not in requirements)
+            cells = _cells(part, settings)
             read = tuple(dict.fromkeys(source for source, _ in cells.values()))
             requirements[name] = Requirement(name, part, cells, read, origin)
-    _check(inputs.values(), settings)
-    return tuple(inputs.values()), tuple(requirements.values())
+    _check([source for each in requirements.values() for source in each.inputs], settings)
+    return tuple(requirements.values())
+
+
+def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[Input, int]]:
+    """For each variable a new input and the place in its values."""
+    inputs: dict[tuple[str, float | None], Input] = {}
+    cells = {}
+    for each in subscriptions(specification):
+        key = each.topic, _default(specification, each)
+        source = inputs.setdefault(key, Input(each.variable, each.topic, settings, key[1]))
+        _agree(source, each.package, each.message, each.variable)
+        for field in each.fields:
+            cells[field.variable] = (source, source.add(field))
+    return cells
 
 
 def unbounded(specification: Specification) -> str:
@@ -78,18 +80,26 @@ def unbounded(specification: Specification) -> str:
 
 
 def _check(inputs: Collection[Input], settings: Settings) -> None:
-    """Refuse topics without a class, and settings of topics that nothing reads."""
-    topics = dict.fromkeys(each.topic for each in inputs)
-    for topic in settings.stale_of:
-        if topic not in topics:
-            hint = nearest(topic, topics) or f"; the topics are {', '.join(topics)}"
-            raise InputError(f"stale speaks of the topic {topic}, which nothing reads{hint}")
+    """Refuse topics without a class or with two, and settings of topics that nothing reads."""
+    first: dict[str, Input] = {}
+    for source in inputs:  # of a topic, one whose class is known
+        known = first.setdefault(source.topic, source)
+        if known.message is None:
+            first[source.topic] = source
     for source in inputs:
+        known = first[source.topic]
+        if source.message is None:
+            source.package, source.message = known.package, known.message
+        _agree(known, source.package, source.message, source.name)
         if source.message is None:
             raise SpecificationError(
                 f"expected the class of the message '{source.name}', got none; declare it: "
                 f"from PACKAGE.msg import CLASS, then input CLASS {source.name}"
             )
+    for topic in settings.stale_of:
+        if topic not in first:
+            hint = nearest(topic, first) or f"; the topics are {', '.join(first)}"
+            raise InputError(f"stale speaks of the topic {topic}, which nothing reads{hint}")
 
 
 def _default(specification: Specification, subscription: Subscription) -> float | None:
@@ -99,16 +109,15 @@ def _default(specification: Specification, subscription: Subscription) -> float 
     return declared.default if declared is not None and plain else None
 
 
-def _agree(source: Input, subscription: Subscription) -> None:
-    """Take the class of a subscription for that of an input that has none yet."""
-    if subscription.message is None:
+def _agree(source: Input, package: str | None, message: str | None, name: str) -> None:
+    """Take a class for that of an input that has none yet; ``name`` has it too."""
+    if message is None:
         return
     if source.message is None:
-        source.package, source.message = subscription.package, subscription.message
-    known = f"{source.package}/{source.message}"
-    other = f"{subscription.package}/{subscription.message}"
-    if known != other:
+        source.package, source.message = package, message
+    of, other = f"{source.package}/{source.message}", f"{package}/{message}"
+    if of != other:
         raise SpecificationError(
-            f"expected one class of messages on the topic {source.topic}, got {known} as "
-            f"'{source.name}' and {other} as '{subscription.variable}'"
+            f"expected one class of messages on the topic {source.topic}, got {of} as "
+            f"'{source.name}' and {other} as '{name}'"
         )

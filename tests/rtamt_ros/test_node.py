@@ -8,7 +8,6 @@ from memory_nodes import MS, send, started, topics
 
 import rtamt
 from rtamt import InputError, SpecificationError
-from rtamt_ros.core.requirements import requirements_of
 from rtamt_ros.node import MonitorNode, Settings
 
 PAPER = """
@@ -83,11 +82,24 @@ def test_one_subscription_serves_all_that_read_a_topic() -> None:
 MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; float64 x; "
 
 
-def test_a_field_that_several_read_is_read_once() -> None:
-    texts = ["x > 0; ", "always(x > 1)", "p = x > 0; q = x < 3"]
-    inputs, requirements = requirements_of([rtamt.parse(text) for text in texts], Settings())
-    assert [[field.variable for field in each.fields] for each in inputs] == [["x"]]
-    assert [each.name for each in requirements] == ["spec", "spec_2", "p", "q"]
+@pytest.mark.parametrize("dense", [False, True])
+def test_what_one_requirement_cannot_read_concerns_no_other(dense: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    scan = "from sensor_msgs.msg import LaserScan; @ topic(s, /scan); "
+    near = f"{scan}input LaserScan s; near = s.ranges[0] > 1; far = s.ranges[9] > 1"
+    other = scan.replace("(s,", "(front,") + "input LaserScan front; last = front.ranges[1] > 1"
+    ros, node = started(near, other, dense=dense)
+    assert [each.topic for each in ros.subscriptions] == ["/scan"]
+    for _ in range(3):
+        ros.send("/scan", message("sensor_msgs", "LaserScan", ranges=[2.0, 3.0]))
+        ros.time += 100 * MS
+        ros.tick()
+    found = [set(ros.data(f"rtamt/{name}")) for name in ("near", "far", "last")]
+    assert found == [{1.0}, set(), {2.0}]
+    reason = "s.ranges[9] cannot be read: list index out of range"
+    assert [each.problem for each in node.reports] == ["", f"waiting for s; {reason}", ""]
+    assert [each.errors for each in node.reports] == [0, 3, 0]
+    ros.tick(ros.time + 1000 * MS)
+    assert [each.stale for each in node.reports] == [("s",), (), ("front",)]
 
 
 @pytest.mark.parametrize(
