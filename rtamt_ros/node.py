@@ -184,11 +184,12 @@ class _Running:
 
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
-        publishing = Publishing(middleware, plan.outputs, plan.bounds, plan.classes)
-        self._publish = publishing.publish
-        self._diagnostics = Diagnostics(middleware, plan.formulas)
-        self._handles += [publishing, self._diagnostics]
         try:
+            publishing = Publishing(middleware, plan.outputs, plan.bounds, plan.classes)
+            self._handles.append(publishing)
+            self._publish = publishing.publish
+            self._diagnostics = Diagnostics(middleware, plan.formulas)
+            self._handles.append(self._diagnostics)
             for topic, (source, *_) in self.judges.topics.items():
                 callback = self._callback(topic)
                 self._handles.append(middleware.subscribe(topic, plan.of(source), callback))

@@ -228,7 +228,7 @@ def test_start_and_stop_open_and_close_everything_once() -> None:
 
 
 def test_a_start_that_ros_refuses_leaves_nothing_open() -> None:
-    for topic in ("/robot0/odom", "rtamt/c/upper"):
+    for topic in ("/robot0/odom", "rtamt/c/upper", "/diagnostics"):
         ros = MemoryMiddleware(refused={topic})
         node = MonitorNode(ros, [PAPER])
         with pytest.raises(InputError, match="is refused"):
