@@ -54,6 +54,16 @@ ERRORS = {
     "  eventually[0:0.25](x>1)\n"
     "            ^\n"
     "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let --align round it",
+    "--spec always(x>1)or(x<0) --dense": "STL:1:1: 'always' without an end needs the whole future, "
+    "for which DenseMonitor cannot wait\n"
+    "  always(x>1)or(x<0)\n"
+    "  ^\n"
+    "  hint: write an end, as in always[0:10], or leave out --dense",
+    "--spec next(x>1) --dense": "STL:1:1: 'next' speaks of neighbouring samples, and dense time has "
+    "none\n"
+    "  next(x>1)\n"
+    "  ^\n"
+    "  hint: look a time d away with eventually[0:d], or leave out --dense",
     "--spec x>1 --align up": "argument --align: invalid choice: 'up' (choose from 'outward', "
     "'inward', 'nearest'); see ros_stl_monitor.py --help",
     "--spec x>1 --dense --align inward": "expected --align or dense time, which has no samples to "
