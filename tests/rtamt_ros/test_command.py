@@ -59,8 +59,8 @@ ERRORS = {
     "  always(x>1)or(x<0)\n"
     "  ^\n"
     "  hint: write an end, as in always[0:10], or leave out --dense",
-    "--spec next(x>1) --dense": "STL:1:1: 'next' speaks of neighbouring samples, and dense time has "
-    "none\n"
+    "--spec next(x>1) --dense": "STL:1:1: 'next' speaks of neighbouring samples, and dense time "
+    "has none\n"
     "  next(x>1)\n"
     "  ^\n"
     "  hint: look a time d away with eventually[0:d], or leave out --dense",
