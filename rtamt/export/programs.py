@@ -18,9 +18,10 @@ from rtamt.language.traced import Traced
 from rtamt.monitors.options import Options, SampleOptions, compiled, compiled_dense
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.encoding import clock_of, encoded_dense, encoded_discrete, encoded_episode
+from rtamt.program.instructions import Const, Window
 from rtamt.program.memory import limit_discrete, limit_episode
 from rtamt.program.polarity import positive
-from rtamt.program.program import Const, Program, Window
+from rtamt.program.program import Program
 from rtamt.program.timing import Period
 
 __all__ = ["Programs", "dense_programs", "sampled_programs"]

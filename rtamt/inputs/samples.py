@@ -18,7 +18,8 @@ from rtamt.errors import InputError, InputTypeError, brief, is_one_of, name_text
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
 from rtamt.program.algebra import FUNCTIONS
-from rtamt.program.program import Const, Load, Map, Program
+from rtamt.program.instructions import Const, Load, Map
+from rtamt.program.program import Program
 
 __all__ = [
     "Columns",

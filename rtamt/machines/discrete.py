@@ -13,7 +13,8 @@ from rtamt.inputs.samples import SampleReader
 from rtamt.machines.terms import Operation, PythonSampleMachine, Registers, map_operation
 from rtamt.machines.windows import DelayLine, FoldedWindow, make_window
 from rtamt.program.algebra import FOLDS, Element
-from rtamt.program.program import Map, Program, Window
+from rtamt.program.instructions import Map, Window
+from rtamt.program.program import Program
 from rtamt.program.schedule import Delay, Scheduled, schedule
 
 __all__ = ["PythonDiscreteMachine"]

@@ -33,6 +33,7 @@ from rtamt.machines.signals import (
 )
 from rtamt.machines.windows import fold_all
 from rtamt.program.algebra import FOLDS, FUNCTIONS, Element
+from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.memory import limit_beyond
 from rtamt.program.outlook import (
     Outlook,
@@ -46,7 +47,7 @@ from rtamt.program.outlook import (
     together,
     unending,
 )
-from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.program import Program
 
 __all__ = ["Flags", "Foresight"]
 

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import DiscreteMachine
+from rtamt.program.instructions import Window
 from rtamt.program.passes import Folded, folded_apart
-from rtamt.program.program import Program, Window
+from rtamt.program.program import Program
 
 __all__ = ["MakeMachine", "Passes", "result_alone", "run_offline", "run_outputs", "without_nan"]
 

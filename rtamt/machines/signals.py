@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.offline import MakeMachine
 from rtamt.machines.protocols import DiscreteMachine, Snapshot
+from rtamt.program.instructions import Load
 from rtamt.program.outlook import (
     past,
     reaches,
 )
 from rtamt.program.passes import Folded
-from rtamt.program.program import Load, Program
+from rtamt.program.program import Program
 
 __all__ = [
     "BOUNDS",

@@ -8,7 +8,8 @@ from typing import Generic, NoReturn, TypeVar, assert_never
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.state import StateFields
 from rtamt.program.algebra import FUNCTIONS
-from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.instructions import Const, Load, Map, Window
+from rtamt.program.program import Program
 
 __all__ = ["Operation", "PythonSampleMachine", "Registers", "Terms", "map_operation"]
 

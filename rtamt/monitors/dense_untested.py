@@ -7,7 +7,7 @@ from fractions import Fraction
 from rtamt.language.node import Node
 from rtamt.machines.dense.foresight import DenseForesight, Steps
 from rtamt.monitors.untested import Untested
-from rtamt.program.program import Window
+from rtamt.program.instructions import Window
 
 __all__ = ["found_untested_dense"]
 

@@ -32,8 +32,9 @@ from rtamt.monitors.evaluation import whole_trace
 from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.monitors.provenance import Origin, origin_of, visits
+from rtamt.program.instructions import Map, operands
 from rtamt.program.interface import Reading
-from rtamt.program.program import Map, Program, operands
+from rtamt.program.program import Program
 from rtamt.program.timing import Align, Period, alignment, samples
 
 __all__ = [

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from rtamt.language.node import Node
 from rtamt.machines.foresight import Foresight
-from rtamt.program.program import Map, Window
+from rtamt.program.instructions import Map, Window
 
 __all__ = ["Untested", "found_untested"]
 

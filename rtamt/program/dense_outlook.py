@@ -18,8 +18,9 @@ from rtamt.language.interval import UNITS
 from rtamt.language.node import Node
 from rtamt.program.algebra import FOLDS
 from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.instructions import Const, Instruction, Load, Map, Window, latencies_of
 from rtamt.program.polarity import positive
-from rtamt.program.program import Const, Instruction, Load, Map, Program, Window, latencies_of
+from rtamt.program.program import Program
 
 __all__ = ["DenseOutlook", "Mask", "Plan", "look_out_dense"]
 

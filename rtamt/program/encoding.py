@@ -11,8 +11,9 @@ from fractions import Fraction
 from typing import NamedTuple, assert_never
 
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
+from rtamt.program.instructions import Const, Instruction, Load, Map, Window
 from rtamt.program.placement import place
-from rtamt.program.program import Const, Instruction, Load, Map, Program, Window
+from rtamt.program.program import Program
 from rtamt.program.schedule import Delay, schedule
 
 __all__ = [

@@ -13,17 +13,17 @@ from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Meaning
 from rtamt.language.traced import applied
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.interface import STANDARD, Interface
-from rtamt.program.program import (
+from rtamt.program.instructions import (
     Const,
     Instruction,
     Load,
     Map,
-    Program,
     Window,
     latency_of,
     listed,
 )
+from rtamt.program.interface import STANDARD, Interface
+from rtamt.program.program import Program
 from rtamt.program.timing import Align, alignment, samples
 
 __all__ = ["ProgramBuilder", "compile_program"]

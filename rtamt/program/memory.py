@@ -11,8 +11,9 @@ import numpy as np
 from rtamt import limits
 from rtamt.errors import InputError, brief
 from rtamt.program.algebra import FOLDS
+from rtamt.program.instructions import Const, Load, Map, Window
 from rtamt.program.placement import Placement, place
-from rtamt.program.program import Const, Load, Map, Program, Window
+from rtamt.program.program import Program
 from rtamt.program.schedule import Delay, schedule
 
 __all__ = [

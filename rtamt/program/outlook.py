@@ -13,9 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.instructions import Const, Instruction, Load, Map, Window, latencies_of
 from rtamt.program.passes import Folded, folded_apart
 from rtamt.program.polarity import positive
-from rtamt.program.program import Const, Instruction, Load, Map, Program, Window, latencies_of
+from rtamt.program.program import Program
 
 __all__ = [
     "Outlook",

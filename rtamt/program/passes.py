@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from rtamt.program.algebra import FOLDS
-from rtamt.program.program import Load, Program, Window, latencies_of
+from rtamt.program.instructions import Load, Window, latencies_of
+from rtamt.program.program import Program
 
 __all__ = ["Folded", "folded_apart"]
 

@@ -10,8 +10,9 @@ import functools
 from dataclasses import dataclass
 
 from rtamt.errors import SpecificationError
+from rtamt.program.instructions import Map, Window
 from rtamt.program.polarity import positive
-from rtamt.program.program import Map, Program, Window
+from rtamt.program.program import Program
 
 __all__ = ["MAX_UNKNOWNS", "Placement", "place"]
 

@@ -7,7 +7,8 @@ from typing import assert_never
 
 from rtamt.language.traced import applied
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.program import Const, Instruction, Map, Program, Window, latencies_of
+from rtamt.program.instructions import Const, Instruction, Map, Window, latencies_of
+from rtamt.program.program import Program
 
 __all__ = ["positive"]
 

@@ -1,11 +1,4 @@
-"""A compiled specification: a program of four instructions, whose latencies are numbers.
-
-=======================  =====================================================================
-``LOAD variable``        the variable's sample
-``CONST value``          one value at every sample
-``MAP f args``           a function of the registers' values at one time
-``WINDOW f lo hi args``  a lattice fold over offsets lo to hi from now, cut to the trace
-=======================  =====================================================================
+"""A compiled specification: a program of instructions, whose latencies are numbers.
 
 Each instruction writes the register of its index. The first `Program.terms` instructions are
 arithmetic over the present sample; the others are formulas. A register of latency L has, at sample
@@ -15,91 +8,28 @@ This is pastification (Nickovic and Yamaguchi, ATVA 2020) on numbers instead of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
 from rtamt.language.node import Node
-from rtamt.language.printing import number_text
 from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.instructions import (
+    Const,
+    Instruction,
+    Load,
+    Map,
+    Window,
+    latencies_of,
+    latency_of,
+    listed,
+    operands,
+)
 
 if TYPE_CHECKING:
     from rtamt.language.specification import Specification
 
-__all__ = [
-    "Const",
-    "Instruction",
-    "Load",
-    "Map",
-    "Program",
-    "Window",
-    "latencies_of",
-    "latency_of",
-    "listed",
-    "operands",
-]
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """The variable's sample."""
-
-    variable: str
-
-
-@dataclass(frozen=True, slots=True)
-class Const:
-    """One value at every sample, seen or not.
-
-    A neutral one stands for a predicate that counts 0 under interface-aware semantics: it neither
-    holds nor fails, so its lower bound is -0.0 and its upper bound +0.0.
-    """
-
-    value: float
-    neutral: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Map:
-    """A function of the operands' values at one time."""
-
-    function: str
-    args: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """A lattice fold over offsets ``lo`` to ``hi`` from now; None is unbounded."""
-
-    fold: str
-    lo: int | None
-    hi: int | None
-    args: tuple[int, ...]
-
-    @property
-    def length(self) -> int | None:
-        """The number of samples that it covers; None is unbounded."""
-        return None if self.lo is None or self.hi is None else self.hi - self.lo + 1
-
-    def mirrored(self) -> Window:
-        """The same window with time flipped: future is past."""
-        lo = None if self.hi is None else -self.hi
-        hi = None if self.lo is None else -self.lo
-        return Window(FOLDS[self.fold].mirror, lo, hi, self.args)
-
-
-Instruction = Load | Const | Map | Window
-
-
-def operands(instruction: Instruction) -> tuple[int, ...]:
-    """The registers that the instruction reads."""
-    match instruction:
-        case Load() | Const():
-            return ()
-        case Map() | Window():
-            return instruction.args
-        case _ as never:
-            assert_never(never)
+__all__ = ["Program"]
 
 
 @dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
@@ -368,22 +298,6 @@ class Program:
         return "\n".join((*lines, *self.aligned))
 
 
-def listed(instruction: Instruction) -> str:
-    """The text of an instruction in a listing."""
-    match instruction:
-        case Load(variable):
-            return f"LOAD {variable}"
-        case Const(value, neutral):
-            return f"CONST {number_text(value)}{', neutral' if neutral else ''}"
-        case Map(function, args):
-            return " ".join(["MAP", function, *map(str, args)])
-        case Window(fold, lo, hi, args):
-            bounds = f"[{'-inf' if lo is None else lo}, {'inf' if hi is None else hi}]"
-            return " ".join(["WINDOW", fold, bounds, *map(str, args)])
-        case _ as never:
-            assert_never(never)
-
-
 def _renumbered(instruction: Instruction, new: Mapping[int, int]) -> Instruction:
     match instruction:
         case Load() | Const():
@@ -392,29 +306,3 @@ def _renumbered(instruction: Instruction, new: Mapping[int, int]) -> Instruction
             return replace(instruction, args=tuple(new[a] for a in instruction.args))
         case _ as never:
             assert_never(never)
-
-
-def latencies_of(instructions: Sequence[Instruction]) -> tuple[int | None, ...]:
-    """The latency of every register; None where it needs the whole future."""
-    latencies: list[int | None] = []
-    for instruction in instructions:
-        latencies.append(latency_of(instruction, latencies, instructions))
-    return tuple(latencies)
-
-
-def latency_of(
-    instruction: Instruction,
-    latencies: Sequence[int | None],
-    instructions: Sequence[Instruction],
-) -> int | None:
-    """The latency of an instruction, from the instructions and latencies before it."""
-    late = 0
-    for operand in operands(instruction):
-        if not isinstance(instructions[operand], Const):
-            of_operand = latencies[operand]
-            if of_operand is None:
-                return None
-            late = max(late, of_operand)
-    if isinstance(instruction, Window):
-        return None if instruction.hi is None else max(0, late + instruction.hi)
-    return late

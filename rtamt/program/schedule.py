@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from rtamt.program.program import Map, Program, Window
+from rtamt.program.instructions import Map, Window
+from rtamt.program.program import Program
 
 __all__ = ["Delay", "Scheduled", "schedule"]
 

@@ -24,7 +24,7 @@ from rtamt.machines.state import StateFields
 from rtamt.machines.terms import Registers, Terms
 from rtamt.program.algebra import FOLDS
 from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.program import Map, Window
+from rtamt.program.instructions import Map, Window
 
 __all__ = ["PythonDenseMachine"]
 

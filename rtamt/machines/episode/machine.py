@@ -53,8 +53,9 @@ from rtamt.machines.protocols import End
 from rtamt.machines.readout import Readout, verdict_of
 from rtamt.machines.terms import PythonSampleMachine, Registers
 from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.instructions import Const, Map, Window
 from rtamt.program.placement import place
-from rtamt.program.program import Const, Map, Program, Window
+from rtamt.program.program import Program
 
 __all__ = ["PythonEpisodeMachine", "refuse_finish", "refuse_update"]
 

@@ -2,8 +2,8 @@
 
 from rtamt import Formula, parse, variable
 from rtamt.language.parser import as_specification, traced
+from rtamt.program.instructions import Const
 from rtamt.program.lowering import compile_program
-from rtamt.program.program import Const
 
 TEXT = (
     "const float a = 2; const float b = 2; const float T = 3; always[0:T](x > a * -b + 1 and y < b)"

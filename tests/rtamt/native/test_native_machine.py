@@ -15,7 +15,7 @@ from rtamt import Monitor, evaluate
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.windows import DelayLine, make_window
 from rtamt.program.algebra import FOLDS, FUNCTIONS
-from rtamt.program.program import Instruction
+from rtamt.program.instructions import Instruction
 from rtamt.program.schedule import Delay
 
 if TYPE_CHECKING:
