@@ -62,6 +62,10 @@ class Middleware(Protocol):
         """The time of the clock of ROS; 0 before the first tick of a simulated one."""
         ...
 
+    def is_simulated(self) -> bool:
+        """Whether the clock is a simulated one, which stands still while nobody moves it."""
+        ...
+
     def resolve(self, topic: str) -> str:
         """The whole name of a topic: with the namespace of the node, and remapped."""
         ...

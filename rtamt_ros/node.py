@@ -21,6 +21,9 @@ from rtamt_ros.middleware import Handle, Level, Middleware
 
 __all__ = ["MonitorNode", "Report", "Settings"]
 
+STANDS = 2.0
+"""Seconds of the wall clock between looks at a simulated clock: one that is where it was stands."""
+
 
 class MonitorNode:
     """Monitors the topics that specifications name, and publishes what it finds.
@@ -181,6 +184,8 @@ class _Running:
         self._lock = threading.RLock()  # of what is published, and of monitors in dense time
         self._closed = False
         self._handles: list[Handle] = []
+        self._ended = threading.Event()
+        self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
 
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
@@ -200,13 +205,17 @@ class _Running:
             raise
         if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
             self._look()
+        self._watch.start()
 
     def close(self) -> None:
         with self._lock:
             self._closed = True
+        self._ended.set()
         # Not under the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
             self._handles.pop().close()
+        if self._watch.is_alive():
+            self._watch.join()
         with self._lock:
             self.judges.close()
 
@@ -239,10 +248,22 @@ class _Running:
         return dense if settings.dense else sampled
 
     def _look(self) -> None:
+        now = self._middleware.now()
+        self._say(lambda: self.judges.look(now), now)
+
+    def _say(self, reports: Callable[[], Sequence[Report]], now: int) -> None:
         with self._lock:
             if not self._closed:
-                now = self._middleware.now()
-                for report in self.judges.look(now):
+                for report in reports():
                     self._publish(report)
                 if self._diagnostics.tell(self.judges.reports, now):
                     self.judges.flush()
+
+    def _watch_clock(self) -> None:
+        """Report a simulated clock that stands still, for then no timer is due."""
+        before = 0
+        while not self._ended.wait(STANDS):
+            now = self._middleware.now()
+            if 0 < now == before and self._middleware.is_simulated():
+                self._say(self.judges.standing, now)
+            before = now

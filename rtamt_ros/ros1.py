@@ -93,6 +93,9 @@ class Ros1:
     def now(self) -> int:
         return _now()
 
+    def is_simulated(self) -> bool:
+        return not rospy.rostime.is_wallclock()
+
     def resolve(self, topic: str) -> str:
         return str(rospy.resolve_name(topic))
 

@@ -112,6 +112,9 @@ class Ros2:
         time: int = self._clock.now().nanoseconds
         return time
 
+    def is_simulated(self) -> bool:
+        return bool(self._clock.ros_time_is_active)
+
     def resolve(self, topic: str) -> str:
         return str(self.node.resolve_topic_name(topic))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from textwrap import fill
+from textwrap import TextWrapper
 from typing import TYPE_CHECKING
 
 from rtamt import InputError, Verdict
@@ -175,7 +175,9 @@ def _write(
         copied = f"copy of the bag: {options.write_mcap}, with {', '.join(added)}"
         if lost:
             copied += f"; without {', '.join(lost)}, whose classes the bag does not define"
-        said.append(fill(copied, 80, subsequent_indent="  ", break_on_hyphens=False) + "\n")
+        lines = TextWrapper(80, subsequent_indent="  ")
+        lines.break_on_hyphens = lines.break_long_words = False  # a path stays whole
+        said.append(lines.fill(copied) + "\n")
     if options.plot:
         from rtamt_gym.drawing import save
         from rtamt_gym.recorded.judge import signals_of

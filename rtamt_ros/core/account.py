@@ -71,6 +71,12 @@ class Account:
         """The report before a simulated clock has begun."""
         return self._report(0, Level.WARN, "waiting for the clock")
 
+    def standing(self) -> Report:
+        """The report while a simulated clock stands still: nothing is known of the time since."""
+        time = self.last.time if self.last is not None else 0
+        unknown = _UNKNOWN if self._began else {}
+        return self._report(time, Level.STALE, "the clock stands still", **unknown)
+
     def without(self, now: int) -> tuple[Report, str]:
         """The report while inputs have not come or are stale, and why a run ends."""
         waiting = [each for each in self.inputs if each.is_awaited()]

@@ -91,6 +91,10 @@ class Judges:
                 reports += found
         return reports
 
+    def standing(self) -> Sequence[Report]:
+        """The reports while a simulated clock stands still; the monitors go on when it does."""
+        return [each.account.standing() for each in self._judges]
+
     def _follow_clock(self, now: int) -> None:
         back = self._now - now
         if not self._now:

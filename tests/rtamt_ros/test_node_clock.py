@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import threading
+from collections.abc import Callable
 
 import pytest
 from memory_middleware import SECOND, message
@@ -150,3 +152,61 @@ def test_stamps_that_went_back_for_good_begin_anew() -> None:
     assert ros.data("rtamt/spec") == [2.0, 1.0, 5.0, 5.0]
     assert node.reports[0].out_of_order == 0
     assert node.reports[0].restarted_because == "the stamps of odom went back by 9.1 s"
+
+
+# A clock that stands still. ----------------------------------------------------------------------
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait until another thread has made a condition true."""
+    for _ in range(1000):
+        if condition():
+            return
+        threading.Event().wait(0.01)
+    raise AssertionError("expected the condition within 10 s")
+
+
+@pytest.mark.parametrize("dense", [False, True])
+def test_a_simulated_clock_that_stands_still_leaves_no_verdict(
+    monkeypatch: pytest.MonkeyPatch, *, dense: bool
+) -> None:
+    monkeypatch.setattr("rtamt_ros.node.STANDS", 0.02)
+    ros, node = started("historically(x > 0)", dense=dense)
+    ros.simulated = True
+    send(ros, "x", 3.0)
+    ros.tick(START + 100 * MS)
+    until(lambda: math.isnan(ros.latched("rtamt/spec")))
+    until(lambda: node.reports[0].level is Level.STALE)
+    assert node.reports[0].text == "the clock stands still"
+    assert math.isnan(ros.latched("rtamt/spec/upper"))
+    assert ros.latched("rtamt/spec/verdict") == 0
+    node.stop()
+    kept = len(ros.published)
+    threading.Event().wait(0.1)
+    assert len(ros.published) == kept
+
+
+def test_a_monitor_goes_on_with_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rtamt_ros.node.STANDS", 0.2)
+    ros, node = started("historically(x > 0)")
+    ros.simulated = True
+    send(ros, "x", 3.0)
+    ros.tick()
+    until(lambda: math.isnan(ros.latched("rtamt/spec")))
+    known = len(ros.published)
+    ros.time = START + 100 * MS
+    send(ros, "x", 5.0)
+    ros.tick()
+    assert [each.data for at, each in ros.published[known:] if at == "rtamt/spec"][:1] == [3.0]
+    assert node.reports[0].restarts == 0
+    node.stop()
+
+
+def test_the_wall_clock_may_stand_for_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rtamt_ros.node.STANDS", 0.01)
+    ros, node = started("historically(x > 0)")
+    send(ros, "x", 3.0)
+    ros.tick()
+    threading.Event().wait(0.1)
+    assert ros.latched("rtamt/spec") == 3.0
+    node.stop()

@@ -113,6 +113,7 @@ class MemoryMiddleware:
         lines: What was logged.
         missing: Packages that are not installed.
         refused: Topics that it refuses.
+        simulated: Whether its clock is a simulated one.
     """
 
     generation: int = 1
@@ -122,6 +123,7 @@ class MemoryMiddleware:
     lines: list[tuple[Level, str]] = field(default_factory=list)
     missing: set[str] = field(default_factory=set)
     refused: set[str] = field(default_factory=set)
+    simulated: bool = False
     subscriptions: list[_Open] = field(default_factory=list)
     publishers: list[_Publisher] = field(default_factory=list)
     timers: list[_Open] = field(default_factory=list)
@@ -133,6 +135,9 @@ class MemoryMiddleware:
 
     def now(self) -> int:
         return self.time
+
+    def is_simulated(self) -> bool:
+        return self.simulated
 
     def resolve(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"/{topic}"

@@ -167,6 +167,7 @@ class MiddlewareContract:
 
     def test_the_clock_counts_nanoseconds_since_1970(self, talker: Peer, tmp_path: Path) -> None:
         (tmp_path / "before").touch()
+        assert not talker.ask("simulated")
         now = talker.ask("now")
         (tmp_path / "after").touch()
         before, after = ((tmp_path / n).stat().st_mtime_ns for n in ("before", "after"))
@@ -305,6 +306,7 @@ class MiddlewareContract:
     def test_a_simulated_clock_is_0_and_then_what_it_is_told(self, world: World) -> None:
         clock, node = world.clock, world.simulated
         assert node.ask("now") == 0
+        assert node.ask("simulated")
         for time in (5 * SECOND + 1, 6 * SECOND, 2 * SECOND):
             self.tick(clock, node, time)
             assert node.ask("now") == time

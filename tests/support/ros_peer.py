@@ -104,6 +104,10 @@ class Desk:
         """The time of the clock of ROS."""
         return self.node.now()
 
+    def simulated(self) -> bool:
+        """Whether the clock is a simulated one."""
+        return self.node.is_simulated()
+
     def fields(self, package: str, name: str, fields: Sequence[str]) -> list[Any]:
         """The values of fields of a new message."""
         return _read(self.node.message_class(package, name)(), fields)
