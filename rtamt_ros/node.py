@@ -185,7 +185,7 @@ class _Running:
         self._closed = False
         self._handles: list[Handle] = []
         self._ended = threading.Event()
-        self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
+        self._watch: threading.Thread | None = None
 
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
@@ -205,7 +205,6 @@ class _Running:
             raise
         if middleware.now() <= 0:  # a simulated clock that does not come calls no timer
             self._look()
-        self._watch.start()
 
     def close(self) -> None:
         with self._lock:
@@ -214,7 +213,7 @@ class _Running:
         # Not under the lock: a handle may wait for a callback that waits for the lock.
         while self._handles:
             self._handles.pop().close()
-        if self._watch.is_alive():
+        if self._watch is not None:
             self._watch.join()
         with self._lock:
             self.judges.close()
@@ -250,6 +249,9 @@ class _Running:
     def _look(self) -> None:
         now = self._middleware.now()
         self._say(lambda: self.judges.look(now), now)
+        if self._watch is None and self._middleware.is_simulated() and not self._closed:
+            self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
+            self._watch.start()
 
     def _say(self, reports: Callable[[], Sequence[Report]], now: int) -> None:
         with self._lock:
@@ -264,6 +266,6 @@ class _Running:
         before = 0
         while not self._ended.wait(STANDS):
             now = self._middleware.now()
-            if 0 < now == before and self._middleware.is_simulated():
+            if 0 < now == before:
                 self._say(self.judges.standing, now)
             before = now

@@ -204,9 +204,8 @@ def test_a_monitor_goes_on_with_the_clock(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_the_wall_clock_may_stand_for_a_look(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rtamt_ros.node.STANDS", 0.01)
-    ros, node = started("historically(x > 0)")
+    ros, _ = started("historically(x > 0)")
     send(ros, "x", 3.0)
     ros.tick()
     threading.Event().wait(0.1)
     assert ros.latched("rtamt/spec") == 3.0
-    node.stop()
