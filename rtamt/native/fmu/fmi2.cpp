@@ -66,15 +66,6 @@ std::string folder_of(const char* location) {
     return path;
 }
 
-template <class Call>
-Status with_state(const char* name, Component component, State* state, Call call) noexcept {
-    return guarded(component, name, [=](Unit& unit) {
-        require_array(state, 1);
-        call(unit, *state);
-        return kOk;
-    });
-}
-
 }  // namespace
 
 RTAMT_FMI const char* fmi2GetTypesPlatform() { return "default"; }
@@ -121,31 +112,19 @@ RTAMT_FMI Status fmi2SetupExperiment(Component component, Boolean, double, doubl
 }
 
 RTAMT_FMI Status fmi2EnterInitializationMode(Component component) {
-    return guarded(component, "fmi2EnterInitializationMode", [](Unit& unit) {
-        unit.instance.begin_initialization();
-        return kOk;
-    });
+    return run(component, "fmi2EnterInitializationMode", &Instance::begin_initialization);
 }
 
 RTAMT_FMI Status fmi2ExitInitializationMode(Component component) {
-    return guarded(component, "fmi2ExitInitializationMode", [](Unit& unit) {
-        unit.instance.end_initialization();
-        return kOk;
-    });
+    return run(component, "fmi2ExitInitializationMode", &Instance::end_initialization);
 }
 
 RTAMT_FMI Status fmi2Terminate(Component component) {
-    return guarded(component, "fmi2Terminate", [](Unit& unit) {
-        unit.instance.terminate();
-        return kOk;
-    });
+    return run(component, "fmi2Terminate", &Instance::terminate);
 }
 
 RTAMT_FMI Status fmi2Reset(Component component) {
-    return guarded(component, "fmi2Reset", [](Unit& unit) {
-        unit.instance.reset();
-        return kOk;
-    });
+    return run(component, "fmi2Reset", &Instance::reset);
 }
 
 RTAMT_FMI Status fmi2GetReal(Component component, const Reference* references, std::size_t n,
@@ -192,45 +171,29 @@ RTAMT_FMI Status fmi2SetString(Component component, const Reference*, std::size_
 }
 
 RTAMT_FMI Status fmi2GetFMUstate(Component component, State* state) {
-    return with_state("fmi2GetFMUstate", component, state,
-                      [](Unit& unit, State& state) { state = unit.take_state(state); });
+    return get_state(component, "fmi2GetFMUstate", state);
 }
 
 RTAMT_FMI Status fmi2SetFMUstate(Component component, State state) {
-    return guarded(component, "fmi2SetFMUstate", [=](Unit& unit) {
-        unit.restore(state);
-        return kOk;
-    });
+    return set_state(component, "fmi2SetFMUstate", state);
 }
 
 RTAMT_FMI Status fmi2FreeFMUstate(Component component, State* state) {
-    return with_state("fmi2FreeFMUstate", component, state, [](Unit& unit, State& state) {
-        if (state != nullptr) unit.free_state(state);
-        state = nullptr;
-    });
+    return free_state(component, "fmi2FreeFMUstate", state);
 }
 
 RTAMT_FMI Status fmi2SerializedFMUstateSize(Component component, State state, std::size_t* size) {
-    return guarded(component, "fmi2SerializedFMUstateSize", [=](Unit& unit) {
-        require_array(size, 1);
-        *size = unit.size_of(state);
-        return kOk;
-    });
+    return state_size(component, "fmi2SerializedFMUstateSize", state, size);
 }
 
 RTAMT_FMI Status fmi2SerializeFMUstate(Component component, State state, char* bytes,
                                        std::size_t size) {
-    return guarded(component, "fmi2SerializeFMUstate", [=](Unit& unit) {
-        unit.write_state(state, bytes, size);
-        return kOk;
-    });
+    return serialize(component, "fmi2SerializeFMUstate", state, bytes, size);
 }
 
 RTAMT_FMI Status fmi2DeSerializeFMUstate(Component component, const char* bytes, std::size_t size,
                                          State* state) {
-    return with_state(
-        "fmi2DeSerializeFMUstate", component, state,
-        [=](Unit& unit, State& state) { state = unit.read_state(bytes, size, state); });
+    return deserialize(component, "fmi2DeSerializeFMUstate", bytes, size, state);
 }
 
 RTAMT_FMI Status fmi2GetDirectionalDerivative(Component component, const Reference*, std::size_t,

@@ -34,15 +34,6 @@ Pointer make(const char* call, const char* name, const char* token, const char* 
     }
 }
 
-template <class Call>
-Status with_state(const char* name, Pointer instance, State* state, Call call) noexcept {
-    return guarded(instance, name, [=](Unit& unit) {
-        require_array(state, 1);
-        call(unit, *state);
-        return kOk;
-    });
-}
-
 }  // namespace
 
 RTAMT_FMI const char* fmi3GetVersion() { return "3.0"; }
@@ -90,24 +81,15 @@ RTAMT_FMI Status fmi3EnterInitializationMode(Pointer instance, bool, double, dou
 }
 
 RTAMT_FMI Status fmi3ExitInitializationMode(Pointer instance) {
-    return guarded(instance, "fmi3ExitInitializationMode", [](Unit& unit) {
-        unit.instance.end_initialization();
-        return kOk;
-    });
+    return run(instance, "fmi3ExitInitializationMode", &Instance::end_initialization);
 }
 
 RTAMT_FMI Status fmi3Terminate(Pointer instance) {
-    return guarded(instance, "fmi3Terminate", [](Unit& unit) {
-        unit.instance.terminate();
-        return kOk;
-    });
+    return run(instance, "fmi3Terminate", &Instance::terminate);
 }
 
 RTAMT_FMI Status fmi3Reset(Pointer instance) {
-    return guarded(instance, "fmi3Reset", [](Unit& unit) {
-        unit.instance.reset();
-        return kOk;
-    });
+    return run(instance, "fmi3Reset", &Instance::reset);
 }
 
 RTAMT_FMI Status fmi3GetFloat64(Pointer instance, const Reference* references, std::size_t n,
@@ -179,47 +161,29 @@ RTAMT_NO_VARIABLES(fmi3SetShiftFraction, const std::uint64_t*, const std::uint64
 #undef RTAMT_NO_VARIABLES
 
 RTAMT_FMI Status fmi3GetFMUState(Pointer instance, State* state) {
-    return with_state("fmi3GetFMUState", instance, state,
-                      [](Unit& unit, State& state) { state = unit.take_state(state); });
+    return get_state(instance, "fmi3GetFMUState", state);
 }
 
 RTAMT_FMI Status fmi3SetFMUState(Pointer instance, State state) {
-    return guarded(instance, "fmi3SetFMUState", [=](Unit& unit) {
-        unit.restore(state);
-        return kOk;
-    });
+    return set_state(instance, "fmi3SetFMUState", state);
 }
 
 RTAMT_FMI Status fmi3FreeFMUState(Pointer instance, State* state) {
-    return with_state("fmi3FreeFMUState", instance, state, [](Unit& unit, State& state) {
-        if (state != nullptr) unit.free_state(state);
-        state = nullptr;
-    });
+    return free_state(instance, "fmi3FreeFMUState", state);
 }
 
 RTAMT_FMI Status fmi3SerializedFMUStateSize(Pointer instance, State state, std::size_t* size) {
-    return guarded(instance, "fmi3SerializedFMUStateSize", [=](Unit& unit) {
-        require_array(size, 1);
-        *size = unit.size_of(state);
-        return kOk;
-    });
+    return state_size(instance, "fmi3SerializedFMUStateSize", state, size);
 }
 
 RTAMT_FMI Status fmi3SerializeFMUState(Pointer instance, State state, std::uint8_t* bytes,
                                        std::size_t size) {
-    return guarded(instance, "fmi3SerializeFMUState", [=](Unit& unit) {
-        unit.write_state(state, reinterpret_cast<char*>(bytes), size);
-        return kOk;
-    });
+    return serialize(instance, "fmi3SerializeFMUState", state, bytes, size);
 }
 
 RTAMT_FMI Status fmi3DeserializeFMUState(Pointer instance, const std::uint8_t* bytes,
                                          std::size_t size, State* state) {
-    return with_state("fmi3DeserializeFMUState", instance, state,
-                      [=](Unit& unit, State& state) {
-                          const auto* text = reinterpret_cast<const char*>(bytes);
-                          state = unit.read_state(text, size, state);
-                      });
+    return deserialize(instance, "fmi3DeserializeFMUState", bytes, size, state);
 }
 
 // With `stop_on_violation` a violation asks to end the simulation.

@@ -133,4 +133,53 @@ void refuse_arrays(const void* references, std::size_t n, const void* values, st
                       " value references, got " + std::to_string(size));
 }
 
+Status get_state(void* pointer, const char* name, void** state) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        require_array(state, 1);
+        *state = unit.take_state(*state);
+        return kOk;
+    });
+}
+
+Status set_state(void* pointer, const char* name, void* state) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        unit.restore(state);
+        return kOk;
+    });
+}
+
+Status free_state(void* pointer, const char* name, void** state) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        require_array(state, 1);
+        if (*state != nullptr) unit.free_state(*state);
+        *state = nullptr;
+        return kOk;
+    });
+}
+
+Status state_size(void* pointer, const char* name, void* state, std::size_t* size) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        require_array(size, 1);
+        *size = unit.size_of(state);
+        return kOk;
+    });
+}
+
+Status serialize(void* pointer, const char* name, void* state, void* bytes,
+                 std::size_t size) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        unit.write_state(state, static_cast<char*>(bytes), size);
+        return kOk;
+    });
+}
+
+Status deserialize(void* pointer, const char* name, const void* bytes, std::size_t size,
+                   void** state) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        require_array(state, 1);
+        *state = unit.read_state(static_cast<const char*>(bytes), size, *state);
+        return kOk;
+    });
+}
+
 }  // namespace rtamt::fmu

@@ -129,6 +129,24 @@ inline Status no_variables(void* pointer, const char* name, std::size_t n) noexc
     });
 }
 
+// Runs a call that the instance has too.
+inline Status run(void* pointer, const char* name, void (Instance::*call)()) noexcept {
+    return guarded(pointer, name, [=](Unit& unit) {
+        (unit.instance.*call)();
+        return kOk;
+    });
+}
+
+// The calls about states: where one is given at `state`, it is written again.
+Status get_state(void* pointer, const char* name, void** state) noexcept;
+Status set_state(void* pointer, const char* name, void* state) noexcept;
+Status free_state(void* pointer, const char* name, void** state) noexcept;
+Status state_size(void* pointer, const char* name, void* state, std::size_t* size) noexcept;
+Status serialize(void* pointer, const char* name, void* state, void* bytes,
+                 std::size_t size) noexcept;
+Status deserialize(void* pointer, const char* name, const void* bytes, std::size_t size,
+                   void** state) noexcept;
+
 // A call that this kind of unit does not have.
 inline Status unsupported(void* unit, const char* name) noexcept {
     return guarded(unit, name, [](Unit&) -> Status {
