@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 import rtamt
-from rtamt import InputError, Verdict
+from rtamt import InputError
 from rtamt_gym.recorded.bag_reader import Bag, damaged, open_bag
 from rtamt_gym.recorded.judge import RESULT, Judgement, Series
 from rtamt_gym.recorded.readers import is_bag
@@ -29,8 +29,6 @@ __all__ = ["check_output", "write_mcap"]
 
 _Message = tuple[int, Connection, bytes | memoryview]
 """A message to write: its time, its connection and its bytes."""
-
-_SIGNS = {Verdict.VIOLATED: -1, Verdict.UNDECIDED: 0, Verdict.SATISFIED: 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +233,7 @@ def _verdicts(
     since = judgement.certain_from
     at = end if since is None else since
     times = np.union1d(series.times[np.abs(series.times - at) > 1e-9], [at, end])
-    sign = _SIGNS[judgement.verdict]
-    return times, np.where(times >= at, sign, 0).astype(np.int8)
+    return times, np.where(times >= at, int(judgement.verdict), 0).astype(np.int8)
 
 
 def _named(spec: rtamt.Specification, formula: str, name: str, bag: Bag) -> str:
