@@ -18,8 +18,7 @@ from hypothesis import strategies as st
 from paths import ROOT
 from ros_contract import FLOAT, MS, SECOND, MiddlewareContract, World, heard
 from ros_messages import STORES, probe
-from ros_peer import PATIENCE
-from ros_processes import Ros, free_port, ros
+from ros_processes import PATIENCE, Ros, free_port, ros
 
 from rtamt import InputError
 from rtamt_ros.ros1 import Ros1, legal_name

@@ -16,7 +16,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_processes import Process, Ros
+from ros_processes import PATIENCE, Process, Ros
 from std_msgs.msg import Float64
 
 from rtamt_ros.ros2 import Ros2
@@ -28,7 +28,6 @@ with warnings.catch_warnings():  # of a parser that rclpy loads with its first m
 __all__ = ["BEST_EFFORT", "LATCHED", "Client", "Heard", "Monitor", "Source", "client"]
 
 PROGRAM = "from rtamt_ros.ros2_lifecycle import main; main()"
-PATIENCE = 10.0  # seconds; nothing that a test waits for takes so long unless it is broken
 STEP = 0.02
 RELIABLE = QoSProfile(depth=10)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)

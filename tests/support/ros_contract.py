@@ -15,8 +15,8 @@ from types import TracebackType
 from typing import Any, Self
 
 import pytest
-from ros_peer import PATIENCE, Peer
-from ros_processes import Ros
+from ros_peer import Peer
+from ros_processes import PATIENCE, Ros
 
 __all__ = ["MiddlewareContract", "World", "meet"]
 

@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, Any
 
-from ros_processes import Ros
+from ros_processes import PATIENCE, Ros
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -89,7 +89,7 @@ class Probe:
     def end(self) -> None:
         """Ends the process."""
         self._process.kill()
-        self._process.wait(10)
+        self._process.wait(PATIENCE)
         self._reader.join()
 
     def heard(self, topic: str) -> list[Heard]:
@@ -97,10 +97,10 @@ class Probe:
         with self._changed:
             return [each for each in self._heard if each.topic == topic]
 
-    def wait(self, met: Callable[[], bool], what: str, seconds: float = 15.0) -> None:
+    def wait(self, met: Callable[[], bool], what: str) -> None:
         """Waits until something holds of what was heard; asked again with every message."""
         with self._changed:
-            assert self._changed.wait_for(met, seconds), f"expected {what} within {seconds:g} s"
+            assert self._changed.wait_for(met, PATIENCE), f"expected {what} within {PATIENCE:g} s"
 
 
 @contextmanager

@@ -15,13 +15,11 @@ from importlib import import_module
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
 
-from ros_processes import Ros
+from ros_processes import PATIENCE, Ros
 
 from rtamt_ros.middleware import Level, Middleware
 
 __all__ = ["Peer", "connect"]
-
-PATIENCE = 10.0  # seconds; nothing that a test waits for takes so long unless it is broken
 
 
 def connect(generation: int, name: str, arguments: Sequence[str] = ()) -> Middleware:

@@ -57,6 +57,9 @@ Participants announce themselves often: one that misses the announcements of ano
 machine, would wait 3 s for the next.
 """
 
+PATIENCE = 30.0
+"""Seconds; nothing that a test waits for takes so long unless it is broken."""
+
 BOOTSTRAP = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
 """What the wheels of ROS 2 set for their own environment: another environment must not have it."""
 
@@ -126,16 +129,16 @@ class Process:
     def kill(self) -> None:
         """Ends it as a crash does."""
         self._process.kill()
-        self._process.wait(10)
+        self._process.wait(PATIENCE)
 
     def ask_to_end(self) -> None:
         """Tells it to end, as a service manager does."""
         self._process.terminate()
 
     def ended(self) -> int:
-        """Waits until it has ended, and kills it if that takes 10 seconds; its exit code."""
+        """Waits until it has ended, and kills it if that takes too long; its exit code."""
         try:
-            return self._process.wait(10)
+            return self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self.kill()
             return self._process.returncode
@@ -191,7 +194,7 @@ class Ros:
         master = Process(command, self.environment, self.folder / "master.log")
         self.processes.append(master)
         with xmlrpc.client.ServerProxy(self.environment["ROS_MASTER_URI"]) as asked:
-            for _ in range(500):
+            for _ in range(round(PATIENCE / 0.02)):
                 with suppress(ConnectionError):
                     asked.getPid("/tests")
                     return
