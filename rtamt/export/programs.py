@@ -46,11 +46,7 @@ class Programs:
     def file(self, *, token: str, stop: bool) -> ProgramFile:
         """The file of the unit."""
         spec = self.program.specification
-        variables = []
-        for name in self.program.variables:
-            declared = spec.declaration(name)
-            default = None if declared is None else declared.default
-            variables.append(Named(name, default or 0.0))
+        variables = [Named(name, spec.defaults.get(name, 0.0)) for name in self.program.variables]
         constants = [Named(name, value) for name, value in spec.constants.items()]
         used = self._constants()
         return ProgramFile(

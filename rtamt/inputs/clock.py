@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError
-from rtamt.inputs.samples import Floats
+from rtamt.inputs.arrays import Floats
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
 __all__ = ["EXACT", "Clock", "Ticks", "Times", "shown"]

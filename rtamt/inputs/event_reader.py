@@ -15,6 +15,7 @@ from typing import NoReturn
 import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, StateError
+from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, number
 from rtamt.inputs.clock import EXACT, Clock, Ticks, Times, shown
 from rtamt.inputs.events import (
     Events,
@@ -26,15 +27,7 @@ from rtamt.inputs.events import (
     not_after,
 )
 from rtamt.inputs.messages import Messages
-from rtamt.inputs.samples import (
-    Floats,
-    array_of_numbers,
-    kind_of,
-    listed,
-    number,
-    refuse_term,
-    unknown_variable,
-)
+from rtamt.inputs.samples import listed, refuse_term, unknown_variable
 from rtamt.program.dense_lowering import DenseProgram
 
 __all__ = ["Column", "Dated", "EventReader"]
@@ -106,21 +99,25 @@ class EventReader:
     def whole(self, events: Mapping[str, EventsLike]) -> list[Given]:
         """All events of every variable, as they were given; other names are ignored.
 
+        A variable with a default has it from the first event of all to the first of its own.
         `counted` counts their times, and refuses what is no signal.
 
         Raises:
-            InputError: On a variable without events, or a wrong shape.
+            InputError: On a variable without events and default, or a wrong shape.
             InputTypeError: On events that are not a mapping, or values that are not real numbers.
         """
         named = self._named(events)
-        columns = []
-        for name in self.variables:
-            column = _read(named[name], name) if name in named else _NONE
-            if not len(column[0]):
+        found = {v: _read(named[v], v) if v in named else _NONE for v in self.variables}
+        defaults = self.program.specification.defaults
+        given = [times for times, _ in found.values() if len(times)]
+        for name, (times, _) in found.items():
+            if not len(times) and not (given and name in defaults):
                 known = listed(self.variables)
                 raise InputError(f"expected events of every variable, got none of '{name}'{known}")
-            columns.append(column)
-        return columns
+        return [
+            _started(column, defaults[name], given) if name in defaults else column
+            for name, column in found.items()
+        ]
 
     def counted(
         self, given: Sequence[Given], last: Sequence[float], dated: Dated
@@ -220,6 +217,25 @@ class EventReader:
 
 _NOTHING = np.empty(0)
 _NONE: Given = (_NOTHING, _NOTHING)
+
+
+def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
+    """The events of a variable with those of its default, which lasts until its first one.
+
+    Args:
+        column: The events; perhaps none.
+        default: The value before.
+        given: The times of every variable that has events.
+    """
+    times, values = column
+    alike = [each for each in given if are_dates(each) == are_dates(given[0])]
+    first, last = min(each[0] for each in alike), max(each[-1] for each in alike)
+    if not len(times):
+        ends = [first] if first == last else [first, last]
+        return np.array(ends), np.full(len(ends), default)
+    if are_dates(times) != are_dates(given[0]) or not first < times[0]:
+        return column
+    return np.append(np.array([first]), times), np.append(default, values)
 
 
 def _read(given: object, name: str) -> Given:

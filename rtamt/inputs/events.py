@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError
+from rtamt.inputs.arrays import Floats, line_of_numbers
 from rtamt.inputs.clock import Times, shown
-from rtamt.inputs.samples import Floats, line_of_numbers
 
 __all__ = [
     "Events",

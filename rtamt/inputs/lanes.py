@@ -9,14 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
-from rtamt.inputs.samples import (
-    Floats,
-    NanPolicy,
-    SampleReader,
-    array_of_numbers,
-    kind_of,
-    wrong_shape,
-)
+from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of
+from rtamt.inputs.samples import NanPolicy, SampleReader, wrong_shape
 from rtamt.program.program import Program
 
 __all__ = ["Floats", "LaneReader", "Lanes"]

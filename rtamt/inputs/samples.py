@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from typing import Any, Literal, NoReturn, cast
+from typing import Literal, NoReturn, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, brief, is_one_of, name_text, nearest
+from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbers, number
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
 from rtamt.program.algebra import FUNCTIONS
@@ -23,20 +24,13 @@ from rtamt.program.program import Program
 
 __all__ = [
     "Columns",
-    "Floats",
     "NanPolicy",
     "SampleReader",
-    "array_of_numbers",
-    "kind_of",
-    "line_of_numbers",
     "listed",
-    "number",
     "refuse_term",
     "unknown_variable",
     "wrong_shape",
 ]
-
-Floats = NDArray[np.float64]
 
 NanPolicy = Literal["raise", "hold"]
 Columns = Mapping[str, object] | ArrayLike
@@ -89,9 +83,9 @@ class SampleReader:
         if args and named:
             raise InputError("expected values by position or by keyword, got both")
         if not args:
-            values: Iterable[object] = self._by_name(named, sample)
+            values: Iterable[object] = self._by_name(named, sample, previous)
         elif len(args) == 1 and (isinstance(args[0], Mapping) or hasattr(args[0], "keys")):
-            values = self._by_name(cast("Mapping[str, object]", args[0]), sample)
+            values = self._by_name(cast("Mapping[str, object]", args[0]), sample, previous)
         elif len(args) == 1 and isinstance(args[0], list | tuple | np.ndarray):
             values = self._row(args[0])
         else:
@@ -122,15 +116,29 @@ class SampleReader:
                 floats[i] = previous[i]
         return floats
 
-    def _by_name(self, named: Mapping[str, object], sample: int) -> Iterable[object]:
+    def _by_name(
+        self, named: Mapping[str, object], sample: int, previous: Sequence[float]
+    ) -> Iterable[object]:
         if not isinstance(named, Mapping):  # a row of a data frame, which iterates over its values
             named = {name: named[name] for name in named.keys()}  # noqa: SIM118
         if named.keys() != self._known:
             if self._messages.names:
                 named = self._messages.spread(named, lambda field, m: field.of(m, sample))
+            named = {**self._unsaid(named.keys(), previous), **named}
             if named.keys() != self._known:
                 self._refuse_names(named)
         return [named[name] for name in self.variables]
+
+    def _unsaid(self, names: AbstractSet[str], previous: Sequence[float]) -> dict[str, float]:
+        """The variables with a default that are absent: they are as before, at first the default.
+
+        Args:
+            names: Those that have a value.
+            previous: The sample before; empty if there is none.
+        """
+        held = dict(zip(self.variables, previous, strict=True)) if len(previous) else {}
+        defaults = self.program.specification.defaults
+        return {v: held.get(v, defaults[v]) for v in self.variables if v in defaults.keys() - names}
 
     def _refuse_names(self, named: Mapping[str, object]) -> NoReturn:
         for name in named:
@@ -180,11 +188,17 @@ class SampleReader:
             InputError: On missing or unknown variables, columns of different length, a nan.
             InputTypeError: On values that are not real numbers.
         """
-        columns, length = self.columns(data, sample, n=n, extra=extra)
+        columns, length = self.columns(data, sample, previous, n=n, extra=extra)
         return self.without_nan(columns, sample, previous), length
 
     def columns(
-        self, data: Columns, sample: int = 0, *, n: int | None = None, extra: bool = False
+        self,
+        data: Columns,
+        sample: int = 0,
+        previous: Sequence[float] = (),
+        *,
+        n: int | None = None,
+        extra: bool = False,
     ) -> tuple[list[Floats], int]:
         """What `block` returns, with every nan still in it."""
         data = cast("Columns", named_columns(data))
@@ -194,25 +208,30 @@ class SampleReader:
             if not self._known <= names and self._messages.names & names:
                 named = self._with_fields(named, names, sample)
                 names = named.keys()
-            if not self._known <= names or not (extra or names <= self._known):
-                self._refuse_names(dict.fromkeys(names & self._known if extra else names))
-            columns = [line_of_numbers(named[name], f"'{name}'") for name in self.variables]
+            held = self._unsaid(names, previous)
+            if not self._known <= names | held.keys() or not (extra or names <= self._known):
+                named_ones = names & self._known if extra else names
+                self._refuse_names(dict.fromkeys(named_ones | held.keys()))
+            given = {v: line_of_numbers(named[v], f"'{v}'") for v in self.variables if v in names}
         else:
             table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
                 raise wrong_shape(table, "n", self.variables)
-            columns = [np.ascontiguousarray(column) for column in table.T]
-            n = table.shape[0]
+            given = dict(zip(self.variables, map(np.ascontiguousarray, table.T), strict=True))
+            held, n = {}, table.shape[0]
         if n is not None and not _is_count(n):
             raise InputError(f"expected a whole number of samples as n, got {brief(n)}")
-        lengths = {len(c) for c in columns} | (set() if n is None else {n})
+        lengths = {len(c) for c in given.values()} | (set() if n is None else {n})
         if len(lengths) > 1:
-            got = ", ".join(f"{v}: {len(c)}" for v, c in zip(self.variables, columns, strict=True))
+            got = ", ".join(f"{v}: {len(c)}" for v, c in given.items())
             asked = "" if n is None else f" and n={n}"
             raise InputError(f"expected columns of one length, got {got}{asked}")
         if not lengths:
-            raise InputError("the formula has no variables: say how many samples with n=")
-        return columns, lengths.pop()
+            what = "every variable has its default" if held else "the formula has no variables"
+            raise InputError(f"{what}: say how many samples with n=")
+        length = lengths.pop()
+        made = {v: np.full(length, value) for v, value in held.items()} | given
+        return [made[v] for v in self.variables], length
 
     def without_nan(
         self, columns: Sequence[Floats], sample: int = 0, previous: Sequence[float] = ()
@@ -310,48 +329,6 @@ def refuse_term(program: Program, values: Sequence[float], place: str) -> NoRetu
     )
 
 
-def array_of_numbers(values: object, what: str) -> Floats:
-    """The values as an array of doubles, not copied if they are one; a masked value is nan.
-
-    Raises:
-        InputTypeError: On values that are not real numbers.
-    """
-    if isinstance(values, np.ma.MaskedArray):
-        values = np.ma.filled(values.astype(np.float64), np.nan)
-    try:
-        array = _array(values)
-    except ValueError as ragged:
-        raise InputTypeError(
-            f"expected an array of numbers for {what}, got {kind_of(values)}"
-        ) from ragged
-    if array.dtype.kind not in "biuf" and array.size:
-        kind = array.dtype if isinstance(values, np.ndarray | list | tuple) else kind_of(values)
-        raise InputTypeError(f"expected an array of numbers for {what}, got {kind}")
-    return array.astype(np.float64, copy=False)
-
-
-def _array(values: object) -> NDArray[Any]:
-    """The values as an array; a missing number of pandas is nan, as it is of polars and Arrow."""
-    if hasattr(values, "to_numpy") and hasattr(getattr(values, "dtype", None), "na_value"):
-        series = cast("Any", values)
-        if series.dtype.kind in "biuf":
-            return np.asarray(series.to_numpy(dtype=np.float64, na_value=np.nan))
-    return np.asarray(values)
-
-
-def line_of_numbers(values: object, what: str) -> Floats:
-    """The values as a contiguous 1-D array of doubles.
-
-    Raises:
-        InputError: On another shape.
-        InputTypeError: On values that are not real numbers.
-    """
-    line = array_of_numbers(values, what)
-    if line.ndim != 1:
-        raise InputError(f"expected a 1-D array for {what}, got shape {line.shape}")
-    return np.ascontiguousarray(line)
-
-
 def wrong_shape(
     table: Floats, leading: str, variables: Sequence[str], rows: str = "", hint: str = ""
 ) -> InputError:
@@ -363,18 +340,6 @@ def wrong_shape(
     )
 
 
-def number(value: object) -> float | None:
-    """The value as a double; None if it is not a real number."""
-    if type(value) is float:
-        return value
-    if isinstance(value, str | bytes | complex | np.complexfloating):
-        return None
-    try:
-        return float(value) if hasattr(value, "__float__") else None
-    except (TypeError, ValueError, OverflowError):  # such as an array of several values
-        return None
-
-
 def _count(variables: Sequence[str]) -> str:
     return f"{len(variables)} value{'' if len(variables) == 1 else 's'}"
 
@@ -383,8 +348,3 @@ def _is_count(n: object) -> bool:
     if isinstance(n, bool | np.timedelta64):
         return False
     return isinstance(n, int | np.integer) and 0 <= int(n) <= 2**48
-
-
-def kind_of(value: object) -> str:
-    """Type and beginning of a value in one line, for errors."""
-    return f"{type(value).__name__} {brief(value, 40)}"

@@ -211,6 +211,22 @@ class Specification:
         return self._declared_as("output")
 
     @cached_property
+    def defaults(self) -> Mapping[str, float]:
+        """The used plain variables whose declaration gives them a value, with it.
+
+        They have it before the first sample or message with a value of theirs. Of a message it is
+        the number of its field ``data``.
+        """
+        said = {v: (self._declared(v), self.declaration(v)) for v in self.variables}
+        return MappingProxyType(
+            {
+                v: d.default
+                for v, (name, d) in said.items()
+                if d is not None and d.default is not None and v in (name, f"{name}.data")
+            }
+        )
+
+    @cached_property
     def horizon(self) -> float:
         """The longest time after t that the robustness at t can depend on, in `unit`.
 

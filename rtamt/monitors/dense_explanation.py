@@ -15,10 +15,10 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.clock import shown
 from rtamt.inputs.event_reader import Column, EventReader
 from rtamt.inputs.events import EventsLike
-from rtamt.inputs.samples import kind_of
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification

@@ -15,8 +15,8 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.clock import Ticks
-from rtamt.inputs.samples import Floats
 from rtamt.language.table import Bounds, Operator
 from rtamt.monitors.provenance import FIRST_BEST, Definition, Finding, Origin, Value
 from rtamt.program.algebra import FOLDS, ordered

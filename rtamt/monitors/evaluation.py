@@ -35,8 +35,9 @@ def evaluate(
     Args:
         spec: Text, a formula, or a parsed specification.
         data: A mapping of every variable to its n values, or of a message to n messages; a data
-            frame of pandas or polars, or a table of Arrow. Other names are ignored, except the
-            times of a frame. Or an array of shape (n, variables).
+            frame of pandas or polars, or a table of Arrow. A variable that is not there has its
+            declared default. Other names are ignored, except the times of a frame. Or an array of
+            shape (n, variables).
         period: As for `Monitor`. A formula with bounds needs it for a frame with a column of times,
             such as ``time`` or ``Time [s]``, or with an index of dates.
         n: The length, for a formula without variables.

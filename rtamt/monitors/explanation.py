@@ -19,7 +19,8 @@ from typing import NamedTuple, SupportsIndex, Unpack
 import numpy as np
 
 from rtamt.errors import InputError, InputTypeError, brief
-from rtamt.inputs.samples import Columns, Floats, SampleReader, kind_of
+from rtamt.inputs.arrays import Floats, kind_of
+from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.parser import as_specification

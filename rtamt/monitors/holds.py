@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError, InputTypeError
-from rtamt.inputs.samples import array_of_numbers, kind_of
+from rtamt.inputs.arrays import array_of_numbers, kind_of
 
 __all__ = ["holds", "zero_text"]
 

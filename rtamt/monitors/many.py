@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt.errors import InputError, InputTypeError, RtamtError, brief, nearest
-from rtamt.inputs.samples import Columns, Floats, SampleReader, array_of_numbers, wrong_shape
+from rtamt.inputs.arrays import Floats, array_of_numbers
+from rtamt.inputs.samples import Columns, SampleReader, wrong_shape
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.offline import Passes, result_alone
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature

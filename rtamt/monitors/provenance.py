@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Self, TypeVar, cast
 
 import numpy as np
 
-from rtamt.inputs.samples import Floats
+from rtamt.inputs.arrays import Floats
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
 from rtamt.language.printing import node_text

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError
+from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.lanes import LaneReader
-from rtamt.inputs.samples import kind_of
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.protocols import Bank, DiscreteBank, End, EpisodeBank
 from rtamt.monitors.online import (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from textwrap import TextWrapper
 from typing import TYPE_CHECKING
 
@@ -128,14 +129,19 @@ def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
 
 
 def _columns(asked: Asked, paths: Sequence[str]) -> Columns:
-    """How the columns were read; of bags with the topics that the specifications name."""
-    from rtamt_gym.recorded.readers import is_bag
+    """How the columns were read: with the defaults of the specifications, and topics of bags.
 
+    With these a trace is read alike under formulas that have lost their declarations.
+    """
+    from rtamt_gym.recorded.readers import is_bag
+    from rtamt_gym.recorded.starts import starts_of
+
+    columns = replace(asked.columns, starts=starts_of(asked.specs, asked.columns))
     if not all(map(is_bag, paths)):
-        return asked.columns
+        return columns
     from rtamt_gym.recorded.bag_topics import columns_of
 
-    return columns_of(asked.specs, asked.columns)
+    return columns_of(asked.specs, columns)
 
 
 def _rules(asked: Asked) -> dict[str, str]:

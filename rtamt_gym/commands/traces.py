@@ -181,6 +181,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         SpecificationError: If a specification is wrong.
     """
     from rtamt_gym.recorded.judge import Rules, viewed
+    from rtamt_gym.recorded.starts import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
     found = _found(traces)
@@ -214,6 +215,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         if name not in variables and name not in _messages(every):
             hint = nearest(name, variables) or f"; they read {listing(variables)}"
             raise InputError(f"--signal: no specification reads {name!r}{hint}")
+    starts_of(requirements, columns)
     if any(map(is_bag, found)):
         from rtamt_gym.recorded.bag_topics import check_topics
 

@@ -14,9 +14,10 @@ import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.bag_reader import Bag
-from rtamt_gym.recorded.bag_topics import TopicFields, starts_of, topic_fields
+from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Floats
+from rtamt_gym.recorded.starts import default_note, starts_of
 from rtamt_gym.tables import counted, number
 
 __all__ = ["CLOCKS", "BagSignals", "read_signals"]
@@ -262,7 +263,7 @@ def _started(
         if len(times):
             until = f"its first message comes at {number((int(times[0]) - zero) / 1e9)} s"
         of = f" of {topics[name]}" if name in topics else ""
-        notes.append(f"'{name}'{of} is {number(start)}, its default: {until}")
+        notes.append(default_note(name, start, until, of))
     return notes
 
 

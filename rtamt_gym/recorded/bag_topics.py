@@ -11,11 +11,12 @@ from rtamt import InputError, SubscribedField, Subscription
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.bag_paths import Steps, path_text, read_source
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.starts import starts_of
 
 if TYPE_CHECKING:
     from rtamt_gym.recorded.bag_reader import Bag
 
-__all__ = ["TopicFields", "check_topics", "columns_of", "starts_of", "topic_fields"]
+__all__ = ["TopicFields", "check_topics", "columns_of", "topic_fields"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +39,11 @@ class _Wish:
     Attributes:
         topic: The topic as it is written, or None where no text names one.
         kind: The class that it declares, or None.
-        start: The value before the first message, the default that it declares for a plain
-            variable, or None.
         default: The topic if no text names one.
     """
 
     topic: str | None = None
     kind: str | None = None
-    start: float | None = None
     default: str = ""
 
     @property
@@ -62,7 +60,6 @@ class _Wish:
         said: dict[str, tuple[object, object]] = {
             "topic": (self.topic, other.topic),
             "class": (self.kind, other.kind),
-            "default": (self.start, other.start),
         }
         for what, (here, there) in said.items():
             if here is not None and there is not None and here != there:
@@ -70,8 +67,7 @@ class _Wish:
                     f"expected one {what} for '{name}', which two specifications read, got {here} "
                     f"and {there}; give one of them another name, or judge them one at a time"
                 )
-        start = other.start if self.start is None else self.start
-        return _Wish(self.topic or other.topic, self.kind or other.kind, start, self.default)
+        return _Wish(self.topic or other.topic, self.kind or other.kind, self.default)
 
 
 def topic_fields(
@@ -94,10 +90,11 @@ def topic_fields(
     """
     found: dict[str, list[SubscribedField]] = {}
     wishes, parts = _wishes(specs)
+    starts = starts_of(specs, columns)
     for variable, (message, path) in parts.items():
         wish = wishes[message]
-        started = wish.start is not None and variable not in columns.signals
-        if started or variable in columns.starts:
+        unnamed = variable not in columns.signals
+        if (variable in starts and unnamed) or variable in columns.starts:
             where, _ = read_source(columns.signals.get(variable) or wish.whole)
             if not any(bag.counts[topic] for topic in _alike(bag, where)):
                 continue
@@ -109,13 +106,6 @@ def topic_fields(
             )
         found.setdefault(topic, []).append(SubscribedField(variable, whole))
     return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
-
-
-def starts_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> dict[str, float]:
-    """The values that plain variables have before the first message of their topics."""
-    wishes, _ = _wishes(specs)
-    starts = {name: wish.start for name, wish in wishes.items() if wish.start is not None}
-    return starts | {name: start for name, start in columns.starts.items() if name in wishes}
 
 
 def check_topics(specs: Mapping[str, rtamt.Specification]) -> None:
@@ -138,7 +128,7 @@ def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Co
     for variable, (message, path) in parts.items():
         if variable not in signals and message not in signals:
             signals[variable] = f"{wishes[message].whole}.{path_text(path)}"
-    return replace(columns, signals=signals, starts=starts_of(specs, columns))
+    return replace(columns, signals=signals)
 
 
 _DATA: Steps = ("data",)
@@ -154,8 +144,7 @@ def _wishes(
     for spec in specs.values():
         for each in rtamt.subscriptions(spec):
             name = each.variable
-            start = _start_of(each, spec)
-            wish = _Wish(spec.topics.get(name), _class_of(each, spec), start, each.topic)
+            wish = _Wish(spec.topics.get(name), _class_of(each, spec), each.topic)
             wishes[name] = wish if name not in wishes else wishes[name].joined(wish, name)
             parts |= {field.variable: (name, field.path) for field in each.fields}
     return wishes, parts
@@ -164,13 +153,6 @@ def _wishes(
 def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
     """The class that a text declares; a variable without declaration may be of any."""
     return f"{each.package}/{each.message}" if each.variable in spec.declarations else None
-
-
-def _start_of(each: Subscription, spec: rtamt.Specification) -> float | None:
-    """The default that a text declares for a plain variable."""
-    declared = spec.declaration(each.variable)
-    plain = all(field.path == _DATA for field in each.fields)
-    return declared.default if declared is not None and plain else None
 
 
 def _placed(

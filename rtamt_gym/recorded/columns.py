@@ -48,8 +48,8 @@ class Columns:
             None: 0.05, and such a trace is refused.
         stale: The longest time in seconds for which a topic of a bag may be without a message; one
             that is longer is refused. None: any time, and a long one is said.
-        starts: The value of variables of a bag before the first message of their topics, or without
-            one; the default that a text declares is such a value too.
+        starts: The value of variables before the first record of theirs, or without one; the
+            default that a text declares is such a value too.
 
     Raises:
         InputError: If an attribute has a value that it cannot have.

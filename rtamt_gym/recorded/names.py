@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
@@ -12,10 +12,27 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.times import TIME
 
-__all__ = ["VALUE", "VARIABLE", "check_names", "needed_columns"]
+__all__ = ["VALUE", "VARIABLE", "check_names", "needed_columns", "recorded_variables"]
 
 VARIABLE, VALUE = "variable", "value"
 """The columns that a recording has, beside the time, where each row is one event."""
+
+
+def recorded_variables(
+    names: Collection[str], variables: Sequence[str], columns: Columns
+) -> list[str]:
+    """The variables that a recording has to have: it has them, or they have no default.
+
+    Args:
+        names: The columns, or the variables of events.
+        variables: The variables of the specifications.
+        columns: How they are called in the file, and their defaults.
+    """
+    return [
+        name
+        for name in variables
+        if columns.column(name) in names or name in columns.signals or name not in columns.starts
+    ]
 
 
 def needed_columns(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from importlib import import_module
 
 import rtamt
 from rtamt import InputError
 from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.readers import format_of, open_recording
-from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
+from rtamt_gym.recorded.starts import starts_of
+from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
 
 __all__ = ["read_ruled"]
 
@@ -34,6 +37,7 @@ def read_ruled(
     if columns.stale is not None:
         raise InputError(f"{path}: expected --stale for a bag, got it for a table")
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
+    columns = replace(columns, starts=starts_of(specs, columns))
     with open_recording(path, columns) as recording:
         if rules.dense:
             return read_events(recording, variables, columns), None

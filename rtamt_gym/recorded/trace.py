@@ -1,4 +1,4 @@
-"""Reads traces from recordings: samples at even distances, or events at any time."""
+"""Reads traces from recordings: samples at even distances."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
-from rtamt_gym.recorded.columns import NEAR, Columns, Missing
+from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.grid import Grid, resampled
-from rtamt_gym.recorded.names import VALUE, VARIABLE, check_names, needed_columns
+from rtamt_gym.recorded.names import (
+    needed_columns,
+    recorded_variables,
+)
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
-from rtamt_gym.recorded.times import TIME, Times, find_times
+from rtamt_gym.recorded.starts import default_note
+from rtamt_gym.recorded.times import Times, find_times
 
-__all__ = ["EventTrace", "Trace", "read_events", "read_trace"]
+__all__ = ["EventTrace", "Trace", "read_rows", "read_trace"]
 
 _NOW = 0, ""
 """From when on no variable is known."""
@@ -182,11 +185,17 @@ def read_trace(
             f"{recording.source}: expected a column of times, which {option} speaks of; the "
             f"columns are {', '.join(recording.names)}; give --time COLUMN"
         )
-    needed = needed_columns(recording, variables, columns, if_events)
+    there = recorded_variables(recording.names, variables, columns)
+    needed = needed_columns(recording, there, columns, if_events)
     empty = "; " + "; ".join(filter(None, ("give --missing hold or --missing drop", if_events)))
     gaps = () if columns.missing == "raise" else needed
-    rows = _read(recording, Wanted(needed, gaps=gaps, nan=bool(gaps), empty=empty, time=time))
-    values = {name: rows.numbers[columns.column(name)] for name in variables}
+    rows = read_rows(recording, Wanted(needed, gaps=gaps, nan=bool(gaps), empty=empty, time=time))
+    values = {name: rows.numbers[columns.column(name)] for name in there}
+    notes = [*rows.notes]
+    for name in variables:
+        if name not in there:
+            values[name] = np.full(rows.count, columns.starts[name])
+            notes.append(default_note(name, columns.starts[name], "there is no such column"))
     times = None if time is None else Times.of(rows, time, columns)
     trace = Trace(
         recording.source,
@@ -196,30 +205,37 @@ def read_trace(
         rows.where,
         columns.jitter,
         if_events,
-        rows.notes,
+        notes,
     )
-    return _on_grid(_filled(trace, columns.missing))
+    return _on_grid(_filled(trace, columns))
 
 
-def _filled(trace: Trace, missing: Missing) -> Trace:
+def _filled(trace: Trace, columns: Columns) -> Trace:
     """The trace without empty cells, which are nan: they hold the value before, or go."""
     empty = {name: np.isnan(values) for name, values in trace.columns.items()}
     counts = {name: int(here.sum()) for name, here in empty.items() if here.any()}
     if not counts:
         return trace
-    if missing == "hold":
+    if columns.missing == "hold":
         held = dict(trace.columns)
         for name in counts:
-            if empty[name][0]:
+            values = trace.columns[name]
+            if empty[name][0] and name not in columns.starts:
                 raise InputError(
                     f"{trace.where(0)}, column '{name}': expected a number to hold, got an empty "
                     "cell; give --missing drop"
                 )
             last = np.maximum.accumulate(np.where(empty[name], 0, np.arange(trace.samples)))
-            held[name] = trace.columns[name][last]
+            first = columns.starts.get(name, np.nan)
+            held[name] = np.where(np.isnan(values[last]), first, values[last])
         each = ", ".join(f"{name}: {count}" for name, count in counts.items())
         note = f"empty cells hold the value before ({each})"
-        return replace(trace, columns=held, notes=[*trace.notes, note])
+        late = [
+            default_note(name, columns.starts[name], "its first cell is empty")
+            for name in counts
+            if empty[name][0]
+        ]
+        return replace(trace, columns=held, notes=[*trace.notes, note, *late])
     (rows,) = np.nonzero(~np.any([*empty.values()], axis=0))
     if not len(rows):
         raise InputError(f"{trace.source}: expected a row without an empty cell, got none")
@@ -271,95 +287,16 @@ def _taken(trace: Trace, rows: NDArray[np.intp]) -> Trace:
     )
 
 
-def read_events(
-    recording: Recording, variables: Sequence[str], columns: Columns | None = None
-) -> EventTrace:
-    """Reads events of the variables.
-
-    A row holds an event of each variable whose cell is not empty. If the columns are ``time``,
-    ``variable`` and ``value``, a row is one event.
+def read_rows(recording: Recording, wanted: Wanted) -> Rows:
+    """The wanted columns of a recording.
 
     Raises:
-        InputError: If a column or a variable is missing, a value is not a number, or the times of
-            a variable do not increase.
-
-    Example:
-        >>> from rtamt_gym.recorded.csv_reader import CsvRecording
-        >>> wide = ["time,x,y", "0,5,1", "0.2,4,"]
-        >>> long = ["time,variable,value", "0,x,5", "0,y,1", "0.2,x,4"]
-        >>> for lines in (wide, long):
-        ...     signals = read_events(CsvRecording(lines, "trace.csv"), ["x", "y"]).signals
-        ...     print({name: values.tolist() for name, (_, values) in signals.items()})
-        {'x': [5.0, 4.0], 'y': [1.0]}
-        {'x': [5.0, 4.0], 'y': [1.0]}
+        InputError: If it has no row.
     """
-    columns = columns or Columns()
-    if columns.jitter is not None:
-        raise InputError("expected --jitter or --dense, which reads events at any time")
-    time = find_times(recording, columns) or TIME
-    if {VARIABLE, VALUE} <= {*recording.names} and not {*variables} <= {*recording.names}:
-        return _read_long(recording, variables, columns, time)
-    check_names(recording, (time,))
-    needed = needed_columns(recording, variables, columns)
-    nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
-    rows = _read(recording, Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time))
-    times = _event_times(rows, time, columns)
-    _check_order(rows, times, np.arange(len(times)))
-    signals = {}
-    for name in variables:
-        values = rows.numbers[columns.column(name)]
-        (given,) = np.nonzero(~np.isnan(values))
-        if not len(given):
-            raise InputError(f"{recording.source}: expected events of '{name}', got none")
-        signals[name] = times[given], values[given]
-    return EventTrace(recording.source, signals, rows.notes)
-
-
-def _read_long(
-    recording: Recording, variables: Sequence[str], columns: Columns, time: str
-) -> EventTrace:
-    """Reads events from rows of which each is one event."""
-    check_names(recording, (time, VARIABLE, VALUE))
-    rows = _read(recording, Wanted((VALUE,), (VARIABLE,), time=time))
-    times = _event_times(rows, time, columns)
-    named = np.array(rows.texts[VARIABLE])
-    known = list(dict.fromkeys(rows.texts[VARIABLE]))
-    signals = {}
-    for name in variables:
-        called = columns.column(name)
-        if called not in known:
-            raise InputError(
-                f"{recording.source}: no events of '{called}', which the specification reads; "
-                f"the variables are {', '.join(known)}{nearest(called, known)}"
-            )
-        (given,) = np.nonzero(named == called)
-        _check_order(rows, times, given, f" of '{called}'")
-        signals[name] = times[given], rows.numbers[VALUE][given]
-    return EventTrace(recording.source, signals, rows.notes)
-
-
-def _event_times(rows: Rows, time: str, columns: Columns) -> Floats:
-    times = Times.of(rows, time, columns)
-    times.check_unit(rows.source)
-    return times.seconds
-
-
-def _read(recording: Recording, wanted: Wanted) -> Rows:
     rows = recording.read(wanted)
     if not rows.count:
         raise InputError(f"{rows.source}: expected at least one sample below the line of names")
     return rows
-
-
-def _check_order(rows: Rows, times: Floats, given: NDArray[np.intp], what: str = "") -> None:
-    times = times[given]
-    late = times[1:] <= times[:-1]
-    if late.any():
-        at = int(late.argmax())
-        raise InputError(
-            f"{rows.where(int(given[at + 1]))}: expected times{what} that increase, "
-            f"got {times[at + 1]:.15g} after {times[at]:.15g}"
-        )
 
 
 def _either(ways: Sequence[str]) -> str:

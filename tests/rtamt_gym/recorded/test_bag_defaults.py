@@ -71,6 +71,16 @@ def test_a_topic_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     assert "no topic '/robot0/limt', which 'limit' reads" in str(caught.value)
 
 
+def test_the_field_data_has_the_default_of_its_message(tmp_path: Path) -> None:
+    declared = "from std_msgs.msg import Float64\ninput Float64 limit = 0.5"
+    text = TEXT.replace("input float64 limit = 0.5", declared).replace("< limit", "< limit.data")
+    for limits, values in (({}, [0.5] * 5), ({2: 2.0}, [0.5, 0.5, 2.0, 2.0, 2.0])):
+        path = bag(tmp_path, limits)
+        trace, _ = read_ruled(path, {"": rtamt.parse(text)}, RULES, Columns())
+        assert isinstance(trace, Trace)
+        assert trace.columns["limit.data"].tolist() == values
+
+
 def test_two_defaults_of_one_variable_are_refused(tmp_path: Path) -> None:
     other = rtamt.parse(TEXT.replace("= 0.5", "= 0.75"))
     with pytest.raises(rtamt.InputError) as caught:

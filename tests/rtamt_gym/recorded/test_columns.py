@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 import rtamt
 from rtamt_gym.recorded.columns import Columns, Missing, read_columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
-from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
+from rtamt_gym.recorded.event_rows import read_events
+from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
 
 
 def read(text: str, columns: Columns | None = None, variables: Sequence[str] = ("x",)) -> Trace:

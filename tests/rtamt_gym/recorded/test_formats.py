@@ -23,10 +23,11 @@ import rtamt
 from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
+from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.readers import extensions, open_recording
 from rtamt_gym.recorded.ruled import read_ruled
-from rtamt_gym.recorded.trace import EventTrace, Trace, read_events, read_trace
+from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
 
 Table = Mapping[str, NDArray[Any]]
 Write = Callable[[Path, Table], object]

@@ -1,0 +1,135 @@
+"""Reads traces from recordings: events at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt import InputError
+from rtamt_gym.checks.names import nearest
+from rtamt_gym.recorded.columns import Columns
+from rtamt_gym.recorded.names import (
+    VALUE,
+    VARIABLE,
+    check_names,
+    needed_columns,
+    recorded_variables,
+)
+from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
+from rtamt_gym.recorded.starts import default_note
+from rtamt_gym.recorded.times import TIME, Times, find_times
+from rtamt_gym.recorded.trace import EventTrace, read_rows
+from rtamt_gym.tables import number
+
+__all__ = ["read_events"]
+
+
+def read_events(
+    recording: Recording, variables: Sequence[str], columns: Columns | None = None
+) -> EventTrace:
+    """Reads events of the variables.
+
+    A row holds an event of each variable whose cell is not empty. If the columns are ``time``,
+    ``variable`` and ``value``, a row is one event.
+
+    Raises:
+        InputError: If a column or a variable is missing, a value is not a number, or the times of
+            a variable do not increase.
+
+    Example:
+        >>> from rtamt_gym.recorded.csv_reader import CsvRecording
+        >>> wide = ["time,x,y", "0,5,1", "0.2,4,"]
+        >>> long = ["time,variable,value", "0,x,5", "0,y,1", "0.2,x,4"]
+        >>> for lines in (wide, long):
+        ...     signals = read_events(CsvRecording(lines, "trace.csv"), ["x", "y"]).signals
+        ...     print({name: values.tolist() for name, (_, values) in signals.items()})
+        {'x': [5.0, 4.0], 'y': [1.0]}
+        {'x': [5.0, 4.0], 'y': [1.0]}
+    """
+    columns = columns or Columns()
+    if columns.jitter is not None:
+        raise InputError("expected --jitter or --dense, which reads events at any time")
+    time = find_times(recording, columns) or TIME
+    if {VARIABLE, VALUE} <= {*recording.names} and not {*variables} <= {*recording.names}:
+        return _read_long(recording, variables, columns, time)
+    check_names(recording, (time,))
+    there = recorded_variables(recording.names, variables, columns)
+    needed = needed_columns(recording, there, columns)
+    nan, advice = columns.missing != "raise", "; give --missing drop to read nan as no event"
+    rows = read_rows(recording, Wanted(needed, gaps=needed, nan=nan, empty=advice, time=time))
+    times = _event_times(rows, time, columns)
+    _check_order(rows, times, np.arange(len(times)))
+    signals = {}
+    for name in there:
+        values = rows.numbers[columns.column(name)]
+        (given,) = np.nonzero(~np.isnan(values))
+        if not len(given) and name not in columns.starts:
+            raise InputError(f"{recording.source}: expected events of '{name}', got none")
+        signals[name] = times[given], values[given]
+    return _events(rows, signals, variables, columns, times)
+
+
+def _events(
+    rows: Rows,
+    signals: Mapping[str, tuple[Floats, Floats]],
+    variables: Sequence[str],
+    columns: Columns,
+    times: Floats,
+) -> EventTrace:
+    """The trace, with defaults from its first row on; one without events lasts to the last row."""
+    begin, end, notes = times.min(), times.max(), [*rows.notes]
+    made = {}
+    for name in variables:
+        at, values = signals.get(name, (times[:0], times[:0]))
+        start = columns.starts.get(name)
+        if start is not None and not len(at):
+            at, values = np.unique([begin, end]), np.full(1 + (begin < end), start)
+            notes.append(default_note(name, start, "no event is there"))
+        elif start is not None and begin < at[0]:
+            at, values = np.append(begin, at), np.append(start, values)
+            until = f"its first event comes at {number(float(at[1]))} s"
+            notes.append(default_note(name, start, until))
+        made[name] = at, values
+    return EventTrace(rows.source, made, notes)
+
+
+def _read_long(
+    recording: Recording, variables: Sequence[str], columns: Columns, time: str
+) -> EventTrace:
+    """Reads events from rows of which each is one event."""
+    check_names(recording, (time, VARIABLE, VALUE))
+    rows = read_rows(recording, Wanted((VALUE,), (VARIABLE,), time=time))
+    times = _event_times(rows, time, columns)
+    named = np.array(rows.texts[VARIABLE])
+    known = list(dict.fromkeys(rows.texts[VARIABLE]))
+    signals = {}
+    for name in recorded_variables(known, variables, columns):
+        called = columns.column(name)
+        if called not in known:
+            raise InputError(
+                f"{recording.source}: no events of '{called}', which the specification reads; "
+                f"the variables are {', '.join(known)}{nearest(called, known)}"
+            )
+        (given,) = np.nonzero(named == called)
+        _check_order(rows, times, given, f" of '{called}'")
+        signals[name] = times[given], rows.numbers[VALUE][given]
+    return _events(rows, signals, variables, columns, times)
+
+
+def _event_times(rows: Rows, time: str, columns: Columns) -> Floats:
+    times = Times.of(rows, time, columns)
+    times.check_unit(rows.source)
+    return times.seconds
+
+
+def _check_order(rows: Rows, times: Floats, given: NDArray[np.intp], what: str = "") -> None:
+    times = times[given]
+    late = times[1:] <= times[:-1]
+    if late.any():
+        at = int(late.argmax())
+        raise InputError(
+            f"{rows.where(int(given[at + 1]))}: expected times{what} that increase, "
+            f"got {times[at + 1]:.15g} after {times[at]:.15g}"
+        )

@@ -1,0 +1,133 @@
+"""Variables with a declared default, of which a caller gives no values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rtamt
+from rtamt.machines.backend import BackendName
+
+TEXT = "input float64 x; input float64 limit = 0.5; once[0:2](x < limit)"
+backends = pytest.mark.parametrize("backend", ["native", "python"])
+
+rows = st.lists(st.tuples(st.floats(-2, 2), st.none() | st.floats(-2, 2)), min_size=1, max_size=12)
+"""Values of ``x``, and those of ``limit`` where it is given."""
+
+
+def held(samples: list[tuple[float, float | None]]) -> list[float]:
+    """The limit of every sample: the last one that was given, at first 0.5."""
+    limits, last = [], 0.5
+    for _, limit in samples:
+        last = last if limit is None else limit
+        limits.append(last)
+    return limits
+
+
+@backends
+@given(samples=rows)
+def test_a_variable_that_is_not_said_is_as_before_and_at_first_its_default(
+    backend: BackendName, samples: list[tuple[float, float | None]]
+) -> None:
+    monitor = rtamt.Monitor(TEXT, backend=backend)
+    whole = rtamt.Monitor(TEXT, backend=backend)
+    for (x, limit), known in zip(samples, held(samples), strict=True):
+        said = {"x": x} if limit is None else {"x": x, "limit": limit}
+        assert repr(monitor.update(said)) == repr(whole.update(x, known))
+    episode = rtamt.EpisodeMonitor("always(x < limit)", backend=backend)
+    short = rtamt.EpisodeMonitor(TEXT.replace("once[0:2]", "always"), backend=backend)
+    for (x, limit), known in zip(samples, held(samples), strict=True):
+        named = {} if limit is None else {"limit": limit}
+        assert repr(short.update(x=x, **named)) == repr(episode.update(x=x, limit=known))
+
+
+@backends
+@given(samples=rows, cut=st.integers(0, 12))
+def test_a_column_that_is_not_there_is_one_of_the_default(
+    backend: BackendName, samples: list[tuple[float, float | None]], cut: int
+) -> None:
+    xs = [x for x, _ in samples]
+    whole = {"x": xs, "limit": [0.5] * len(xs)}
+    expected = rtamt.evaluate(TEXT, whole, backend=backend)
+    assert rtamt.evaluate(TEXT, {"x": xs}, backend=backend).tobytes() == expected.tobytes()
+    monitor = rtamt.Monitor(TEXT, backend=backend)
+    parts = [monitor.update_many({"x": xs[:cut]}), monitor.update_many({"x": xs[cut:]})]
+    assert np.concatenate(parts).tobytes() == expected.tobytes()
+    monitor.reset()
+    monitor.update(x=0.0, limit=0.75)
+    later = rtamt.evaluate(TEXT, {"x": [0.0, *xs], "limit": [0.75] * (len(xs) + 1)})[1:]
+    assert monitor.update_many({"x": xs}).tobytes() == later.tobytes()
+    always = TEXT.replace("once[0:2]", "always")
+    found, known = rtamt.judge(always, {"x": xs}), rtamt.judge(always, whole)
+    assert (found.verdict, found.robustness) == (known.verdict, known.robustness)
+
+
+@backends
+def test_a_default_lasts_to_the_first_event_in_dense_time(backend: BackendName) -> None:
+    spec = "input float64 x; input float64 limit = 0.5; x < limit"
+    xs = [(1, 0.25), (2, 0.125), (4, 0.0)]
+    for limits, whole in (
+        ([], [(1, 0.5), (4, 0.5)]),
+        ([(3, 0.75), (4, 1.0)], [(1, 0.5), (3, 0.75), (4, 1.0)]),
+        ([(0, 0.75), (4, 1.0)], [(0, 0.75), (4, 1.0)]),
+    ):
+        given = {"x": xs, "limit": limits} if limits else {"x": xs}
+        found = rtamt.evaluate_dense(spec, given, backend=backend)
+        known = rtamt.evaluate_dense(spec, {"x": xs, "limit": whole}, backend=backend)
+        assert (found.times.tolist(), found.values.tolist()) == (
+            known.times.tolist(),
+            known.values.tolist(),
+        )
+    dates = [(np.datetime64("2024-01-01"), 0.25), (np.datetime64("2024-01-02"), 0.0)]
+    found = rtamt.evaluate_dense(spec, {"x": dates}, backend=backend)
+    assert (found.times.tolist(), found.values.tolist()) == (
+        [1704067200 * 10**9, 1704153600 * 10**9],
+        [0.25, 0.5],
+    )
+    one = rtamt.evaluate_dense(spec, {"x": [(1, 0.25)]}, backend=backend)
+    assert (one.times.tolist(), one.values.tolist()) == ([1.0], [0.25])
+
+
+def test_the_defaults_are_those_of_plain_variables_that_are_read() -> None:
+    spec = rtamt.parse("""
+        from std_msgs.msg import Float64
+        from geometry_msgs.msg import Twist
+        input Float64 gain = 0.5
+        input Twist cmd = 3
+        input int near = 2
+        input int unread = 4
+        input float64 other
+        always(gain.data + near + cmd.linear.x > other)
+    """)
+    assert spec.defaults == {"gain.data": 0.5, "near": 2.0}
+
+
+@backends
+def test_variables_without_a_default_are_needed(backend: BackendName) -> None:
+    monitor = rtamt.Monitor(TEXT, backend=backend)
+    needed = "expected a value for every variable, got none for 'x'; the variables are x, limit"
+    events = "expected events of every variable, got none of 'x'; the variables are x, limit"
+    none_at_all = "expected events of every variable, got none of 'limit'; the variables are limit"
+    alone = "input float64 limit = 0.5; limit > 0"
+    for call, message in (
+        (lambda: monitor.update(limit=1.0), needed),
+        (lambda: monitor.update({}), needed),
+        (lambda: monitor.update(x=1.0, y=2.0), "unknown variable 'y'; the variables are x, limit"),
+        (lambda: rtamt.evaluate(TEXT, {"limit": [1]}, backend=backend), needed),
+        (lambda: rtamt.evaluate_dense(TEXT, {"limit": [(0, 1)]}, backend=backend), events),
+        (
+            lambda: rtamt.evaluate_dense(alone, {}, backend=backend),
+            none_at_all,
+        ),
+        (
+            lambda: rtamt.evaluate(alone, {}, backend=backend),
+            "every variable has its default: say how many samples with n=",
+        ),
+    ):
+        with pytest.raises(rtamt.InputError) as caught:
+            call()
+        assert str(caught.value) == message
+    assert rtamt.evaluate(alone, {}, n=2, backend=backend).tolist() == [0.5, 0.5]
+    assert monitor.update(x=0.25) == 0.25

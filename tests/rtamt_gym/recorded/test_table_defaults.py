@@ -1,0 +1,139 @@
+"""Variables of tables that have a declared default where a table has no values of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import rtamt
+from rtamt_gym.__main__ import main
+from rtamt_gym.recorded.columns import Columns, Missing
+from rtamt_gym.recorded.judge import Rules
+from rtamt_gym.recorded.ruled import read_ruled
+from rtamt_gym.recorded.trace import EventTrace, Trace
+
+TEXT = "input float64 x; input float64 limit = 0.5; out = always(x < limit)"
+SPEC = rtamt.parse(TEXT)
+ABSENT = "time,x\n1,0.25\n2,0.125\n3,0\n"
+LATE = "time,x,limit\n1,0.25,\n2,0.125,\n3,0,0.75\n"
+
+
+def table(folder: Path, text: str) -> str:
+    """The name of a file with a text."""
+    path = folder / "run.csv"
+    path.write_text(text)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "missing", "limits", "notes"),
+    [
+        (ABSENT, "raise", [0.5] * 3, ["'limit' is 0.5, its default: there is no such column"]),
+        (
+            LATE,
+            "hold",
+            [0.5, 0.5, 0.75],
+            [
+                "empty cells hold the value before (limit: 2)",
+                "'limit' is 0.5, its default: its first cell is empty",
+            ],
+        ),
+        (LATE, "drop", [0.75], ["2 rows with an empty cell left out"]),
+    ],
+)
+def test_a_default_counts_where_a_table_has_no_value_yet(
+    tmp_path: Path, text: str, missing: Missing, limits: list[float], notes: list[str]
+) -> None:
+    columns = Columns(missing=missing)
+    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Rules(), columns)
+    assert isinstance(trace, Trace)
+    assert trace.columns["limit"].tolist() == limits
+    assert trace.notes == notes
+
+
+@pytest.mark.parametrize(
+    ("text", "limits", "notes"),
+    [
+        (
+            ABSENT,
+            [[1, 0.5], [3, 0.5]],
+            ["'limit' is 0.5, its default: no event is there"],
+        ),
+        (
+            LATE,
+            [[1, 0.5], [3, 0.75]],
+            ["'limit' is 0.5, its default: its first event comes at 3 s"],
+        ),
+        (
+            "time,variable,value\n1,x,0.25\n2,x,0.125\n3,x,0\n",
+            [[1, 0.5], [3, 0.5]],
+            ["'limit' is 0.5, its default: no event is there"],
+        ),
+        (
+            "time,variable,value\n1,x,0.25\n2,x,0.125\n2,limit,0.75\n3,x,0\n",
+            [[1, 0.5], [2, 0.75]],
+            ["'limit' is 0.5, its default: its first event comes at 2 s"],
+        ),
+        ("time,x,limit\n1,0.25,0.75\n3,0,\n", [[1, 0.75]], []),
+        ("time,x,limit\n1,0.25,\n", [[1, 0.5]], ["'limit' is 0.5, its default: no event is there"]),
+    ],
+)
+def test_a_default_is_an_event_at_the_first_row(
+    tmp_path: Path, text: str, limits: list[list[float]], notes: list[str]
+) -> None:
+    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Rules(dense=True), Columns())
+    assert isinstance(trace, EventTrace)
+    assert list(trace.signals) == ["x", "limit"]
+    assert trace.tables["limit"].tolist() == limits
+    assert trace.notes == notes
+
+
+def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
+    path = table(tmp_path, ABSENT)
+    with pytest.raises(rtamt.InputError) as caught:
+        read_ruled(path, {"": SPEC}, Rules(), Columns({"limit": "lim"}))
+    assert str(caught.value) == (
+        f"{path}: no column 'lim', which the specification reads; the columns are time, x"
+    )
+
+
+def test_two_defaults_of_one_variable_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    texts = [TEXT, TEXT.replace("= 0.5", "= 0.75").replace("out", "other")]
+    assert main(["monitor", *texts, table(tmp_path, ABSENT)]) == 2
+    assert capsys.readouterr().err == (
+        "rtamt: error: expected one default for 'limit', which two specifications read, got 0.5 "
+        "and 0.75; give one of them another name, or judge them one at a time\n"
+    )
+
+
+def test_a_default_is_kept_with_the_outcomes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(tmp_path, ABSENT)
+    assert main(["monitor", TEXT, path, "--json"]) == 0
+    outcomes = json.loads(capsys.readouterr().out)
+    assert outcomes["columns"] == {"starts": {"limit": 0.5}}
+    (cell,) = outcomes["traces"][0]["requirements"].values()
+    assert cell["robustness"] == 0.25
+    # The formula of the outcomes has lost its declarations.
+    again = rtamt.parse(outcomes["requirements"]["out"])
+    trace, _ = read_ruled(path, {"": again}, Rules(), Columns(**outcomes["columns"]))
+    assert trace.notes == ["'limit' is 0.5, its default: there is no such column"]
+
+
+def test_a_default_holds_in_every_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = table(tmp_path, ABSENT)
+    assert main(["explain", TEXT, path]) == 0
+    assert "  0.5  limit\n" in capsys.readouterr().out
+    text = TEXT.replace("limit)", "limit + ?v)")
+    assert main(["mine", text, "--range", "v=-1:1", path]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("v = -0.24999 is the least for which the trace satisfies ")
+    note = f"note: {path}: 'limit' is 0.5, its default: there is no such column"
+    assert note in " ".join(out.split())
