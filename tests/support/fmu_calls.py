@@ -7,14 +7,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Literal, cast
+
+import pytest
+from bits import bits
 
 from rtamt.export.program_file import program_text
-from rtamt.export.programs import Programs
+from rtamt.export.programs import Programs, dense_programs, sampled_programs
+from rtamt.language.parser import as_specification, traced
+from rtamt.monitors.options import SampleOptions, Spec
 
 OK, WARNING, DISCARD, ERROR = range(4)
 Version = Literal[2, 3]
-VERSIONS: Final[tuple[Version, ...]] = (2, 3)
+versions = pytest.mark.parametrize("version", [2, 3])
 TOKEN = "{token}"  # noqa: S105 - it names a unit
 
 ROBUSTNESS, LOWER, UPPER, VERDICT, STOP, FIRST = 1, 2, 3, 4, 5, 8
@@ -42,6 +47,17 @@ def library() -> ctypes.CDLL:
     assert native is not None
     assert native.origin is not None
     return ctypes.CDLL(str(Path(native.origin).with_name("rtamt_monitor.so")))
+
+
+def sampled(spec: Spec, period: float | str = 1, **options: Any) -> Programs:  # noqa: ANN401
+    """The programs of a unit that takes samples."""
+    known = traced(as_specification(spec))
+    return sampled_programs(sampled, known, period, cast("SampleOptions", options))
+
+
+def dense(spec: Spec, resolution: str = "1ns") -> Programs:
+    """The programs of a unit over dense time."""
+    return dense_programs(dense, traced(as_specification(spec)), resolution, {})
 
 
 def write(folder: Path, programs: Programs, *, stop: bool = False) -> Path:
@@ -171,6 +187,11 @@ class Unit:
         data = (ctypes.c_int32 * 1)()
         assert self.call("GetInt32", _references([VERDICT]), _size(1), data, *self._n(1)) == OK
         return data[0]
+
+    def outputs(self, *others: int) -> list[int]:
+        """The bits of robustness, bounds, verdict, and other variables by their references."""
+        known = self.get(ROBUSTNESS, LOWER, UPPER)
+        return bits([*known, self.verdict(), *self.get(*others)])
 
     def set_stop(self, stop: bool) -> int:  # noqa: FBT001 - the value
         data = ((ctypes.c_int if self.version == 2 else ctypes.c_bool) * 1)(stop)

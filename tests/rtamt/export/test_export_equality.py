@@ -1,12 +1,12 @@
 """Exported monitors give what the monitors give, bit by bit."""
 
-import math
 import re
 from collections.abc import Mapping
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 from bits import identical
+from expected_monitors import Expected
 from exported import Drawn, Unit, exported, texts
 from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from hypothesis import given, settings
@@ -16,61 +16,34 @@ from strategies import Trace, length, sample, traces
 from rtamt import (
     EpisodeMonitor,
     InputError,
-    Monitor,
     SpecificationError,
     export_fmu,
     parse,
 )
 from rtamt.export import Fmi
-from rtamt.monitors.options import Spec
 from rtamt.program.interface import Semantics
 
-
-def judge(spec: Spec, period: float, **options: Any) -> Monitor | EpisodeMonitor:  # noqa: ANN401
-    """What judges a named formula: a monitor, or the one of episodes if none can wait for it."""
-    try:
-        return Monitor(spec, period, **options)
-    except SpecificationError:
-        return EpisodeMonitor(spec, period, **options)
+OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")
 
 
-class Expected:
-    """The monitors of a specification, in Python."""
-
-    def __init__(
-        self,
-        drawn: Drawn,
-        period: float,
-        constants: Mapping[str, float] | None = None,
-        semantics: Semantics = "standard",
-    ) -> None:
-        whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
-        options: Any = {"semantics": semantics, "backend": "python"}
-        self.episode = EpisodeMonitor(whole, period, **options)
-        named = {"part": part, "whole": whole}
-        self.monitors = {name: judge(spec, period, **options) for name, spec in named.items()}
-        self.named = [math.nan] * len(self.monitors)
-        self.outputs = ("robustness", "lower", "upper", "verdict", *self.monitors)
-
-    def update(self, values: Mapping[str, float]) -> None:
-        self.named = [
-            monitor.update({name: values[name] for name in monitor.variables})
-            for monitor in self.monitors.values()
-        ]
-        self.episode.update({name: values[name] for name in self.episode.variables})
-
-    @property
-    def values(self) -> list[float]:
-        episode = self.episode
-        return [episode.robustness, *episode.bounds(), float(episode.verdict), *self.named]
+def monitors(
+    drawn: Drawn,
+    constants: Mapping[str, float] | None = None,
+    *,
+    period: float = 1,
+    semantics: Semantics = "standard",
+) -> Expected:
+    """The monitors of a drawn specification."""
+    whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
+    return Expected(whole, part, whole, period=period, semantics=semantics)
 
 
 def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> None:
     """Every step gives what the monitors give, up to the first sample that they refuse."""
-    assert unit.outputs() == expected.outputs
-    assert identical(unit.get(*expected.outputs), expected.values)
+    assert unit.outputs() == OUTPUTS
+    assert identical(unit.get(*OUTPUTS), expected.values)
     for i in range(length(trace)):
-        values = sample(trace, i, expected.episode.variables)
+        values = sample(trace, i, expected.names)
         try:
             expected.update(values)
         except InputError:
@@ -78,7 +51,7 @@ def check_steps(unit: Unit, expected: Expected, trace: Trace, period: float) -> 
                 unit.step(i * period, period, values)
             return
         unit.step(i * period, period, values)
-        assert identical(unit.get(*expected.outputs), expected.values)
+        assert identical(unit.get(*OUTPUTS), expected.values)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -88,7 +61,7 @@ def test_an_exported_monitor_is_the_episode_monitor(
     fmi: Fmi, drawn: Drawn, trace: Trace, period: float
 ) -> None:
     try:
-        expected = Expected(drawn, period)
+        expected = monitors(drawn, period=period)
     except SpecificationError as error:
         with pytest.raises(SpecificationError, match=re.escape(str(error).partition("\n")[0])):
             export_fmu(drawn.text, "never.fmu", period=period)
@@ -111,7 +84,7 @@ def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
     with exported(drawn.text, fmi, period=1) as unit:
         others = {name: drawn.others[name] for name in drawn.others if name in unit.entries}
         try:
-            expected = Expected(drawn, 1, drawn.others)
+            expected = monitors(drawn, drawn.others)
         except SpecificationError:
             with pytest.raises(FMICallException):
                 unit.begin(others)
@@ -125,7 +98,7 @@ def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
 @given(drawn=texts(), trace=traces())
 def test_every_semantics_is_exported(semantics: Semantics, drawn: Drawn, trace: Trace) -> None:
     try:
-        expected = Expected(drawn, 1, semantics=semantics)
+        expected = monitors(drawn, semantics=semantics)
     except SpecificationError:  # a term of constants is no number
         return
     with exported(drawn.text, 2, period=1, semantics=semantics) as unit:

@@ -6,21 +6,28 @@ import ctypes
 from pathlib import Path
 
 import pytest
-from fmu_calls import ERROR, FIRST, OK, TOKEN, VERSIONS, Unit, Version, library, unit, write
-
-from rtamt.export.programs import sampled_programs
-from rtamt.language.parser import as_specification, traced
+from fmu_calls import (
+    ERROR,
+    FIRST,
+    OK,
+    TOKEN,
+    Unit,
+    Version,
+    library,
+    sampled,
+    unit,
+    versions,
+    write,
+)
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
 NO_CALL = "this unit has no such call; modelDescription.xml says what it has"
-versions = pytest.mark.parametrize("version", VERSIONS)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    spec = traced(as_specification("always(x > y)"))
-    return write(tmp_path, sampled_programs(folder, spec, "100ms", {}))
+    return write(tmp_path, sampled("always(x > y)", "100ms"))
 
 
 def begun(made: Unit) -> None:

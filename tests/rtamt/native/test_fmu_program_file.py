@@ -7,12 +7,10 @@ import re
 from pathlib import Path
 
 import pytest
-from fmu_calls import ERROR, FIRST, LOWER, OK, ROBUSTNESS, TOKEN, UPPER, Unit, unit
+from fmu_calls import ERROR, FIRST, LOWER, OK, ROBUSTNESS, TOKEN, UPPER, Unit, dense, sampled, unit
 from fmu_calls import write as written
 
-from rtamt.export.programs import Programs, dense_programs, sampled_programs
-from rtamt.language.parser import as_specification, traced
-from rtamt.monitors.options import SampleOptions
+from rtamt.export.programs import Programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -38,11 +36,9 @@ kinds = pytest.mark.parametrize("kind", TEXTS)
 
 
 def programs(kind: str) -> Programs:
-    spec = traced(as_specification(TEXTS[kind]))
     if kind == "dense":
-        return dense_programs(programs, spec, "1ns", {})
-    options: SampleOptions = {"semantics": "output-vacuity"} if kind == "neutral" else {}
-    return sampled_programs(programs, spec, 1, options)
+        return dense(TEXTS[kind])
+    return sampled(TEXTS[kind], semantics="output-vacuity" if kind == "neutral" else "standard")
 
 
 def lines_of(kind: str, folder: Path) -> list[str]:

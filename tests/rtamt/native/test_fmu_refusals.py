@@ -9,41 +9,34 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from bits import bits
 from fmu_calls import (
     ERROR,
     FIRST,
     LOWER,
     OK,
     ROBUSTNESS,
-    UPPER,
     VERDICT,
-    VERSIONS,
     Unit,
     Version,
+    dense,
+    sampled,
     unit,
+    versions,
     write,
 )
 
-from rtamt.export.programs import dense_programs, sampled_programs
-from rtamt.language.parser import as_specification, traced
-
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
+EVERYTHING = (0, *range(FIRST, FIRST + 4))
+"""Time, inputs, the parameter and the named formula."""
 NAN = math.nan
 NO_STATE = "expected a state that was taken of this instance and is not freed"
-versions = pytest.mark.parametrize("version", VERSIONS)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     text = "const float limit = 4\nwhole = always(sqrt(x) > limit - y)"
-    spec = traced(as_specification(text))
-    return write(tmp_path, sampled_programs(folder, spec, "100ms", {}))
-
-
-def outputs(made: Unit) -> list[int]:
-    return bits([*made.get(0, ROBUSTNESS, LOWER, UPPER, *range(FIRST, FIRST + 4)), made.verdict()])
+    return write(tmp_path, sampled(text, "100ms"))
 
 
 def begun(made: Unit) -> None:
@@ -230,7 +223,7 @@ def test_a_call_is_refused_and_changes_nothing(version: Version, what: str, fold
     with unit(version, folder) as made:
         before(made)
         inputs = made.get(FIRST, FIRST + 1)
-        values = outputs(made)
+        values = made.outputs(*EVERYTHING)
         assert made.log == []
         assert act(made) == ERROR
         ((status, category, said),) = made.log
@@ -238,7 +231,7 @@ def test_a_call_is_refused_and_changes_nothing(version: Version, what: str, fold
         assert re.fullmatch(f"fmi{version}[A-Z]\\w+: {re.escape(text)}", said)
         if before is begun:
             assert made.set([FIRST, FIRST + 1], inputs) == OK
-        assert outputs(made) == values
+        assert made.outputs(*EVERYTHING) == values
         if before is begun:
             assert made.step(0.1, 0.1) == OK
 
@@ -259,8 +252,7 @@ def test_parameters_that_give_no_number_end_no_initialization(
     version: Version, tmp_path: Path
 ) -> None:
     text = "const float c = 4\nconst float d = 1\nalways(x > sqrt(c) / d)"
-    spec = traced(as_specification(text))
-    with unit(version, write(tmp_path, sampled_programs(write, spec, 1, {}))) as made:
+    with unit(version, write(tmp_path, sampled(text))) as made:
         assert made.set([FIRST + 1], [-4.0]) == OK
         assert made.enter() == OK
         assert made.call("ExitInitializationMode") == ERROR
@@ -274,8 +266,7 @@ def test_parameters_that_give_no_number_end_no_initialization(
 
 @versions
 def test_over_dense_time_steps_are_of_a_tick_at_least(version: Version, tmp_path: Path) -> None:
-    spec = traced(as_specification("always(x > 0)"))
-    with unit(version, write(tmp_path, dense_programs(write, spec, "1ms", {}))) as made:
+    with unit(version, write(tmp_path, dense("always(x > 0)", "1ms"))) as made:
         made.begin()
         assert made.step(0.0, 1e-4) == OK
         assert made.step(1e-4, 1e-4) == ERROR

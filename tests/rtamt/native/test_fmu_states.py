@@ -8,7 +8,6 @@ import struct
 from pathlib import Path
 
 import pytest
-from bits import bits
 from fmu_calls import (
     ERROR,
     FIRST,
@@ -16,15 +15,16 @@ from fmu_calls import (
     OK,
     ROBUSTNESS,
     UPPER,
-    VERSIONS,
     Unit,
     Version,
+    dense,
+    sampled,
     unit,
+    versions,
     write,
 )
 
-from rtamt.export.programs import Programs, dense_programs, sampled_programs
-from rtamt.language.parser import as_specification, traced
+from rtamt.export.programs import Programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
 
@@ -35,16 +35,15 @@ done = eventually(always(y > limit))
 whole = done and always(x > limit implies eventually[0:4](y > 0))
 """
 DENSE = "near = once[0:3](x > 0)\nwhole = always((x < 1) since[0:3] (y > 0))"
+EVERYTHING = (0, *range(FIRST, FIRST + 4))
+"""Time, inputs, and the output behind the parameter or in its place."""
 DAMAGED = "expected the bytes of a state, got damaged ones"
 
-versions = pytest.mark.parametrize("version", VERSIONS)
 kinds = pytest.mark.parametrize("kind", ["samples", "dense"])
 
 
 def programs(kind: str) -> Programs:
-    if kind == "samples":
-        return sampled_programs(programs, traced(as_specification(TEXT)), 1, {})
-    return dense_programs(programs, traced(as_specification(DENSE)), "1ns", {})
+    return sampled(TEXT) if kind == "samples" else dense(DENSE)
 
 
 def go_on(made: Unit, begin: int, end: int, seed: int = 0) -> list[list[int]]:
@@ -54,13 +53,8 @@ def go_on(made: Unit, begin: int, end: int, seed: int = 0) -> list[list[int]]:
         rng = random.Random(f"{seed} {i}")
         assert made.set([FIRST, FIRST + 1], [rng.choice((-1.0, 0.5, 2.0)), rng.gauss(0, 1)]) == OK
         assert made.step(i / 2, 0.5) == OK
-        found.append(outputs(made))
+        found.append(made.outputs(*EVERYTHING))
     return found
-
-
-def outputs(made: Unit) -> list[int]:
-    """Time, inputs and outputs; the last one is behind the parameter, or in its place."""
-    return bits([*made.get(0, ROBUSTNESS, LOWER, UPPER, *range(FIRST, FIRST + 4)), made.verdict()])
 
 
 @versions
@@ -75,11 +69,11 @@ def test_a_state_that_was_taken_goes_on_alike(
             assert made.set([FIRST + 2], [0.25]) == OK
         made.begin()
         go_on(made, 0, at)
-        before = outputs(made)
+        before = made.outputs(*EVERYTHING)
         state = made.take()
         after = go_on(made, at, 20)
         assert made.restore(state) == OK
-        assert outputs(made) == before
+        assert made.outputs(*EVERYTHING) == before
         assert go_on(made, at, 14, seed=1)
         assert made.restore(state) == OK
         assert go_on(made, at, 20) == after
@@ -125,10 +119,10 @@ def test_a_state_is_kept_in_place_and_freed_once(version: Version, tmp_path: Pat
         go_on(made, 0, 3)
         assert made.call("GetFMUState", ctypes.byref(state)) == OK
         assert state.value == address
-        now = outputs(made)
+        now = made.outputs(*EVERYTHING)
         assert made.restore(kept) == OK
         assert made.restore(state) == OK
-        assert outputs(made) == now
+        assert made.outputs(*EVERYTHING) == now
         assert other.restore(state) == ERROR  # that of another instance
         assert made.call("FreeFMUState", ctypes.byref(state)) == OK
         assert state.value is None
@@ -140,7 +134,7 @@ def test_a_state_is_kept_in_place_and_freed_once(version: Version, tmp_path: Pat
         assert made.said.endswith(
             "expected a state that was taken of this instance and is not freed"
         )
-        assert outputs(made) == now
+        assert made.outputs(*EVERYTHING) == now
 
 
 @versions
@@ -150,7 +144,7 @@ def test_damaged_bytes_of_a_state_are_refused(version: Version, kind: str, tmp_p
     with unit(version, write(tmp_path, programs(kind))) as made:
         made.begin()
         go_on(made, 0, 9)
-        data, now = made.written(made.take()), outputs(made)
+        data, now = made.written(made.take()), made.outputs(*EVERYTHING)
         damaged = [data[:n] for n in (0, 7, 8, 9, 40, len(data) - 1)] + [data + b"\0"]
         for _ in range(200):
             changed = bytearray(data)
@@ -160,7 +154,7 @@ def test_damaged_bytes_of_a_state_are_refused(version: Version, kind: str, tmp_p
             status, state = made.read(each)
             assert (status, state.value) == (ERROR, None)
             assert made.said.endswith(DAMAGED)
-        assert outputs(made) == now
+        assert made.outputs(*EVERYTHING) == now
 
 
 @versions
@@ -227,11 +221,11 @@ def test_room_for_a_state_is_asked_for(version: Version, tmp_path: Path) -> None
 @versions
 def test_a_reset_instance_is_a_new_one(version: Version, tmp_path: Path) -> None:
     with unit(version, write(tmp_path, programs("samples"))) as made:
-        new = outputs(made)
+        new = made.outputs(*EVERYTHING)
         made.begin()
         first = go_on(made, 0, 7)
         assert made.call("Terminate") == OK
         assert made.call("Reset") == OK
-        assert outputs(made) == new
+        assert made.outputs(*EVERYTHING) == new
         made.begin()
         assert go_on(made, 0, 7) == first

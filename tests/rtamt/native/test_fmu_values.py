@@ -7,22 +7,22 @@ from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
 
 import pytest
 from bits import bits
+from expected_monitors import Expected
 from fmu_calls import (
     DISCARD,
     ERROR,
     FIRST,
-    LOWER,
     OK,
     ROBUSTNESS,
-    UPPER,
-    VERSIONS,
     Unit,
     Version,
+    dense,
+    sampled,
     unit,
+    versions,
     write,
 )
 from hypothesis import given, settings
@@ -32,68 +32,15 @@ from strategies import Trace, formulas, length, sample, traces
 
 from rtamt import (
     DenseMonitor,
-    EpisodeMonitor,
     Formula,
     InputError,
-    Monitor,
     SpecificationError,
     Verdict,
     parse,
 )
-from rtamt.export.programs import Programs, dense_programs, sampled_programs
-from rtamt.language.parser import as_specification, traced
-from rtamt.monitors.options import SampleOptions, Spec
+from rtamt.export.programs import Programs
 
 pytest.importorskip("rtamt._native", reason="no compiler was at hand")
-
-versions = pytest.mark.parametrize("version", VERSIONS)
-
-
-def sampled(spec: Spec, period: float = 1, **options: Any) -> Programs:  # noqa: ANN401 - its own
-    known = traced(as_specification(spec))
-    return sampled_programs(sampled, known, period, cast("SampleOptions", options))
-
-
-def dense(spec: Spec) -> Programs:
-    return dense_programs(dense, traced(as_specification(spec)), "1ns", {})
-
-
-def judge(spec: Spec, **options: Any) -> Monitor | EpisodeMonitor:  # noqa: ANN401 - of a monitor
-    """What judges a named formula: a monitor, or the one of episodes if none can wait for it."""
-    try:
-        return Monitor(spec, 1, **options)
-    except SpecificationError:
-        return EpisodeMonitor(spec, 1, **options)
-
-
-class Expected:
-    """The monitors of Python: of the episode, and of the named formulas."""
-
-    def __init__(self, spec: Spec, *parts: Spec, **options: Any) -> None:  # noqa: ANN401
-        self.episode = EpisodeMonitor(spec, 1, backend="python", **options)
-        self.monitors = [judge(part, backend="python", **options) for part in parts]
-        self.named = [math.nan] * len(parts)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.episode.variables
-
-    def update(self, values: Mapping[str, float]) -> None:
-        self.named = [
-            monitor.update({name: values[name] for name in monitor.variables})
-            for monitor in self.monitors
-        ]
-        self.episode.update(values)
-
-    def values(self) -> list[int]:
-        e = self.episode
-        return bits([e.robustness, e.lower, e.upper, float(e.verdict), *self.named])
-
-
-def outputs(unit: Unit, variables: int, named: int) -> list[int]:
-    first = FIRST + variables
-    known = unit.get(ROBUSTNESS, LOWER, UPPER)
-    return bits([*known, unit.verdict(), *unit.get(*range(first, first + named))])
 
 
 def put(unit: Unit, values: Mapping[str, float]) -> None:
@@ -102,10 +49,10 @@ def put(unit: Unit, values: Mapping[str, float]) -> None:
 
 def compare(version: Version, programs: Programs, expected: Expected, trace: Trace) -> None:
     """Steps of a period give what the monitors give, up to a sample that they refuse."""
-    shape = (len(expected.names), len(expected.monitors))
+    named = range(FIRST + len(expected.names), FIRST + len(expected.names) + expected.named)
     with TemporaryDirectory() as folder, unit(version, write(Path(folder), programs)) as made:
         made.begin(2.0)
-        assert outputs(made, *shape) == expected.values()
+        assert made.outputs(*named) == bits(expected.values)
         for i in range(length(trace)):
             values = sample(trace, i, expected.names)
             put(made, values)
@@ -116,7 +63,7 @@ def compare(version: Version, programs: Programs, expected: Expected, trace: Tra
                 assert " is not a number for " in made.said
                 return
             assert made.step(2.0 + i, 1.0) == OK
-            assert outputs(made, *shape) == expected.values()
+            assert made.outputs(*named) == bits(expected.values)
 
 
 @versions
@@ -155,7 +102,7 @@ def test_a_step_takes_the_samples_whose_time_has_come(
 ) -> None:
     text = f"part = {formula}"
     expected = Expected(text, text)
-    shape = (len(expected.names), 1)
+    named = [FIRST + len(expected.names)]
     with TemporaryDirectory() as folder, unit(version, write(Path(folder), sampled(text))) as made:
         made.begin(-1.0)
         now = 0
@@ -166,7 +113,7 @@ def test_a_step_takes_the_samples_whose_time_has_come(
             for _ in [time for time in range(now, now + size) if time % 8 == 0]:
                 expected.update(values)
             now += size
-            assert outputs(made, *shape) == expected.values()
+            assert made.outputs(*named) == bits(expected.values)
 
 
 @versions
@@ -230,7 +177,7 @@ def test_over_dense_time_every_step_begins_with_events(
             known = given[-1][1] if given else math.nan
             verdict = -holds(-upper) or holds(lower)
             expected = [known, lower, upper, float(verdict), monitor.values["whole"]]
-            assert outputs(made, n, 1) == bits(expected)
+            assert made.outputs(FIRST + n) == bits(expected)
 
 
 def holds(value: float) -> int:
@@ -261,7 +208,7 @@ def test_parameters_are_read_when_initialization_ends(version: Version, tmp_path
                 put(made, {"x": x})
                 assert made.step(float(i), 1.0) == OK
                 expected.update({"x": x})
-                assert outputs(made, 0, 0) == expected.values()
+                assert made.outputs() == bits(expected.values)
                 assert made.get(references["part"]) == [2 * limit - x]
             assert made.call("Reset") == OK
             assert made.get(references["limit"]) == [3.0]
@@ -292,7 +239,7 @@ def test_instances_do_not_know_each_other(version: Version, tmp_path: Path) -> N
     with (
         unit(version, folder) as one,
         unit(version, folder) as other,
-        unit(VERSIONS[3 - version], folder) as third,
+        unit(3 if version == 2 else 2, folder) as third,
     ):
         for i, x in enumerate((3.0, 2.0, 1.0)):
             for made, value in ((one, x), (other, 5.0), (third, 10 - x)):

@@ -1,0 +1,58 @@
+"""The monitors in Python of what an exported monitor judges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rtamt import EpisodeMonitor, Monitor, SpecificationError
+from rtamt.monitors.options import Spec
+
+
+def _judge(spec: Spec, period: float, **options: Any) -> Monitor | EpisodeMonitor:  # noqa: ANN401
+    """What judges a named formula: a monitor, or the one of episodes if none can wait for it."""
+    try:
+        return Monitor(spec, period, **options)
+    except SpecificationError:
+        return EpisodeMonitor(spec, period, **options)
+
+
+class Expected:
+    """The monitors of Python: of the episode, and of the named formulas.
+
+    Args:
+        spec: What is exported.
+        *parts: The named formulas.
+        period: Seconds between samples.
+        **options: Those of `EpisodeMonitor`.
+    """
+
+    def __init__(self, spec: Spec, *parts: Spec, period: float = 1, **options: Any) -> None:  # noqa: ANN401
+        options = {"backend": "python", **options}
+        self.episode = EpisodeMonitor(spec, period, **options)
+        self._monitors = [_judge(part, period, **options) for part in parts]
+        self._last = [math.nan] * len(parts)
+
+    @property
+    def named(self) -> int:
+        """The number of named formulas."""
+        return len(self._monitors)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables of the episode."""
+        return self.episode.variables
+
+    def update(self, values: Mapping[str, float]) -> None:
+        self._last = [
+            monitor.update({name: values[name] for name in monitor.variables})
+            for monitor in self._monitors
+        ]
+        self.episode.update(values)
+
+    @property
+    def values(self) -> list[float]:
+        """Robustness, bounds and verdict, and the named formulas."""
+        e = self.episode
+        return [e.robustness, e.lower, e.upper, float(e.verdict), *self._last]
