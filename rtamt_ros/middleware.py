@@ -79,7 +79,7 @@ class Middleware(Protocol):
         ...
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
-        """Calls back with every message of a topic."""
+        """Calls back with every message of a topic, and with what was latched before."""
         ...
 
     def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:

@@ -10,10 +10,9 @@ import logging
 import re
 import threading
 import time
-import traceback
 from collections.abc import Callable, Sequence
 from functools import cache
-from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import genpy.dynamic
@@ -23,7 +22,9 @@ import std_msgs.msg
 
 from rtamt import InputError
 from rtamt.errors import nearest
+from rtamt_ros.callback import Callback
 from rtamt_ros.ending import Ending
+from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
 
 __all__ = ["Ros1", "legal_name"]
@@ -74,21 +75,19 @@ class Ros1:
         logging.getLogger("rospy.internal").addHandler(self._refusals)
 
     def message_class(self, package: str, name: str) -> type:
-        try:
-            module = import_module(f"{package}.msg")
-        except ModuleNotFoundError as error:
-            if package == "rtamt_msgs" and name in _STAMPED:
+        if package == "rtamt_msgs" and find_spec(package) is None:
+            if name in _STAMPED:
                 return _stamped(name)
-            raise InputError(_not_installed(package)) from error
-        found = getattr(module, name, None)
-        if not isinstance(found, type):
-            raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")
-        if not issubclass(found, genpy.Message):
-            raise InputError(
-                f"expected {package} of ROS 1, found that of ROS 2 in {module.__file__}: start "
-                "from a terminal where only ROS 1 is set up"
-            )
-        return found
+            raise InputError(f"{package} has no message {name}{nearest(name, _STAMPED)}")
+        debian = package.replace("_", "-")
+        return installed(
+            package,
+            name,
+            generation=1,
+            is_its_own=lambda found: issubclass(found, genpy.Message),
+            how=f"apt-get install python3-{debian} (Debian) or ros-noetic-{debian}, or source the "
+            "setup file of a workspace that has them",
+        )
 
     def now(self) -> int:
         return _now()
@@ -164,29 +163,9 @@ def _stamped(name: str) -> type:
     return made
 
 
-class _Callback:
-    """A callback until it is closed; calls never overlap, and an exception ends one call only."""
-
-    def __init__(self, callback: Callable[..., None]) -> None:
-        self._callback: Callable[..., None] | None = callback
-        self._lock = threading.RLock()  # a callback may close itself
-
-    def __call__(self, *arguments: object) -> None:
-        with self._lock:
-            if self._callback is not None:
-                try:
-                    self._callback(*arguments)
-                except Exception:  # noqa: BLE001 - the thread of a timer would end
-                    rospy.logerr(traceback.format_exc())
-
-    def close(self) -> None:
-        with self._lock:
-            self._callback = None
-
-
 class _Subscription:
     def __init__(self, topic: str, message: type, callback: Callable[[Any], None]) -> None:
-        self._callback = _Callback(callback)
+        self._callback = Callback(callback, rospy.logerr)
         self._subscriber = rospy.Subscriber(topic, message, self._callback, tcp_nodelay=True)
         # rospy has one class for a topic, that of the first, and hands its messages to all.
         first = self._subscriber.impl.data_class
@@ -223,7 +202,7 @@ class _Timer(threading.Thread):
     def __init__(self, period: int, callback: Callable[[], None]) -> None:
         super().__init__(daemon=True)
         self._period = period
-        self._callback = _Callback(callback)
+        self._callback = Callback(callback, rospy.logerr)
         self._closed = threading.Event()
         self._begin = _now()
         self.start()
@@ -266,12 +245,3 @@ class _Refusals(logging.Handler):
         why = re.match(r"unable to create subscriber transport: (.*)\.  ", record.getMessage())
         if why is not None:
             rospy.logerr(f"no messages come from a publisher of {record.threadName}: {why[1]}")
-
-
-def _not_installed(package: str) -> str:
-    """Says how the messages of a package come to be installed."""
-    debian = package.replace("_", "-")
-    return (
-        f"the messages of {package} are not installed: apt-get install python3-{debian} (Debian) "
-        f"or ros-noetic-{debian}, or source the setup file of a workspace that has them"
-    )

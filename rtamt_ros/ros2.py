@@ -1,6 +1,7 @@
 """The middleware of ROS 2, on rclpy.
 
-It and `rtamt_ros.ros2_lifecycle` are the only modules that import rclpy and messages of ROS 2.
+It, `rtamt_ros.ros2_subscription` and `rtamt_ros.ros2_lifecycle` are the only modules that import
+rclpy and messages of ROS 2.
 """
 
 from __future__ import annotations
@@ -11,33 +12,31 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
+from functools import partial
 from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError  # rclpy has no public name for it
 from rclpy.context import Context
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.type_support import check_for_type_support
 from rclpy.utilities import remove_ros_args
 
 from rtamt import InputError
-from rtamt.errors import nearest
+from rtamt_ros.callback import Callback
 from rtamt_ros.ending import Ending
+from rtamt_ros.messages import installed
 from rtamt_ros.middleware import Handle, Level, Publisher
 from rtamt_ros.parameters import DEPTH, Qos
+from rtamt_ros.ros2_subscription import Ros2Subscription
 
 __all__ = ["Ros2"]
 
-_QOS: dict[Qos, ReliabilityPolicy] = {
-    "best_effort": ReliabilityPolicy.BEST_EFFORT,
-    "reliable": ReliabilityPolicy.RELIABLE,
-}
 _SECOND = 1_000_000_000
 
 
@@ -92,21 +91,14 @@ class Ros2:
         self._closing = False
 
     def message_class(self, package: str, name: str) -> type:
-        try:
-            module = import_module(f"{package}.msg")
-        except ImportError as error:
-            raise InputError(_not_installed(package)) from error
-        found = getattr(module, name, None)
-        if not isinstance(found, type):
-            raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")
-        try:
-            check_for_type_support(found)
-        except AttributeError as error:
-            raise InputError(
-                f"expected {package} of ROS 2, found that of ROS 1 in {module.__file__}: start "
-                "from a terminal where only ROS 2 is set up"
-            ) from error
-        return found
+        debian = f"ros-{os.environ.get('ROS_DISTRO', 'DISTRO')}-{package.replace('_', '-')}"
+        how = f"apt-get install {debian}, or source the setup file of a workspace that has them"
+        if package == "rtamt_msgs":
+            how = (
+                "build the package rtamt_msgs with colcon and source its setup file, or publish "
+                "std_msgs/Float64"
+            )
+        return installed(package, name, generation=2, is_its_own=_is_message, how=how)
 
     def now(self) -> int:
         time: int = self._clock.now().nanoseconds
@@ -128,45 +120,10 @@ class Ros2:
             stamp.sec, stamp.nanosec = divmod(time, _SECOND)
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
-        handle = _Handle(self, self.node.destroy_subscription, callback)
-        qos = self.qos
-        wanted = f"{message.__module__.partition('.')[0]}/msg/{message.__name__}"
-
-        def cannot_hear(_event: object) -> None:
-            self.log(
-                Level.ERROR,
-                f"a publisher of {topic} is not {qos}: none of its messages come; "
-                "set qos to best_effort",
-            )
-
-        def heard(message: Any) -> None:
-            handle.called = True
-            handle.call(message)
-
-        def compare_types() -> None:  # DDS tells nobody of a publisher of another type
-            publishers = self.node.get_publishers_info_by_topic(handle.entity.topic_name)
-            others = sorted({each.topic_type for each in publishers} - {wanted})
-            if others:
-                self.log(
-                    Level.ERROR,
-                    f"a publisher of {topic} sends {', '.join(others)} instead of {wanted}: none "
-                    "of its messages come",
-                )
-            if handle.watch is not None and (others or handle.called):
-                handle.watch.close()
-
         with _refusals(f"topic {topic!r}"):
-            handle.entity = self.node.create_subscription(
-                message,
-                topic,
-                heard,
-                QoSProfile(depth=self.depth, reliability=_QOS[qos]),
-                event_callbacks=SubscriptionEventCallbacks(
-                    incompatible_qos=cannot_hear, use_default_callbacks=False
-                ),
+            return Ros2Subscription(
+                self.node, topic, message, callback, qos=self.qos, depth=self.depth, log=self.log
             )
-        handle.watch = self.every(_SECOND, compare_types)
-        return handle
 
     def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
         if latched:  # who comes late gets all that is kept: the last
@@ -180,13 +137,7 @@ class Ros2:
         return _Publisher(self.node, entity, message)
 
     def every(self, period: int, callback: Callable[[], None]) -> Handle:
-        handle = _Handle(self, self.node.destroy_timer, callback)
-
-        def due() -> None:
-            handle.call()
-
-        handle.entity = self.node.create_timer(period / _SECOND, due)
-        return handle
+        return _Timer(self, period, callback)
 
     def log(self, level: Level, text: str) -> None:
         logger = self.node.get_logger()
@@ -235,39 +186,15 @@ class Ros2:
                 self.node.context.shutdown()
 
 
-class _Handle:
-    """A subscription or a timer until it is closed; an exception ends one call only.
-
-    Attributes:
-        entity: The subscription or the timer of rclpy.
-        called: Whether a message came.
-        watch: A timer that looks after a subscription, and is closed with it.
-    """
-
-    def __init__(
-        self, ros: Ros2, destroy: Callable[[Any], object], callback: Callable[..., None]
-    ) -> None:
-        self.entity: Any = None
-        self.called = False
-        self.watch: Handle | None = None
-        self._ros = ros
-        self._destroy = destroy
-        self._callback: Callable[..., None] | None = callback
-
-    def call(self, *arguments: object) -> None:
-        callback = self._callback
-        if callback is not None:  # it may have been closed since the message came
-            try:
-                callback(*arguments)
-            except Exception:  # noqa: BLE001 - the node would end
-                self._ros.log(Level.ERROR, traceback.format_exc())
+class _Timer:
+    def __init__(self, ros: Ros2, period: int, callback: Callable[[], None]) -> None:
+        self._node = ros.node
+        self._callback = Callback(callback, partial(ros.log, Level.ERROR))
+        self._timer = self._node.create_timer(period / _SECOND, self._callback)
 
     def close(self) -> None:
-        if self._callback is not None:
-            self._callback = None
-            if self.watch is not None:
-                self.watch.close()
-            self._destroy(self.entity)
+        self._callback.close()
+        self._node.destroy_timer(self._timer)
 
 
 class _Publisher:
@@ -289,15 +216,10 @@ def _refusals(what: str) -> Iterator[None]:
         raise InputError(f"{what}: {reason}") from error
 
 
-def _not_installed(package: str) -> str:
-    """Says how the messages of a package come to be installed."""
-    if package == "rtamt_msgs":
-        return (
-            "the messages of rtamt_msgs are not installed: build the package rtamt_msgs with "
-            "colcon and source its setup file, or publish std_msgs/Float64"
-        )
-    debian = f"ros-{os.environ.get('ROS_DISTRO', 'DISTRO')}-{package.replace('_', '-')}"
-    return (
-        f"the messages of {package} are not installed: apt-get install {debian}, or source the "
-        "setup file of a workspace that has them"
-    )
+def _is_message(found: type) -> bool:
+    """Whether a class is one of messages of ROS 2."""
+    try:
+        check_for_type_support(found)
+    except AttributeError:
+        return False
+    return True

@@ -5,7 +5,8 @@ from hypothesis import HealthCheck, settings
 
 import rtamt
 
-pytest.register_assert_rewrite("ros_contract", "ros_live")  # tests that two files have in common
+# Tests and fixtures that two files have in common.
+pytest.register_assert_rewrite("ros_contract", "ros_live", "ros2_client")
 
 settings.register_profile(
     "repeatable",

@@ -43,7 +43,8 @@ FLOORS = {
     "rtamt_ros": (
         ("middleware",),
         ("core",),
-        ("node", "parameters", "ending"),
+        ("node", "parameters", "ending", "callback", "messages"),
+        ("ros2_subscription",),
         ("ros1", "ros2"),
         ("ros2_lifecycle", "generation"),
         ("simulator",),

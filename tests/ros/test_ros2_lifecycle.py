@@ -3,14 +3,12 @@
 import os
 import re
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from ros2_client import Client, client
-from ros_processes import ros
+from ros2_client import Client
 from std_msgs.msg import Float64
 
 ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
@@ -18,17 +16,7 @@ BELOW = "input float64 x\n@ topic(x, x)\nout = x < 1"
 ODD = "from absent_msgs.msg import Odd\ninput Odd o\nout = o.x > 1"
 UNREADABLE = "STL:3:10: expected an operand after '>', got the end of the text\n"
 
-
-@pytest.fixture(scope="module")
-def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    with ros(2, tmp_path_factory.mktemp("ros")) as found, client(found) as connected:
-        yield connected
-
-
-@pytest.fixture
-def tools(domain: Client) -> Iterator[Client]:
-    yield domain
-    domain.end_test()
+pytest_plugins = ["ros2_client"]
 
 
 def test_a_monitor_starts_itself_and_ends_in_good_order(tools: Client, tmp_path: Path) -> None:

@@ -2,29 +2,17 @@
 
 import itertools
 import math
-from collections.abc import Iterator
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from ros2_client import BEST_EFFORT, LATCHED, RELIABLE, Client, client
-from ros_processes import ros
+from ros2_client import BEST_EFFORT, LATCHED, RELIABLE, Client, Heard
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64
 
 BOTH = "input float64 x\ninput float64 y\n@ topic(x, x)\n@ topic(y, y)\nout = x > y"
 ABOVE = "input float64 x\n@ topic(x, x)\nout = x > 1"
 
-
-@pytest.fixture(scope="module")
-def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
-    with ros(2, tmp_path_factory.mktemp("ros")) as found, client(found) as connected:
-        yield connected
-
-
-@pytest.fixture
-def tools(domain: Client) -> Iterator[Client]:
-    yield domain
-    domain.end_test()
+pytest_plugins = ["ros2_client"]
 
 
 def messages(array: DiagnosticArray) -> list[str]:
@@ -74,6 +62,58 @@ def test_who_comes_late_hears_the_last_value_and_of_a_stale_input_nan(tools: Cli
     late = tools.hear("late/rtamt/out", Float64, LATCHED)
     assert math.isnan(late.all(1)[0].data)
     assert monitor.state == "active"
+
+
+def test_an_input_that_was_published_once_before_the_monitor_is_heard(tools: Client) -> None:
+    limit = tools.middleware.node.create_publisher(Float64, "kept/y", LATCHED)
+    limit.publish(Float64(data=2.0))
+    tools.source("kept/x", 3.0)
+    robustness = tools.hear("kept/rtamt/out", Float64)
+    tools.monitor("kept", spec=BOTH, period=20, stale="y=inf")
+    assert robustness.next(bool).data == 1.0
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("before", [False, True])
+def test_of_two_readers_each_message_is_heard_once_and_nothing_old(
+    tools: Client, *, mixed: bool, before: bool
+) -> None:
+    node, heard = tools.middleware.node, Heard()
+    topic = f"/twice/{mixed}/{before}"
+    if mixed:
+        node.create_publisher(Float64, topic, RELIABLE)
+    keeps = node.create_publisher(Float64, topic, LATCHED)
+    subscription = tools.middleware.subscribe(topic, Float64, heard.keep)
+    sent = 0
+    if before:  # the first reader hears these, and the second one is given them
+        tools.until(lambda: keeps.get_subscription_count() >= 1)
+        for sent in range(1, 4):
+            keeps.publish(Float64(data=float(sent)))
+        assert heard.all(3)
+    tools.until(lambda: keeps.get_subscription_count() == 2)
+    while keeps.get_subscription_count() == 2:
+        sent += 1
+        keeps.publish(Float64(data=float(sent)))
+        assert heard.all(sent)
+    keeps.publish(Float64(data=float(sent + 1)))
+    assert [each.data for each in heard.all(sent + 1)] == list(range(1, sent + 2))
+    subscription.close()
+    tools.until(lambda: keeps.get_subscription_count() == 0)
+
+
+def test_a_subscription_that_is_closed_early_opens_nothing_more(tools: Client) -> None:
+    node, heard = tools.middleware.node, Heard()
+    keeps = node.create_publisher(Float64, "/early", LATCHED)
+    keeps.publish(Float64(data=1.0))
+    subscription = tools.middleware.subscribe("/early", Float64, heard.keep)
+    tools.until(lambda: keeps.get_subscription_count() == 1)
+    subscription.close()
+    later = Heard()
+    other = tools.middleware.subscribe("/early", Float64, later.keep)
+    assert later.all(1)[0].data == 1.0  # a look has been due for the first one too
+    tools.until(lambda: keeps.get_subscription_count() == 1)
+    assert heard.all() == []
+    other.close()
 
 
 def test_samples_follow_a_simulated_clock_that_jumps_back(tools: Client) -> None:

@@ -6,7 +6,6 @@ import json
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -16,7 +15,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_processes import PATIENCE, Process, Ros
+from ros_processes import PATIENCE, Process, Ros, ros
 from std_msgs.msg import Float64
 
 from rtamt_ros.ros2 import Ros2
@@ -25,7 +24,7 @@ with warnings.catch_warnings():  # of a parser that rclpy loads with its first m
     warnings.simplefilter("ignore", DeprecationWarning)
     import_module("rosidl_generator_py")
 
-__all__ = ["BEST_EFFORT", "LATCHED", "Client", "Heard", "Monitor", "Source", "client"]
+__all__ = ["BEST_EFFORT", "LATCHED", "Client", "Heard", "Monitor", "Source", "domain", "tools"]
 
 PROGRAM = "from rtamt_ros.ros2_lifecycle import main; main()"
 STEP = 0.02
@@ -203,14 +202,21 @@ class Monitor:
         return value
 
 
-@contextmanager
-def client(ros: Ros) -> Iterator[Client]:
-    """A client in a domain, which is that of this process until the end of the block."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in ros.environment.items():
+@pytest.fixture(scope="module")
+def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Client]:
+    """A client in a domain of its own, which is that of this process until the end of a file."""
+    with ros(2, tmp_path_factory.mktemp("ros")) as found, pytest.MonkeyPatch.context() as patch:
+        for name, value in found.environment.items():
             patch.setenv(name, value)
-        found = Client(ros)
+        connected = Client(found)
         try:
-            yield found
+            yield connected
         finally:
-            found.close()
+            connected.close()
+
+
+@pytest.fixture
+def tools(domain: Client) -> Iterator[Client]:
+    """The client, which ends with each test what that has started."""
+    yield domain
+    domain.end_test()

@@ -105,9 +105,10 @@ class World:
 
 def meet(talker: Peer, publisher: str, listener: Peer, subscription: str, field: str) -> None:
     """Publishes until messages arrive; `heard` leaves these out."""
+    before = len(listener.ask("kept", subscription))
     for _ in range(round(PATIENCE / 0.05)):
         talker.ask("publish", publisher, {field: PROBE})
-        if listener.ask("kept", subscription, 1, 0.05):
+        if len(listener.ask("kept", subscription, before + 1, 0.05)) > before:
             return
     raise AssertionError(f"nothing arrives; the logs:\n{talker.log()}\n{listener.log()}")
 
@@ -201,10 +202,41 @@ class MiddlewareContract:
         talker.ask("publisher", topic, topic, *FLOAT, latched=True)
         for value in (1.0, 2.0, 3.0):
             talker.ask("publish", topic, {"data": value})
-        listener.ask("subscribe", topic, topic, *FLOAT, ["data"], late=True)
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"])
         assert heard(listener, topic, 1) == [3.0]
         talker.ask("publish", topic, {"data": 4.0})
         assert heard(listener, topic, 2) == [3.0, 4.0]
+
+    @pytest.mark.parametrize("plain_first", [True, False])
+    def test_beside_a_latched_publisher_another_is_heard_and_all_once(
+        self, world: World, talker: Peer, listener: Peer, topic: str, *, plain_first: bool
+    ) -> None:
+        topic += str(plain_first)
+        keeper = world.peer("keeper")
+        keeper.ask("publisher", topic, topic, *FLOAT, latched=True)
+        keeper.ask("publish", topic, {"data": 1.0})
+        if plain_first:
+            talker.ask("publisher", topic, topic, *FLOAT)
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"])
+        assert heard(listener, topic, 1) == [1.0]
+        if not plain_first:
+            talker.ask("publisher", topic, topic, *FLOAT)
+        meet(talker, topic, listener, topic, "data")
+        talker.ask("publish", topic, {"data": 2.0})
+        assert heard(listener, topic, 2) == [1.0, 2.0]
+        meet(keeper, topic, listener, topic, "data")
+        keeper.ask("publish", topic, {"data": 3.0})
+        assert heard(listener, topic, 3) == [1.0, 2.0, 3.0]
+
+    def test_a_latched_publisher_that_begins_anew_is_heard(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"])
+        for value in (1.0, 2.0, 3.0):
+            talker.ask("publisher", topic, topic, *FLOAT, latched=True)
+            talker.ask("publish", topic, {"data": value})
+            assert heard(listener, topic, round(value))[-1] == value
+            talker.ask("close", topic)
 
     def test_who_comes_late_gets_nothing_old_of_another_topic(
         self, talker: Peer, listener: Peer, topic: str
@@ -237,7 +269,7 @@ class MiddlewareContract:
         talker.ask("publish", topic, {"data": 1.0})
         talker.ask("close", topic)
         talker.ask("publisher", topic, topic, *FLOAT, latched=True)
-        listener.ask("subscribe", topic, topic, *FLOAT, ["data"], late=True)
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"])
         talker.ask("publish", topic, {"data": 2.0})
         assert heard(listener, topic, 1) == [2.0]
 
@@ -261,7 +293,7 @@ class MiddlewareContract:
             assert robot.ask("resolve", key) == at
             robot.ask("publisher", key, key, *FLOAT, latched=True)
             robot.ask("publish", key, {"data": 3.0})
-            listener.ask("subscribe", at, at, *FLOAT, ["data"], late=True)
+            listener.ask("subscribe", at, at, *FLOAT, ["data"])
             assert heard(listener, at, 1) == [3.0]
 
     def test_nodes_of_one_name_live_together(self, world: World, listener: Peer) -> None:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
@@ -137,14 +137,8 @@ class Desk:
         name: str,
         fields: Sequence[str],
         fail: float | None = None,
-        *,
-        late: bool = False,
     ) -> None:
-        """Keeps the stamp and the fields of every message; may fail where the first has a value.
-
-        With `late` it asks for what a latched topic said last, which a plain subscription of ROS 2
-        does not.
-        """
+        """Keeps the stamp and the fields of every message; may fail where the first has a value."""
 
         def keep(message: Any) -> None:  # noqa: ANN401
             values = _read(message, fields)
@@ -153,10 +147,7 @@ class Desk:
             self._keep(key, (self.node.stamp(message), *values))
 
         message = self.node.message_class(package, name)
-        if late and self.node.generation == 2:
-            self._handles[key] = _durable(self.node, topic, message, keep)
-        else:
-            self._handles[key] = self.node.subscribe(topic, message, keep)
+        self._handles[key] = self.node.subscribe(topic, message, keep)
 
     def every(self, key: str, period: int, lasts: float = 0.0) -> None:
         """Keeps the time of every call of a timer, and whether it overlaps one; the third fails.
@@ -239,19 +230,6 @@ class Desk:
 
 def _read(message: Any, fields: Sequence[str]) -> list[Any]:  # noqa: ANN401
     return [operator.attrgetter(field)(message) for field in fields]
-
-
-def _durable(
-    node: Any,  # noqa: ANN401
-    topic: str,
-    message: type,
-    callback: Callable[[Any], None],
-) -> object:
-    """A subscription of ROS 2 that gets what a latched topic said last."""
-    from rclpy.qos import DurabilityPolicy, QoSProfile
-
-    profile = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    return node.node.create_subscription(message, topic, callback, profile)
 
 
 def _serve(connection: Connection, desk: Desk) -> None:

@@ -1,0 +1,41 @@
+"""The classes of messages that are installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+
+from rtamt import InputError
+from rtamt.errors import nearest
+
+__all__ = ["installed"]
+
+
+def installed(
+    package: str, name: str, *, generation: int, is_its_own: Callable[[type], bool], how: str
+) -> type:
+    """The class ``package/name`` of a generation of ROS.
+
+    Args:
+        package: The package, ``geometry_msgs``.
+        name: The name of the class, ``Twist``.
+        generation: 1 or 2.
+        is_its_own: Whether a class is one of this generation.
+        how: How to install the package.
+
+    Raises:
+        InputError: If there is no such class.
+    """
+    try:
+        module = import_module(f"{package}.msg")
+    except ImportError as error:
+        raise InputError(f"the messages of {package} are not installed: {how}") from error
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")
+    if not is_its_own(found):
+        raise InputError(
+            f"expected {package} of ROS {generation}, found that of ROS {3 - generation} in "
+            f"{module.__file__}: start from a terminal where only ROS {generation} is set up"
+        )
+    return found
