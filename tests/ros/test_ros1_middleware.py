@@ -202,7 +202,10 @@ def test_a_command_that_waits_for_a_master_says_so_and_ends_on_sigint(
         line = command.stdout.readline()
         assert "master may not be running yet. Will keep trying." in line
         command.send_signal(signal.SIGINT)
-        assert command.wait(PATIENCE) == 130
+        try:
+            assert command.wait(PATIENCE) == 130
+        finally:
+            command.kill()
 
 
 def test_a_timer_calls_at_the_first_tick_of_each_period(world: World) -> None:
