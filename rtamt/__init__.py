@@ -27,6 +27,7 @@ from rtamt.inputs.frames import unit_of_times
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
+from rtamt.language.publications import Publication, publications
 from rtamt.language.scaling import predicates, scaled
 from rtamt.language.specification import Specification
 from rtamt.language.subscriptions import SubscribedField, Subscription, subscriptions
@@ -62,6 +63,7 @@ __all__ = [
     "Judgement",
     "Monitor",
     "ParseError",
+    "Publication",
     "RtamtError",
     "Specification",
     "SpecificationError",
@@ -90,6 +92,7 @@ __all__ = [
     "number",
     "parse",
     "predicates",
+    "publications",
     "scaled",
     "subscriptions",
     "unit_of_times",

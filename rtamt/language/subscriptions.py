@@ -13,7 +13,7 @@ from rtamt.language.names import Step, joined, lineage, steps
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import PRIMITIVES, Specification
 
-__all__ = ["SubscribedField", "Subscription", "subscriptions"]
+__all__ = ["SubscribedField", "Subscription", "declared_class", "subscriptions"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ def _message(spec: Specification, variable: str) -> str:
     return next((name for name in names if name in spec.declarations), names[-1])
 
 
-def _declared(spec: Specification, name: str) -> tuple[str, str] | None:
+def declared_class(spec: Specification, name: str) -> tuple[str, str] | None:
     """The package and the class of a declared message."""
     declared = spec.declarations.get(name)
     if declared is None or declared.type in PRIMITIVES:
@@ -136,7 +136,7 @@ def _declared(spec: Specification, name: str) -> tuple[str, str] | None:
 
 def _whole(spec: Specification, name: str) -> tuple[Step, ...]:
     """The path to the number that a name without fields stands for."""
-    declared = _declared(spec, name)
+    declared = declared_class(spec, name)
     if declared is None or (declared[0] == "std_msgs" and declared[1] in _STD.values()):
         return _DATA
     raise SpecificationError(
@@ -150,7 +150,7 @@ def _class(spec: Specification, name: str, fields: list[SubscribedField]) -> tup
     if declared is None:
         plain = any(f.variable == name for f in fields)
         return ("std_msgs", "Float64") if plain else None
-    return _declared(spec, name) or ("std_msgs", _STD[declared.type])
+    return declared_class(spec, name) or ("std_msgs", _STD[declared.type])
 
 
 def _topic(spec: Specification, name: str) -> str:

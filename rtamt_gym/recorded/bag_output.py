@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -202,23 +201,37 @@ def _added(
     """The topics of all formulas, and those of the verdicts."""
     added: dict[str, _Topic] = {}
     for name, judgement in judgements.items():
-        spec = specs[name]
-        *parts, result = judgement.series
-        for part in parts:
-            found = _Topic(_kind(spec, part), *_points(judgement.series[part]))
-            topic = _named(spec, part, part, bag)
-            if topic in added and not _same(added[topic], found):
-                topic = f"{_named(spec, RESULT, name, bag)}/{_clean(part)}"
-            added[topic] = found
-        topic = _named(spec, result, name, bag)
-        series = judgement.series[result]
-        added[topic] = _Topic(_kind(spec, result), *_points(series))
+        found = rtamt.publications(specs[name], name)
+        for each in found:
+            series = judgement.series[each.formula or RESULT]
+            kind, topic = _placed(each, found)
+            made = _Topic(kind, series.times, series.values)
+            topic = _free(topic, bag)
+            if topic in added and not _same(added[topic], made):  # that of another requirement
+                stem = [found[-1].default]
+                stem += [] if each is found[-1] else [each.default.removeprefix("rtamt/")]
+                topic = _free("/".join(stem), bag)
+            added[topic] = made
         added[f"{topic}/verdict"] = _Topic(_INT, *_verdicts(judgement, series, trace))
     return added
 
 
-def _points(series: Series) -> tuple[Floats, Floats]:
-    return series.times, series.values
+def _placed(each: rtamt.Publication, found: tuple[rtamt.Publication, ...]) -> tuple[str, str]:
+    """The class of the messages of a formula and their topic.
+
+    It is the stamped one, if that is declared. The fields of one message have topics below its own.
+    """
+    topic = each.topic or each.default
+    if sum(topic == (other.topic or other.default) for other in found) > 1:
+        return _FLOAT, "/".join([topic, *each.path])
+    kind = f"{each.package}/msg/{each.message}"
+    return kind if kind in _STAMPED and each.path == ("value",) else _FLOAT, topic
+
+
+def _free(topic: str, bag: Bag) -> str:
+    """The whole name of a topic, which the bag does not have."""
+    whole = f"/{topic.lstrip('/')}"
+    return f"{whole}/offline" if whole in bag.types else whole
 
 
 def _same(one: _Topic, other: _Topic) -> bool:
@@ -234,28 +247,3 @@ def _verdicts(
     at = end if since is None else since
     times = np.union1d(series.times[np.abs(series.times - at) > 1e-9], [at, end])
     return times, np.where(times >= at, int(judgement.verdict), 0).astype(np.int8)
-
-
-def _named(spec: rtamt.Specification, formula: str, name: str, bag: Bag) -> str:
-    """The topic of a formula: that of its output variable, else ``/rtamt/NAME``."""
-    message = formula.partition(".")[0]
-    given = spec.topics.get(formula) or spec.topics.get(message) or f"rtamt/{_clean(name)}"
-    topic = f"/{given.lstrip('/')}"
-    return f"{topic}/offline" if topic in bag.types else topic
-
-
-def _clean(name: str) -> str:
-    """A name with the letters that names of topics can have; no part begins with a digit."""
-    parts = (re.sub(r"\W", "_", part, flags=re.ASCII) for part in name.split("."))
-    return "/".join(f"_{part}" if part[:1].isdigit() else part for part in parts)
-
-
-def _kind(spec: rtamt.Specification, formula: str) -> str:
-    """The class of the messages of a formula: the stamped one, if it is declared."""
-    message, _, field = formula.partition(".")
-    declared = spec.declarations.get(message)
-    if declared is None or field != "value":
-        return _FLOAT
-    package = spec.imports.get(declared.type, "").removesuffix(".msg")
-    kind = f"{package}/msg/{declared.type}"
-    return kind if kind in _STAMPED else _FLOAT

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from rtamt import Specification, SpecificationError
+from rtamt import Publication, SpecificationError, publications
 from rtamt_ros.core.requirements import Requirement
 
 __all__ = ["Output", "bound_topics", "outputs_of"]
@@ -43,21 +43,20 @@ def outputs_of(requirements: Sequence[Requirement]) -> list[Output]:
     made: dict[tuple[int, str], Output] = {}
     taken = {topic for each in requirements for topic in each.specification.topics.values()}
     for requirement in requirements:
-        spec = requirement.specification
-        for name in _names(spec):
-            result = name == _result(spec)
-            owner, path = _message(spec, name)
-            key = (requirement.origin, owner or name or requirement.name)
+        found = publications(requirement.specification, requirement.name)
+        for each in found:
+            key = (requirement.origin, each.variable)
             if key not in made:
-                package, message = _class(spec, owner)
-                stem = owner or (requirement.name if result else name)
-                topic = spec.topics.get(owner or name) or _free(stem, taken)
-                _refuse_twice(topic, made.values(), key[1])
-                _refuse_loop(topic, requirement, key[1])
-                made[key] = Output(topic, package, message)
+                topic = each.topic or _free(each.default, taken)
+                _refuse_no_number(each)
+                _refuse_twice(topic, made.values(), each.variable)
+                _refuse_loop(topic, requirement, each.variable)
+                made[key] = Output(topic, each.package, each.message)
+            is_result = each is found[-1]
             known = {formula for _, formula in made[key].formulas}
-            if result or name not in known:
-                made[key].formulas[requirement.name, "" if result else name] = path
+            if is_result or each.formula not in known:
+                name = "" if is_result else each.formula
+                made[key].formulas[requirement.name, name] = each.path
     return list(made.values())
 
 
@@ -73,50 +72,21 @@ def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
     return topics
 
 
-def _names(spec: Specification) -> Iterator[str]:
-    yield from spec.formulas
-    if _result(spec) == "":
-        yield ""
+def _free(topic: str, taken: set[str]) -> str:
+    """A default topic, with a number if it is taken."""
+    numbered = (f"{topic}_{count}" for count in itertools.count(2))
+    free = next(each for each in itertools.chain((topic,), numbered) if each not in taken)
+    taken.add(free)
+    return free
 
 
-def _result(spec: Specification) -> str:
-    """The name of the result; empty if it has none."""
-    named = [name for name, formula in spec.formulas.items() if formula is spec.formula]
-    return named[-1] if named else ""
-
-
-def _message(spec: Specification, name: str) -> tuple[str, tuple[str, ...]]:
-    """The declared message that a formula names a field of, and the path to it."""
-    steps = name.split(".")
-    for end in range(len(steps), 0, -1):
-        owner = ".".join(steps[:end])
-        declared = spec.declarations.get(owner)
-        if declared is not None and declared.type in spec.imports:
-            path = tuple(steps[end:])
-            if path or _class(spec, owner)[0] == "std_msgs":
-                return owner, path or ("data",)
-            raise SpecificationError(
-                f"expected a field of the message '{owner}' as the name of a formula, such as "
-                f"{owner}.value, got '{owner}' itself; a {'/'.join(_class(spec, owner))} is no "
-                "number"
-            )
-    return "", ("data",)
-
-
-def _class(spec: Specification, owner: str) -> tuple[str, str]:
-    if not owner:
-        return "std_msgs", "Float64"
-    kind = spec.declarations[owner].type
-    return spec.imports[kind].removesuffix(".msg"), kind
-
-
-def _free(stem: str, taken: set[str]) -> str:
-    """A topic for a name that no other has; names of ROS have no dots."""
-    base = f"rtamt/{stem.replace('.', '/')}"
-    numbered = (f"{base}_{count}" for count in itertools.count(2))
-    topic = next(each for each in itertools.chain((base,), numbered) if each not in taken)
-    taken.add(topic)
-    return topic
+def _refuse_no_number(found: Publication) -> None:
+    if not found.path:
+        name = found.variable
+        raise SpecificationError(
+            f"expected a field of the message '{name}' as the name of a formula, such as "
+            f"{name}.value, got '{name}' itself; a {found.package}/{found.message} is no number"
+        )
 
 
 def _refuse_twice(topic: str, made: Iterable[Output], name: str) -> None:

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from bags import START, Said, twist, write_bag
+from memory_middleware import MemoryMiddleware
+from memory_nodes import topics
 from rosbags.highlevel import AnyReader
 
 import rtamt
 from rtamt import EpisodeMonitor, Verdict
 from rtamt_gym.__main__ import main
+from rtamt_ros.node import MonitorNode
 
 SPEC = """
 from geometry_msgs.msg import Twist
@@ -219,6 +222,56 @@ def test_names_of_topics_have_letters_of_ros(
         "/rtamt/b",
         "/rtamt/b/verdict",
     ]
+
+
+def test_fields_of_one_message_and_one_topic_of_two_texts_hide_nothing(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "run.bag", [twist(START + i * STEP, 1.0) for i in range(3)])
+    declared = "from my_msgs.msg import Parts\noutput Parts out\n@ topic(out, /safe)\n"
+    (tmp_path / "a.stl").write_text(f"{declared}out.a = x < 3\nout.b.c = always(out.a)\n")
+    for name, bound in (("b", 2), ("c", 5)):
+        topics_of = f"@ topic(near, n)\n@ topic({name}, m)\n"
+        text = f"{topics_of}near = x < {bound}\n{name} = always(near)\n"
+        (tmp_path / f"{name}.stl").write_text(text)
+    specs = [f"{tmp_path}/{name}.stl" for name in "abc"]
+    copy = tmp_path / "copy.mcap"
+    command = ["monitor", *specs, str(bag), "--signal", "x=robot0/cmd_vel.linear.x"]
+    assert main([*command, "--period", "0.1", "--write-mcap", str(copy)]) == 0
+    found = messages(copy)
+    robustness = {
+        topic: said[0][1].data
+        for topic, said in found.items()
+        if topic != "/robot0/cmd_vel" and "verdict" not in topic
+    }
+    assert robustness == {
+        "/safe/a": 2.0,
+        "/safe/b/c": 2.0,
+        "/n": 1.0,
+        "/m": 1.0,
+        "/rtamt/c/near": 4.0,
+        "/rtamt/c": 4.0,
+    }
+    assert {topic for topic in found if "verdict" in topic} == {
+        "/safe/b/c/verdict",
+        "/m/verdict",
+        "/rtamt/c/verdict",
+    }
+
+
+def test_a_copy_has_the_topics_of_a_node(spec: Path, tmp_path: Path) -> None:
+    ros = MemoryMiddleware()
+    text = spec.read_text().replace("FloatStamped", "FloatMessage")
+    spec.write_text(f"{text}out.value = slow\n".replace("out.value = always", "kept = always"))
+    node = MonitorNode(ros, [rtamt.load(spec)])
+    node.start()
+    copy = tmp_path / "copy.mcap"
+    bag = recorded(tmp_path, ".mcap")
+    main(["monitor", str(spec), str(bag), "--period", "0.1", "--write-mcap", str(copy)])
+    with AnyReader([copy]) as reader:
+        added = {each.topic for each in reader.connections}
+    with AnyReader([bag]) as reader:
+        added -= {each.topic for each in reader.connections}
+    published = {f"/{topic}" for topic in topics(ros)} - {"//diagnostics"}
+    assert added == {topic for topic in published if not topic.endswith(("/lower", "/upper"))}
 
 
 def test_simulated_stamps_are_shown_at_times_of_recording(
