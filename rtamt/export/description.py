@@ -23,6 +23,13 @@ _TYPES: Final[Mapping[Fmi, Mapping[Kind, str]]] = {
 }
 
 
+_CATEGORIES: Final = {
+    "logStatusError": "why a call was refused; always logged",
+    "logEvents": "a verdict that became certain",
+}
+"""What ``rtamt/native/fmu/unit.hpp`` logs."""
+
+
 @dataclass(frozen=True, slots=True)
 class Description:
     """What a model description says.
@@ -69,6 +76,9 @@ def description_text(description: Description, fmi: Fmi) -> bytes:
     if fmi == 3:
         units = SubElement(SubElement(root, "UnitDefinitions"), "Unit", name="s")
         SubElement(units, "BaseUnit", s="1")
+    categories = SubElement(root, "LogCategories")
+    for name, meaning in _CATEGORIES.items():
+        SubElement(categories, "Category", name=name, description=meaning)
     experiment = SubElement(root, "DefaultExperiment", startTime="0.0")
     if description.step is not None:
         experiment.set("stepSize", repr(description.step))
@@ -87,11 +97,12 @@ def _variables_2(root: Element, variables: Sequence[Variable]) -> None:
         scalar = SubElement(parent, "ScalarVariable", _attributes(each))
         SubElement(scalar, _TYPES[2][each.kind], _start(each))
     structure = SubElement(root, "ModelStructure")
-    outputs = [i for i, each in enumerate(variables, 1) if each.causality == "output"]
-    for name in ("Outputs", "InitialUnknowns"):
-        parent = SubElement(structure, name)
-        for index in outputs:
-            SubElement(parent, "Unknown", {"index": str(index), **_dependencies(name)})
+    places = {str(i): each for i, each in enumerate(variables, 1)}
+    for name, dependencies in _dependencies(places).items():
+        parent = SubElement(structure, f"{name}s")
+        for place, each in places.items():
+            if each.causality == "output":
+                SubElement(parent, "Unknown", index=place, dependencies=dependencies)
 
 
 def _variables_3(root: Element, variables: Sequence[Variable]) -> None:
@@ -108,20 +119,26 @@ def _variables_3(root: Element, variables: Sequence[Variable]) -> None:
     for each in variables:
         SubElement(parent, _TYPES[3][each.kind], {**_attributes(each), **_start(each)})
     structure = SubElement(root, "ModelStructure")
-    for name in ("Output", "InitialUnknown"):
-        for each in variables:
+    places = {str(each.reference): each for each in variables}
+    for name, dependencies in _dependencies(places).items():
+        for place, each in places.items():
             if each.causality == "output":
-                reference = {"valueReference": str(each.reference)}
-                SubElement(structure, name, {**reference, **_dependencies(f"{name}s")})
+                SubElement(structure, name, valueReference=place, dependencies=dependencies)
 
 
-def _dependencies(part: str) -> dict[str, str]:
-    """An output at the end of a step follows from inputs at its begin: from none at that time.
+def _dependencies(places: Mapping[str, Variable]) -> dict[str, str]:
+    """On which variables, by their places, each output depends: in the run, and before it.
 
-    That lets an importer close a loop through the monitor. Before the first step outputs follow
-    from parameters, which are what an importer assumes.
+    An output at the end of a step follows from inputs at its begin: from none at that time. Before
+    the first step it follows from the constants of the text. That lets an importer close a loop
+    through the monitor, and initialize it.
     """
-    return {"dependencies": ""} if part == "Outputs" else {}
+    constants = [
+        place
+        for place, each in places.items()
+        if each.causality == "parameter" and each.kind == "real"
+    ]
+    return {"Output": "", "InitialUnknown": " ".join(constants)}
 
 
 def _attributes(variable: Variable) -> dict[str, str]:

@@ -18,6 +18,8 @@ _OPTIONS = (
     (r"give a space, as in \w+\(.*\)$", "write --vary mass=1:2"),
     (r"write Signal\('.*', \.\.\., duration=30\) or .*$", "give --duration 30, in seconds"),
     (r"view='step'", "--view step"),
+    (r"or use Monitor with a period$", "or leave --dense out, which takes samples"),
+    (r"or use a period, which takes samples$", "or leave --dense out, which takes samples"),
     (r"; pass nan='hold' to keep the last value instead$", ""),
     (r"\btimeout= as\b", "--timeout as"),
     (r"\bfolder= as\b", "--folder as"),

@@ -10,6 +10,7 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import add_align, add_semantics, check_outputs
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
+from rtamt_gym.tables import shorten
 
 __all__ = ["add_arguments", "run"]
 
@@ -81,6 +82,11 @@ def run(options: argparse.Namespace) -> int:
         align=options.align,
     )
     print(f"{options.output}: FMI {options.fmi}.0, inputs {listing(spec.variables)}")
+    if not (options.dense or spec.looks_ahead):
+        print(
+            "note: the specification speaks of the first sample only, and so do robustness, lower, "
+            f"upper and verdict; write always({shorten(str(spec.formula), 60)})"
+        )
     return 0
 
 

@@ -146,7 +146,7 @@ std::size_t Instance::samples(double size, double& fraction) const {
 bool Instance::step(double time, double size) {
     require(Phase::stepping, "after initialization");
     if (!(size > 0 && std::isfinite(size)))
-        throw Refusal("expected a step of more than 0 s, got " + number_text(size) + " s");
+        throw Refusal("expected a finite step of more than 0 s, got " + number_text(size) + " s");
     const double slack = kTolerance * size + 1e-12 * std::abs(now_.time);
     if (!(std::abs(time - now_.time) <= slack))
         throw Refusal("expected a step from " + number_text(now_.time) +

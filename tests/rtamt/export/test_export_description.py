@@ -1,11 +1,12 @@
 """What the model description of an exported monitor says."""
 
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
 
 import pytest
-from exported import Drawn, texts
+from exported import Drawn, exported, texts
 from fmpy import read_model_description  # type: ignore[import-untyped]
 from fmpy.validation import validate_fmu  # type: ignore[import-untyped]
 from hypothesis import given, settings
@@ -95,6 +96,33 @@ def test_outputs_depend_on_no_input_of_their_own_time(tmp_path: Path, fmi: Fmi) 
     described = read_model_description(tmp_path / "one.fmu")
     known = [(each.variable.name, each.dependencies) for each in described.outputs]
     assert known == [(n, []) for n in ("robustness", "lower", "upper", "verdict", "a")]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_before_the_first_step_outputs_depend_on_the_constants_alone(
+    tmp_path: Path, fmi: Fmi
+) -> None:
+    constants = "const float v = 1; const float T = 2; const float w = 3"
+    text = f"{constants}; a = x > v; eventually[0:T](a and y > w)"
+    export_fmu(text, tmp_path / "one.fmu", period=1, fmi=fmi)
+    described = read_model_description(tmp_path / "one.fmu")
+    known = {
+        each.variable.name: [variable.name for variable in each.dependencies]
+        for each in described.initialUnknowns
+    }
+    outputs = [each.name for each in described.modelVariables if each.causality == "output"]
+    assert known == {name: ["v", "w"] for name in outputs}
+    assert outputs == ["robustness", "lower", "upper", "verdict", "a"]
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_categories_of_the_log_are_described(tmp_path: Path, fmi: Fmi) -> None:
+    export_fmu("always(x > 1)", tmp_path / "one.fmu", period=1, fmi=fmi)
+    text = zipfile.ZipFile(tmp_path / "one.fmu").read("modelDescription.xml").decode()
+    names = re.findall('<Category name="(.*?)"', text)
+    assert names == ["logStatusError", "logEvents"]
+    with exported("always(x > 1)", fmi, period=1) as unit:
+        unit.fmu.setDebugLogging(loggingOn=True, categories=names)
 
 
 def test_the_same_monitor_is_the_same_file(tmp_path: Path) -> None:

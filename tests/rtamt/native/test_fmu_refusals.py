@@ -116,17 +116,17 @@ REFUSED: dict[str, tuple[Callable[[Unit], None], Act, str]] = {
     "a step of nothing": (
         begun,
         lambda u: u.step(0.1, 0.0),
-        "expected a step of more than 0 s, got 0 s",
+        "expected a finite step of more than 0 s, got 0 s",
     ),
     "a step back": (
         begun,
         lambda u: u.step(0.1, -0.1),
-        "expected a step of more than 0 s, got -0.1 s",
+        "expected a finite step of more than 0 s, got -0.1 s",
     ),
     "a step without end": (
         begun,
         lambda u: u.step(0.1, math.inf),
-        "expected a step of more than 0 s, got inf s",
+        "expected a finite step of more than 0 s, got inf s",
     ),
     "a step past the stop time": (
         begun,

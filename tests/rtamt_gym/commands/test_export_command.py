@@ -45,6 +45,42 @@ def test_it_writes_what_the_function_writes(capsys: Output, fmi: str) -> None:
     assert validate_fmu("m.fmu") == []
 
 
+def test_a_text_that_does_not_look_ahead_is_noted(capsys: Output) -> None:
+    assert main(["export", "speed < 30", "-o", "m.fmu", "--period", "1"]) == 0
+    assert capsys.readouterr().out == (
+        "m.fmu: FMI 2.0, inputs 'speed'\n"
+        "note: the specification speaks of the first sample only, and so do robustness, lower, "
+        "upper and verdict; write always(speed < 30)\n"
+    )
+    assert main(["export", "speed < 30", "-o", "m.fmu", "--dense"]) == 0
+    assert capsys.readouterr().out == "m.fmu: FMI 2.0, inputs 'speed'\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason", "hint"),
+    [
+        (
+            "always(next(x > 0))",
+            "STL:1:8: 'next' speaks of neighbouring samples, and dense time has none",
+            "look a time d away with eventually[0:d], or leave --dense out, which takes samples",
+        ),
+        (
+            "eventually[0:1] always(x > 0)",
+            (
+                "STL:1:17: 'always' without an end needs the whole future, for which an FMU over "
+                "dense time cannot wait"
+            ),
+            "write an end, as in always[0:10], or leave --dense out, which takes samples",
+        ),
+    ],
+)
+def test_what_dense_time_does_not_have_is_left_with_dense(
+    capsys: Output, text: str, reason: str, hint: str
+) -> None:
+    said = refused([text, "-o", "m.fmu", "--dense"], capsys).splitlines()
+    assert (said[0], said[-1]) == (reason, f"  hint: {hint}")
+
+
 def test_every_option_reaches_the_monitor() -> None:
     words = ["--dense", "--stop-on-violation", "--constant", "limit=4", "--constant", "T=1"]
     assert main(["export", "one.stl", "-o", "m.fmu", *words]) == 0
