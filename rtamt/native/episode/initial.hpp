@@ -100,9 +100,11 @@ public:
             for (World w : kAll) quiet_[w] = !in_.may_be_open(w);
             for (World w : kCut) quiet_[w] = in_.latency() == 0;
         }
-        if (begin_ == 0 && end_ == kNever && F::width == 1 && in_.only()->summarises())
-            summary_ = in_.only();
-        reset();
+        if constexpr (F::width == 1) {
+            if (begin_ > 0 || end_ < kNever) return;
+            for (std::size_t w = 0; w < kWorlds; ++w)
+                summarised_[w] = in_.only()->summarises(World(w), F::identity < 0);
+        }
     }
 
     void demand() override {
@@ -158,8 +160,8 @@ public:
 
 private:
     void want(World w, bool ahead = true) const {
-        if (summary_ != nullptr) {
-            summary_->summarise(w);
+        if (summarised_[w]) {
+            in_.only()->summarise(w);
         } else {
             for (Stream* stream : in_.streams()) stream->want(w, ahead);
         }
@@ -178,9 +180,9 @@ private:
         const Element tail = recorded(w) ? F::identity : in_.tail(w);
         if (quiet_[w]) return F::combine_alone(x, tail);
         const Time last = recorded(w) ? t : in_.end(w, t);
-        if (summary_ != nullptr) {
+        if (summarised_[w]) {
             if constexpr (F::width == 1) {
-                const Extremes open = summary_->extremes(w, t);
+                const Extremes open = in_.only()->extremes(w, t);
                 x = F::combine_alone(x, F::identity > 0 ? open.least : open.greatest);
                 // The last values of recorded times may be those of all later ones.
                 if (in_.end(w, t) < last) x = F::combine_alone(x, in_.tail(w));
@@ -201,7 +203,7 @@ private:
     Time end_;
     std::array<bool, kWorlds> absorbs_{};
     std::array<bool, kWorlds> quiet_{};  // whether the tail follows what has settled
-    Stream* summary_ = nullptr;
+    std::array<bool, kWorlds> summarised_{};  // whether the operand finds its extremes
     SettledFold<F> total_;
 };
 

@@ -1,7 +1,9 @@
 // The stream of `and` and `or`.
 #pragma once
 
-#include "episode/streams.hpp"
+#include <memory>
+
+#include "episode/responses.hpp"
 
 namespace rtamt::episode {
 
@@ -28,12 +30,19 @@ public:
             }
             o.reach = std::max(o.reach, -latency_);
         }
+        Parts parts;
+        if (latency_ > 0 && add_to(parts, kGreatest)) summary_ = summary_of<F>(parts);
     }
 
     void prepare() override {
         for (Stream* s : {&a_, &b_}) s->retain(latency_ - s->latency() + 1);
+        bool used = false;
+        for (World w : kAll) used |= summarised(w);
+        if (!used) summary_ = nullptr;
+        if (summary_) summary_->prepare();
     }
     void settle(Time t, const double*) override {
+        if (summary_) summary_->take(t);
         if (t < latency_) return;
         last_ = t - latency_;
         for (std::size_t c = 0; c < corners(); ++c)
@@ -50,9 +59,34 @@ public:
         combine_results<F>({x, x}, Elements{y, y}, out, count);
     }
 
+    bool summarises(World w, bool greatest) const override {
+        return summary_ && greatest != kGreatest && summary_->covers(w);
+    }
+    Extremes extremes(World w, Time t) const override {
+        Extremes found;
+        if (t >= 0) found.add(summary_->value(w, t));
+        return found;
+    }
+    bool add_to(Parts& parts, bool greatest) override {
+        if (latency_ == 0 || greatest != kGreatest) return Stream::add_to(parts, greatest);
+        return a_.add_to(parts, greatest) && b_.add_to(parts, greatest);
+    }
+
+    void reset() override {
+        Stream::reset();
+        if (summary_) summary_->reset();
+    }
+    void fields(Snapshot& s, Time t) override {
+        Stream::fields(s, t);
+        if (summary_) summary_->fields(s, t);
+    }
+
 private:
+    static constexpr bool kGreatest = F::identity < 0;
+
     Stream& a_;
     Stream& b_;
+    std::unique_ptr<Summary> summary_;
 };
 
 }  // namespace rtamt::episode

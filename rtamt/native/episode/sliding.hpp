@@ -80,7 +80,7 @@ public:
     }
 
     // Where no operand has open values, the open values are partial folds with the tail.
-    bool summarises() const override {
+    bool summarises(World, bool) const override {
         if ((lo_ != 0 && hi_ != 0) || F::kind == Kind::back || unknown_mask() != 0) return false;
         for (World w : {kLower, kUpper}) {
             if (!in_.certain(w) || in_.may_be_open(w)) return false;
@@ -90,6 +90,11 @@ public:
     }
     Extremes extremes(World w, Time t) const override {
         return end(w, t) <= last_ ? Extremes{} : partial_.extremes(in_.tail(w));
+    }
+
+    std::optional<WindowOf> window() const override {
+        if (F::width > 1) return {};
+        return WindowOf{in_.only(), lo_, hi_, !(component<F>(F::identity, 0) > 0)};
     }
 
     void substitute(std::size_t unknown, const double* value) override {

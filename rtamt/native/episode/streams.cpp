@@ -40,6 +40,17 @@ void Stream::propagate_demands() {
     }
 }
 
+bool Stream::add_to(Parts& parts, bool) {
+    if (unknown_mask_ != 0) return false;
+    if (latency_ == 0) {
+        parts.settled.push_back(this);
+        return true;
+    }
+    if (parts.late != nullptr || !window()) return false;
+    parts.late = this;
+    return true;
+}
+
 void Stream::append(std::size_t corner, double value) {
     Line& line = history_.line(corner);
     if (line.size() < retained_) {

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -40,6 +41,23 @@ struct Extremes {
 struct Workspace {
     Unknowns unknowns;
     std::array<Scratch, 10> scratch;
+};
+
+class Stream;
+
+// A window with two ends over one operand, whose greatest or least value it is.
+struct WindowOf {
+    Stream* operand;
+    Time lo;
+    Time hi;
+    bool greatest;
+};
+
+// The streams of which a stream is the greatest or the least at every time: some that settle at
+// once, and one window that does not.
+struct Parts {
+    std::vector<Stream*> settled;
+    Stream* late = nullptr;
 };
 
 // A register that is read at all times: after sample t its values up to time t - latency are
@@ -91,14 +109,19 @@ public:
         return may_be_open(w) || !outlook_[w].certain;
     }
     // Demands of the operands what this stream needs of them.
-    void propagate_demands();
+    virtual void propagate_demands();
     // Called once, when all demands that readers will ever have are known.
     virtual void prepare() {}
 
-    // Whether extremes() works without find_open(), for a reader who folds all settled values. The
-    // extremes may include those of some settled values.
-    virtual bool summarises() const { return false; }
+    // Whether the least or the greatest of extremes() is found without find_open(), for a reader who
+    // folds all settled values. The extremes may include those of some settled values.
+    virtual bool summarises(World, bool /*greatest*/) const { return false; }
     virtual Extremes extremes(World, Time) const { return {}; }
+
+    virtual std::optional<WindowOf> window() const { return {}; }
+    // Adds this stream to the parts of which another one is the greatest or the least. Returns
+    // whether they are as Parts says.
+    virtual bool add_to(Parts& parts, bool greatest);
 
     // Appends the value that sample t settles, if there is one.
     virtual void settle(Time t, const double* terms) = 0;
