@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <type_traits>
 #include <vector>
 
@@ -134,10 +135,63 @@ private:
     double value_ = Opposite<F>::identity;
 };
 
+// The least of max(p, always[a:b] q), where F is Max. It is the least of max(q, once[a:b] p), whose
+// values settle at once.
+template <class F>
+class Duration final : public Summary {
+public:
+    using Least = Opposite<F>;
+
+    explicit Duration(const Parts& parts) : Summary(parts) {
+        const auto width = static_cast<std::size_t>(window_.hi - window_.lo + 1);
+        if (width > 1) begun_.emplace(width);
+    }
+
+    static bool fits(const WindowOf& window) {
+        return window.lo >= 0 && window.greatest == std::is_same_v<Least, Max> &&
+               window.operand->latency() == 0;
+    }
+    // Elsewhere than at the end the unseen values must not matter.
+    bool covers(World w) const override {
+        if (w == kNow || is_cut(w)) return w == kNow;
+        const Outlook& q = window_.operand->outlook(w);
+        return q.certain && same(q.tail, Least::identity) && !window_.operand->may_be_open(w);
+    }
+    void take(Time t) override {
+        const double p = begin(t - window_.lo);
+        const double q = window_.operand->settled(t, 0);
+        least_ = Least::combine_alone(least_, F::combine_alone(p, q));
+    }
+    double value(World, Time) override { return least_; }
+    void reset() override {
+        if (begun_) begun_->reset();
+        least_ = Least::identity;
+    }
+    void fields(Snapshot& s, Time t) override {
+        if (s.reads()) {
+            reset();
+            for (Time time = std::max<Time>(0, t - window_.hi); time <= t - window_.lo; ++time)
+                begin(time);
+        }
+        s.numbers(&least_, 1);
+    }
+
+private:
+    // Lets the window of a time begin; the least p of those that are begun and not over.
+    double begin(Time time) {
+        const double p = time < 0 ? Least::identity : at_once<F>(time);
+        return begun_ ? begun_->push(p) : p;
+    }
+
+    std::optional<SlidingWindow<Least>> begun_;
+    double least_ = Least::identity;
+};
+
 template <class F>
 std::unique_ptr<Summary> summary_of(const Parts& parts) {
     if (parts.late == nullptr) return nullptr;
     if (Response<F>::fits(*parts.late->window())) return std::make_unique<Response<F>>(parts);
+    if (Duration<F>::fits(*parts.late->window())) return std::make_unique<Duration<F>>(parts);
     return nullptr;
 }
 
