@@ -34,6 +34,10 @@ public:
         if (latency_ > 0 && add_to(parts, kGreatest)) summary_ = summary_of<F>(parts);
     }
 
+    void propagate_demands() override {
+        Stream::propagate_demands();
+        if (summary_ && summarised(kNow)) summary_->demand();
+    }
     void prepare() override {
         for (Stream* s : {&a_, &b_}) s->retain(latency_ - s->latency() + 1);
         bool used = false;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -42,6 +43,13 @@ protected:
         return x;
     }
 
+    // Whether the unseen values of a stream do not matter to a fold.
+    template <class F>
+    static bool neutral(const Stream& q, World w) {
+        const Outlook& o = q.outlook(w);
+        return !is_cut(w) && o.certain && same(o.tail, F::identity) && !q.may_be_open(w);
+    }
+
     Parts parts_;
     WindowOf window_;
 };
@@ -61,27 +69,36 @@ public:
     using Summary::Summary;
 
     static bool fits(const WindowOf& window) {
-        return window.lo >= 0 && window.greatest == std::is_same_v<F, Max> &&
-               window.operand->latency() == 0;
+        return window.lo >= 0 && window.greatest == kGreatest && rises(*window.operand);
     }
-    bool covers(World w) const override { return w == kNow; }
+    // A window that does not end with the trace takes in the best of unseen values.
+    bool covers(World w) const override {
+        return w == kNow || (late_ > 0 && neutral<Least>(*window_.operand->window()->operand, w));
+    }
+    void demand() override {
+        if (late_ == 0) return;
+        window_.operand->want(kNow);
+        parts_.late->summarise(kNow);
+    }
     void prepare() override {
         Summary::prepare();
-        window_.operand->retain(window_.hi + 1);
+        window_.operand->retain(std::max<Time>(1, window_.hi - late_ + 1));
     }
     void take(Time t) override {
         const double p = at_once<F>(t);
-        const double q = window_.operand->settled(t, 0);
         const Time oldest = t - window_.hi;
         if (begin_ < rest_.size() && rest_[begin_].time < oldest) ++begin_;
-        if (answered_ < oldest) value_ = Opposite<F>::identity;
+        if (answered_ < oldest) value_ = Least::identity;
         if (begin_ < rest_.size() && reaches(p, rest_.back().p)) {
             const auto below = [p](const Waiting& w) { return !reaches(p, w.p); };
             rest_.erase(std::partition_point(first(), rest_.end(), below), rest_.end());
         }
         push({t, p});
 
-        const Time newest = t - window_.lo;
+        const Time settled = t - late_;
+        const Time newest = settled - window_.lo;
+        if (rest_[begin_].time > newest && answered_ < oldest) return;
+        const double q = window_.operand->settled(settled, 0);
         const auto answered = [=](const Waiting& w) { return w.time <= newest && reaches(w.p, q); };
         if (answered(rest_[begin_])) {
             const auto end = std::partition_point(first(), rest_.end(), answered);
@@ -92,15 +109,16 @@ public:
             value_ = F::combine_alone(value_, q);
         }
     }
-    double value(World, Time) override {
-        if (begin_ == rest_.size()) return value_;
-        return Opposite<F>::combine_alone(value_, rest_[begin_].p);
+    double value(World w, Time t) override {
+        if (late_ == 0) return least();
+        if (w == kNow) ending_ = of_ending(t);
+        return w == kNow ? Least::combine_alone(with_open(t), ending_) : ending_;
     }
     void reset() override {
         rest_.clear();
         begin_ = 0;
-        answered_ = -1;
-        value_ = Opposite<F>::identity;
+        answered_ = -kNever;
+        value_ = Least::identity;
     }
     // The operands keep all values that matter.
     void fields(Snapshot& s, Time t) override {
@@ -110,10 +128,52 @@ public:
     }
 
 private:
+    using Least = Opposite<F>;
+    static constexpr bool kGreatest = std::is_same_v<F, Max>;
+
     struct Waiting {
         Time time;
         double p;
     };
+
+    // Whether the open values of a stream rise, so that the last one is the greatest.
+    static bool rises(const Stream& q) {
+        if (q.latency() == 0) return true;
+        const std::optional<WindowOf> inner = q.window();
+        return inner && inner->greatest != kGreatest && inner->operand->latency() == 0;
+    }
+
+    // The least value of the windows that reach to the present, and of settled values of q.
+    double least() const {
+        return begin_ == rest_.size() ? value_ : Least::combine_alone(value_, rest_[begin_].p);
+    }
+    // The same with the open values of q, of which these windows take in the last.
+    double with_open(Time t) {
+        const double q = *window_.operand->values(kNow, t, t, scratch_[0]);
+        if (window_.lo == 0) return F::combine_alone(least(), q);
+        const auto begun = [=, this](const Waiting& w) { return w.time <= t - window_.lo; };
+        const auto next = std::partition_point(first(), rest_.end(), begun);
+        const double x = F::combine_alone(next == first() ? value_ : least(), q);
+        return next == rest_.end() ? x : Least::combine_alone(x, next->p);
+    }
+    // The least value of the windows that end at open values of q.
+    double of_ending(Time t) {
+        const Time begin = std::max<Time>(0, t - parts_.late->latency() + 1);
+        const Time end = t - window_.hi;
+        if (begin > end) return Least::identity;
+        const auto n = static_cast<std::size_t>(end - begin + 1);
+        const std::span<const double> folded = parts_.late->folded();
+        const std::size_t m = std::min(n, folded.size());
+        const double* q = window_.operand->values(kNow, begin + window_.hi, t, scratch_[0]);
+        double* values = scratch_[1].reserve(n);
+        combine_results<F>({folded.data(), folded.data()}, Elements{q, q}, values, m);
+        std::copy(q + m, q + n, values + m);
+        for (const Stream* s : parts_.settled) {
+            const double* p = s->values(kNow, begin, end, scratch_[0]);
+            combine_results<F>({values, values}, Elements{p, p}, values, n);
+        }
+        return fold<Least>(Least::identity, {values, values}, n);
+    }
 
     // Whether x is at least p.
     static bool reaches(double p, double x) { return same(F::combine_alone(p, x), x); }
@@ -131,8 +191,11 @@ private:
 
     std::vector<Waiting> rest_;  // from begin_ on, the windows whose q is below p
     std::size_t begin_ = 0;
-    Time answered_ = -1;  // the last window whose q is not below p, and its value
-    double value_ = Opposite<F>::identity;
+    Time answered_ = -kNever;  // the last window whose q is not below p, and its value
+    double value_ = Least::identity;
+    double ending_ = Least::identity;
+    Time late_ = window_.operand->latency();
+    std::array<Scratch, 2> scratch_;
 };
 
 // The least of max(p, always[a:b] q), where F is Max. It is the least of max(q, once[a:b] p), whose
@@ -151,11 +214,8 @@ public:
         return window.lo >= 0 && window.greatest == std::is_same_v<Least, Max> &&
                window.operand->latency() == 0;
     }
-    // Elsewhere than at the end the unseen values must not matter.
     bool covers(World w) const override {
-        if (w == kNow || is_cut(w)) return w == kNow;
-        const Outlook& q = window_.operand->outlook(w);
-        return q.certain && same(q.tail, Least::identity) && !window_.operand->may_be_open(w);
+        return w == kNow || neutral<Least>(*window_.operand, w);
     }
     void take(Time t) override {
         const double p = begin(t - window_.lo);

@@ -97,6 +97,10 @@ public:
         return WindowOf{in_.only(), lo_, hi_, !(component<F>(F::identity, 0) > 0)};
     }
 
+    std::span<const double> folded() const override {
+        return {partial_.results(), partial_.size()};
+    }
+
     void substitute(std::size_t unknown, const double* value) override {
         Stream::substitute(unknown, value);
         partial_.substitute(unknown, value);

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -119,6 +120,8 @@ public:
     virtual Extremes extremes(World, Time) const { return {}; }
 
     virtual std::optional<WindowOf> window() const { return {}; }
+    // If it is summarised in kNow, the folds of the settled elements of its open windows.
+    virtual std::span<const double> folded() const { return {}; }
     // Adds this stream to the parts of which another one is the greatest or the least. Returns
     // whether they are as Parts says.
     virtual bool add_to(Parts& parts, bool greatest);
