@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
 from collections.abc import Iterator
 from typing import Literal
@@ -16,6 +17,8 @@ from rtamt.machines.discrete import PythonDiscreteMachine
 
 Backend = Literal["native", "python"]
 Columns = list[NDArray[np.float64]]
+
+NATIVE = [b for b in ("native",) if rtamt.BACKEND == b]  # the Python machines look at each window
 
 FORMULAS = (
     "always((a > 1) implies eventually[0:5](b > 0))",
@@ -92,6 +95,39 @@ def test_an_episode_costs_and_holds_the_same_late_as_early(
     feed(rows[200:900])
     assert count(feed, rows[900:]) <= 1.1 * early
     assert len(pickle.dumps(monitor)) <= 1.1 * held
+
+
+@pytest.mark.parametrize(
+    ("text", "drift"),
+    [
+        *itertools.product(
+            (
+                "always((a > 1) implies eventually[0:{}](b > 1))",
+                "eventually((a > 1) and always[3:{}](b > 1))",
+                "always((a > 1) implies always[0:{}](b > 1))",
+            ),
+            (0.0, 1.0, -1.0),
+        ),
+        ("always((a > 1) implies eventually[0:{}] always[0:50](b > -1))", 0.0),
+    ],
+)
+@pytest.mark.parametrize("backend", NATIVE, scope="session")
+def test_a_sample_of_an_episode_costs_the_same_in_any_window(
+    text: str, drift: float, count: StepCounter, backend: Backend
+) -> None:
+    ramp = np.arange(2_200.0)[:, np.newaxis]
+    rows = np.where(ramp % 1_500 == 1_400, 0.0, noise(2_200) + drift * (ramp + 99)).tolist()
+
+    def spent(window: int) -> tuple[int, int]:
+        monitor = rtamt.EpisodeMonitor(text.format(window), backend=backend)
+        for row in rows[:1_100]:
+            monitor.update(*row)
+        steps = [count(monitor.update, *row) for row in rows[1_100:]]
+        return sum(steps), max(steps)
+
+    (short, worst_of_short), (long, worst_of_long) = spent(99), spent(999)
+    assert long <= 1.1 * short
+    assert worst_of_long <= 3 * worst_of_short
 
 
 @pytest.mark.parametrize("text", FORMULAS)
