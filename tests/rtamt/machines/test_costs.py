@@ -18,7 +18,7 @@ from rtamt.machines.discrete import PythonDiscreteMachine
 Backend = Literal["native", "python"]
 Columns = list[NDArray[np.float64]]
 
-NATIVE = [b for b in ("native",) if rtamt.BACKEND == b]  # the Python machines look at each window
+NATIVE = [b for b in ("native",) if b == rtamt.BACKEND]  # the Python machines look at each window
 
 FORMULAS = (
     "always((a > 1) implies eventually[0:5](b > 0))",
