@@ -24,6 +24,7 @@ FORMULAS = {
     "always": "always(x > 0 and y > -9)",
     "response in 100": "always(x >= 3 implies eventually[0:100](y >= 3))",
     "response in 1000": "always(x >= 3 implies eventually[0:1000](y >= 3))",
+    "duration of 1000": "always(x >= 3 implies always[0:1000](y >= -9))",
     "nested": "always(x >= 3 implies eventually[0:100] always[0:50](y >= -9))",
     "and named": "near = once[0:20](x > y)\nalways(x >= 3 implies eventually[0:100](y >= 3))",
 }

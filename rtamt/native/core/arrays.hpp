@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -255,6 +256,30 @@ inline typename F::Element fold(typename F::Element total, Elements in, std::siz
     }
 #endif
     for (; i < n; ++i) total = F::combine_alone(total, get<F>(in.p, in.q, i));
+    return total;
+}
+
+// The fold of `total` and, at every place of three arrays, of what another fold makes of the three.
+template <class Outer, class Inner>
+inline double fold_across(double total, const std::array<const double*, 3>& in, std::size_t n) {
+    std::size_t i = 0;
+#ifdef RTAMT_SSE2
+    const auto inner = [&in](std::size_t at) {
+        const __m128d a = _mm_loadu_pd(in[0] + at), b = _mm_loadu_pd(in[1] + at);
+        return combine_packed<Inner>(combine_packed<Inner>(a, b), _mm_loadu_pd(in[2] + at));
+    };
+    __m128d x = _mm_set1_pd(total), y = x;
+    for (; i + 4 <= n; i += 4) {
+        x = combine_packed<Outer>(x, inner(i));
+        y = combine_packed<Outer>(y, inner(i + 2));
+    }
+    x = combine_packed<Outer>(x, y);
+    total = Outer::combine_alone(_mm_cvtsd_f64(x), _mm_cvtsd_f64(_mm_unpackhi_pd(x, x)));
+#endif
+    for (; i < n; ++i) {
+        const double inner_of_two = Inner::combine_alone(in[0][i], in[1][i]);
+        total = Outer::combine_alone(total, Inner::combine_alone(inner_of_two, in[2][i]));
+    }
     return total;
 }
 

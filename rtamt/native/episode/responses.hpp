@@ -37,7 +37,7 @@ public:
 protected:
     // The greatest of the parts that settle at once.
     template <class F>
-    double at_once(Time time) const {
+    double part(Time time) const {
         double x = F::identity;
         for (const Stream* s : parts_.settled) x = F::combine_alone(x, s->settled(time, 0));
         return x;
@@ -85,7 +85,7 @@ public:
         window_.operand->retain(std::max<Time>(1, window_.hi - late_ + 1));
     }
     void take(Time t) override {
-        const double p = at_once<F>(t);
+        const double p = part<F>(t);
         const Time oldest = t - window_.hi;
         if (begin_ < rest_.size() && rest_[begin_].time < oldest) ++begin_;
         if (answered_ < oldest) value_ = Least::identity;
@@ -165,14 +165,23 @@ private:
         const std::span<const double> folded = parts_.late->folded();
         const std::size_t m = std::min(n, folded.size());
         const double* q = window_.operand->values(kNow, begin + window_.hi, t, scratch_[0]);
-        double* values = scratch_[1].reserve(n);
-        combine_results<F>({folded.data(), folded.data()}, Elements{q, q}, values, m);
-        std::copy(q + m, q + n, values + m);
-        for (const Stream* s : parts_.settled) {
-            const double* p = s->values(kNow, begin, end, scratch_[0]);
-            combine_results<F>({values, values}, Elements{p, p}, values, n);
+        const double* p = at_once(begin, end);
+        double x = fold_across<Least, F>(Least::identity, {folded.data(), q, p}, m);
+        for (std::size_t i = m; i < n; ++i)
+            x = Least::combine_alone(x, F::combine_alone(p[i], q[i]));
+        return x;
+    }
+    // The greatest of the parts that settle at once, at the times begin to end.
+    const double* at_once(Time begin, Time end) {
+        const auto n = static_cast<std::size_t>(end - begin + 1);
+        const double* p = parts_.settled[0]->values(kNow, begin, end, scratch_[1]);
+        for (std::size_t k = 1; k < parts_.settled.size(); ++k) {
+            const double* next = parts_.settled[k]->values(kNow, begin, end, scratch_[1]);
+            double* values = scratch_[2].reserve(n);
+            combine_results<F>({p, p}, Elements{next, next}, values, n);
+            p = values;
         }
-        return fold<Least>(Least::identity, {values, values}, n);
+        return p;
     }
 
     // Whether x is at least p.
@@ -195,7 +204,7 @@ private:
     double value_ = Least::identity;
     double ending_ = Least::identity;
     Time late_ = window_.operand->latency();
-    std::array<Scratch, 2> scratch_;
+    std::array<Scratch, 3> scratch_;
 };
 
 // The least of max(p, always[a:b] q), where F is Max. It is the least of max(q, once[a:b] p), whose
@@ -239,7 +248,7 @@ public:
 private:
     // Lets the window of a time begin; the least p of those that are begun and not over.
     double begin(Time time) {
-        const double p = time < 0 ? Least::identity : at_once<F>(time);
+        const double p = time < 0 ? Least::identity : part<F>(time);
         return begun_ ? begun_->push(p) : p;
     }
 
