@@ -194,7 +194,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
     if period is not None:
         if options.dense:
             raise InputError("expected --period or --dense, which reads events at any time")
-        if options.jitter is not None:
+        if options.jitter is not None and not all(map(is_bag, found)):
             raise InputError("expected --period, which leaves the times aside, or --jitter")
         period = rtamt.Monitor("(true)", period).period
     rules = Rules(

@@ -36,7 +36,7 @@ class Bag:
         reader: The open reader of rosbags.
         types: The class of the messages on each topic, ``geometry_msgs/Twist``.
         counts: The number of messages on each topic.
-        begin: The time of the first message, of any topic; 0 in an empty bag.
+        begin: The time of the first message, of any topic.
         end: The time of the last message.
         notes: What was read otherwise than it is written, in sentences to print.
     """
@@ -55,14 +55,15 @@ class Bag:
                 )
             counted = self.counts.get(connection.topic, 0)
             self.counts[connection.topic] = counted + connection.msgcount
-        empty = not reader.message_count
-        if not (empty or self.types):
+        if not reader.message_count:
+            raise InputError(f"{source}: expected a bag with messages, got one without any")
+        if not self.types:
             raise InputError(
                 f"{source}: expected an index that lists the topics, got none"
                 f"{_RECOVERY.get(Path(source).suffix.lower(), '')}"
             )
-        self.begin: int = 0 if empty else reader.start_time
-        self.end: int = 0 if empty else reader.end_time - 1  # rosbags gives the time behind it
+        self.begin: int = reader.start_time
+        self.end: int = reader.end_time - 1  # rosbags gives the time behind it
         given = any(connection.msgdef.data for connection in reader.connections)
         self.notes: list[str] = []
         if reader.connections and not given:
@@ -72,6 +73,10 @@ class Bag:
         """Whether messages of a class have a header."""
         fields = self._fields(_long(kind)) or {}
         return fields.get("header") == _HEADER
+
+    def fields(self, topic: str) -> Collection[str]:
+        """The fields of the messages on a topic; none if their class is not defined."""
+        return self._fields(_long(self.types[topic])) or ()
 
     def class_at(self, topic: str, path: Steps) -> str | None:
         """The class of the message at a path in those of a topic; None if a number is there.
@@ -201,7 +206,6 @@ def damaged(path: str, error: Exception) -> InputError:
     if said.startswith("Could not parse"):
         return InputError(f"{path}: expected {kind}, got a definition of messages: {said}")
     whole = f"a whole {kind.partition(' ')[2]}"
-    return InputError(
-        f"{path}: expected {whole}, got an error: {said.removesuffix('.')}"
-        f"{_RECOVERY.get(ending, '')}"
-    )
+    other = said.startswith(("File magic", "File type magic")) or "seems to be empty" in said
+    way_out = "" if other else _RECOVERY.get(ending, "")  # nothing of such a file can be saved
+    return InputError(f"{path}: expected {whole}, got an error: {said.removesuffix('.')}{way_out}")

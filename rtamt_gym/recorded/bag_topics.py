@@ -99,6 +99,13 @@ def topic_fields(
             if not any(bag.counts[topic] for topic in _alike(bag, where)):
                 continue
         topic, whole = _placed(bag, variable, message, path, wish, columns)
+        fields = bag.fields(topic)
+        if whole == _DATA and fields and "data" not in fields:
+            raise InputError(
+                f"{bag.source}: expected a field of the messages on {topic}, each a "
+                f"{bag.types[topic]}, for '{variable}', got none; give --signal "
+                f"{variable}={topic}.FIELD; its fields are {', '.join(fields)}"
+            )
         if held := bag.class_at(topic, whole):
             raise InputError(
                 f"{bag.source}: expected a number for '{variable}', got '{path_text(whole)}' of "

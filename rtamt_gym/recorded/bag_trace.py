@@ -45,8 +45,9 @@ def read_bag(
             f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
             "--dense, which takes them as events"
         )
-    if columns.jitter is not None:
-        raise InputError(f"{path}: expected --jitter for a table, got it for a bag")
+    for option, given in {"--jitter": columns.jitter, "--time-unit": columns.time_unit}.items():
+        if given is not None:
+            raise InputError(f"{path}: expected {option} for a table, got it for a bag")
     with open_bag(path) as bag:
         signals = read_signals(bag, specs, columns)
     if rules.period is None:

@@ -226,7 +226,8 @@ class CsvRecording:
                 if row:
                     yield reader.line_num, row
         except csv.Error as error:
-            raise InputError(f"{self.source}, line {reader.line_num}: {error}") from None
+            said, _, _ = str(error).partition(" - ")  # what follows is advice for programmers
+            raise InputError(f"{self.source}, line {reader.line_num}: {said}") from None
 
     def _decimal_of(self, rows: Iterable[Sequence[str]]) -> str:
         """The decimal mark that the cells of some rows use; a point if they use both."""

@@ -187,6 +187,8 @@ def test_options_of_tables_are_refused_for_bags(folder: Path, capsys: Output) ->
     clock = "expected --time log, the times of recording of a bag, or --time header, got 'stamp'"
     for options, message in (
         (["--dense", "--jitter", "5%"], "expected --jitter for a table, got it for a bag"),
+        (["--period", "1", "--jitter", "5%"], "expected --jitter for a table, got it for a bag"),
+        (["--dense", "--time-unit", "ms"], "expected --time-unit for a table, got it for a bag"),
         (["--dense", "--time", "stamp"], clock),
         ([], period),
     ):

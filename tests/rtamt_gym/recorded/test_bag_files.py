@@ -193,15 +193,34 @@ def test_a_bag_is_sampled_or_read_as_events(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path}: expected a table, got a bag; rtamt monitor reads it"
 
 
-def test_an_empty_bag_has_no_topics(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", [SPEC.text, "input float64 x = 1; always(x > 0)", "always(true)"])
+@pytest.mark.parametrize("silent", [[], [("/robot0/cmd_vel", "geometry_msgs/Twist")]])
+def test_an_empty_bag_is_refused(tmp_path: Path, text: str, silent: list[tuple[str, str]]) -> None:
     for extension in (".mcap", ".db3", ".bag"):
-        path = write_bag(tmp_path / f"run{extension}", [])
-        with pytest.raises(rtamt.InputError) as caught:
-            read(path)
-        assert str(caught.value) == (
-            f"{path}: no topic 'robot0/cmd_vel', which 'cmd' reads; the topics are none; "
-            "give --signal cmd=TOPIC.FIELD"
-        )
+        path = write_bag(tmp_path / f"run{extension}", [], silent=silent)
+        for rules in (Rules(Fraction(1)), Rules(dense=True)):
+            with pytest.raises(rtamt.InputError) as caught:
+                read_ruled(str(path), {"": rtamt.parse(text)}, rules, Columns())
+            assert str(caught.value) == f"{path}: expected a bag with messages, got one without any"
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "said"),
+    [
+        ("run.mcap", b"", "whole MCAP file of ROS 2, got an error: File '{}' seems to be empty"),
+        ("run.bag", b"", "whole bag of ROS 1, got an error: File '{}' seems to be empty"),
+        ("run.mcap", b"x" * 99, "whole MCAP file of ROS 2, got an error: File magic is invalid"),
+        ("run.bag", b"x" * 99, "whole bag of ROS 1, got an error: File magic is invalid"),
+    ],
+)
+def test_a_file_of_which_nothing_can_be_saved_has_no_way_out(
+    tmp_path: Path, name: str, data: bytes, said: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(data)
+    with pytest.raises(rtamt.InputError) as caught:
+        read(path)
+    assert str(caught.value) == f"{path}: expected a {said.format(path)}"
 
 
 def test_files_of_another_profile_or_encoding_are_refused(tmp_path: Path) -> None:
@@ -232,7 +251,7 @@ def test_a_specification_without_variables_is_judged_from_begin_to_end(tmp_path:
 def test_packed_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(gzip.compress(write_bag(tmp_path / "whole.mcap", SAID).read_bytes()))
-    with pytest.raises(rtamt.InputError, match="got an error: File magic is invalid; "):
+    with pytest.raises(rtamt.InputError, match=r"got an error: File magic is invalid$"):
         read(path)
 
 

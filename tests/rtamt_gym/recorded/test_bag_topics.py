@@ -140,7 +140,9 @@ TWIST_AT = "/robot0/cmd_vel (geometry_msgs/Twist)"
 SCAN_AT = "/scan (sensor_msgs/LaserScan)"
 BASE_AT = "/base (lab_msgs/Base)"
 FIELDS = {
-    "/robot0/cmd_vel": f"{TWIST_AT} has no field 'data'; its fields are linear, angular",
+    "/robot0/cmd_vel": "expected a field of the messages on /robot0/cmd_vel, each a "
+    "geometry_msgs/Twist, for 'x', got none; give --signal x=/robot0/cmd_vel.FIELD; its fields are "
+    "linear, angular",
     "/robot0/cmd_vel.linaer.x": f"{TWIST_AT} has no field 'linaer'; did you mean 'linear'?",
     "/robot0/cmd_vel.linear.w": f"'linear' of {TWIST_AT} has no field 'w'; its fields are x, y, z",
     "/robot0/cmd_vel.linear.x.y": f"'linear.x' of {TWIST_AT} is no message, got field 'y'",
