@@ -359,6 +359,6 @@ def test_bad_words_about_columns_are_refused(arguments: dict[str, str], message:
 
 
 def test_what_is_no_text_of_cells_is_refused_with_its_line() -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(rtamt.InputError) as caught:
         read_trace(CsvRecording(["time,x\n", "0,1\r2,3\n"], "t.csv"), ["x"])
     assert str(caught.value) == "t.csv, line 2: new-line character seen in unquoted field"
