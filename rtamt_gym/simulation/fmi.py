@@ -115,6 +115,9 @@ class Fmus(System):
         self._described = [_describe(path, validate=validate) for path in self.paths.values()]
         experiments = [described.defaultExperiment for described in self._described]
         sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
+        if len(sizes) > 1:
+            *others, last = (f"{size:g}" for size in sorted(sizes))
+            self.no_period = f"suggest steps of {', '.join(others)} and {last} s"
         self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
         self._variables = Variables(dict(zip(self.paths, self._described, strict=True)))
         self._start_values: list[tuple[Variable, float]] = []

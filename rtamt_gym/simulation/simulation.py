@@ -111,9 +111,7 @@ class Simulation:
             if period is None:
                 period = ran.period
             if period is None and ran.needs_period:
-                raise InputError(
-                    f"{ran.name} does not say how long a step lasts; give period= in seconds"
-                )
+                raise InputError(f"{ran.name} {ran.no_period}; give period= in seconds")
             why = why_no_period(system) if isinstance(system, gym.Env) else ""
             check_period(loaded, period, ran.name, why)
             interface = Interface(semantics, inputs, outputs)

@@ -61,6 +61,7 @@ class System(Protocol):
         name: Its name in tables and pictures.
         period: Its own time between samples in seconds, or None.
         needs_period: Whether it cannot run without a period.
+        no_period: Why it has none, as what its name does.
         limit: The number of steps after which it ends by itself; None if that is not known.
         endless: Whether it may go on for ever.
         ended: How it has ended by itself; an empty string while it has not.
@@ -69,6 +70,7 @@ class System(Protocol):
     name: str
     period: float | None = None
     needs_period: bool = False
+    no_period: str = "does not say how long a step lasts"
     limit: int | None = None
     endless: bool = False
     ended: SystemEnd = ""

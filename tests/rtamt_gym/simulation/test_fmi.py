@@ -1,6 +1,7 @@
 """FMUs under specifications: what they compute, how they are connected, and what is refused."""
 
 import copy
+import math
 import pickle
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,14 @@ from fmpy.fmi1 import FMICallException  # type: ignore[import-untyped]
 from fmus import library, write_fmu
 
 import rtamt
-from rtamt import InputError, InputTypeError, RtamtError, StateError
+from rtamt import (
+    EpisodeMonitor,
+    InputError,
+    InputTypeError,
+    RtamtError,
+    StateError,
+    export_fmu,
+)
 from rtamt_gym import Fmus, simulate
 from rtamt_gym.simulation.fmi_instance import Instance
 
@@ -280,6 +288,39 @@ def test_what_cannot_be_run_is_refused(
     with pytest.raises(InputError) as refused:
         simulate(system, spec, duration=1, period=named.get("period"))
     assert str(refused.value).startswith(message)
+
+
+def test_fmus_that_suggest_several_steps_need_a_period(
+    folder: Path, tmp_path: Path, version: int
+) -> None:
+    fine = write_fmu(tmp_path / "fine.fmu", library(version, tmp_path), version, step=0.02)
+    with pytest.raises(InputError) as refused:
+        simulate(Fmus([fine, folder / "tank.fmu"]), "always(fine.level < 3)", duration=1)
+    assert str(refused.value) == (
+        "fine, tank suggest steps of 0.02 and 0.1 s; give period= in seconds"
+    )
+
+
+def test_a_monitor_beside_a_finer_plant_takes_a_sample_every_period(
+    tmp_path: Path, version: int
+) -> None:
+    fine = write_fmu(tmp_path / "fine.fmu", library(version, tmp_path), version, step=0.02)
+    text = "always(level < 1.25)"
+    export_fmu(text, tmp_path / "monitor.fmu", period=0.1, fmi=3 if version == 3 else 2)
+    system = Fmus(
+        [fine, tmp_path / "monitor.fmu"],
+        inputs={"fine.inflow": 1.0, "monitor.level": "fine.level"},
+        step=0.02,
+    )
+    run = simulate(
+        system, "always(monitor.upper > -9 and fine.level < 9)", duration=2, period="100ms"
+    )
+    episode, bounds = EpisodeMonitor(text, 0.1), [math.inf]
+    for level in run.signals["fine.level"][:-1]:
+        episode.update(level=level)
+        bounds.append(episode.upper)
+    assert run.signals["monitor.upper"].tolist() == bounds
+    assert bounds[-1] < 0 < bounds[1]
 
 
 def test_what_is_no_fmu_for_co_simulation_is_refused(folder: Path, tmp_path: Path) -> None:
