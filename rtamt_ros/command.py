@@ -73,9 +73,7 @@ def _run(argv: Sequence[str]) -> int:
 
 def _in_options(message: str) -> str:
     """A message about parameters in the words of the command line."""
-    message = re.sub(
-        r"use (evaluate_dense\(\)|Monitor with a period)$", "leave out --dense", message
-    )
+    message = re.sub(r"use evaluate_dense\(\)$", "leave out --dense", message)
     for option, parameter in _PARAMETERS_OF.items():
         message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
     return re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 
+from rtamt import InputError
 from rtamt_gym.commands.arguments import check_outputs
 from rtamt_gym.commands.ends import noted_ends
 
@@ -35,9 +37,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Writes the page; returns 0."""
+    from rtamt_gym.recorded.readers import extensions, is_bag_folder
     from rtamt_gym.reports.write import check_page, write_report
 
     check_page(options.output)
+    traces = tuple(extension for extension in extensions() if extension != ".parquet")
+    for result in options.results:
+        if result.lower().endswith(traces) or is_bag_folder(result):
+            raise InputError(
+                f"expected a result, got the trace {result}; judge it first: "
+                f"rtamt monitor --json SPEC {shlex.quote(result)} > outcomes.json"
+            )
     check_outputs(options.output, picture=None, inputs=options.results)
     with noted_ends():
         write_report(options.output, *options.results, title=options.title)

@@ -104,9 +104,8 @@ def _check(inputs: Collection[Input], settings: Settings) -> None:
 
 def _default(specification: Specification, subscription: Subscription) -> float | None:
     """The value before the first message, which the declaration of a plain variable may have."""
-    declared = specification.declaration(subscription.variable)
-    plain = all(field.path == ("data",) for field in subscription.fields)
-    return declared.default if declared is not None and plain else None
+    values = {specification.defaults.get(field.variable) for field in subscription.fields}
+    return values.pop() if len(values) == 1 else None
 
 
 def _agree(source: Input, package: str | None, message: str | None, name: str) -> None:

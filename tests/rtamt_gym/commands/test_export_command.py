@@ -62,7 +62,7 @@ def test_a_text_that_does_not_look_ahead_is_noted(capsys: Output) -> None:
         (
             "always(next(x > 0))",
             "STL:1:8: 'next' speaks of neighbouring samples, and dense time has none",
-            "look a time d away with eventually[0:d], or leave --dense out, which takes samples",
+            "look a time d away with eventually[0:d], or leave out --dense",
         ),
         (
             "eventually[0:1] always(x > 0)",
@@ -70,7 +70,7 @@ def test_a_text_that_does_not_look_ahead_is_noted(capsys: Output) -> None:
                 "STL:1:17: 'always' without an end needs the whole future, for which an FMU over "
                 "dense time cannot wait"
             ),
-            "write an end, as in always[0:10], or leave --dense out, which takes samples",
+            "write an end, as in always[0:10], or leave out --dense",
         ),
     ],
 )

@@ -1,6 +1,7 @@
 """Files of results become sections and pages; what is none is refused with the kinds there are."""
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -152,3 +153,18 @@ def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
         assert str(refused.value) == message
     with pytest.raises(FileNotFoundError):
         write_report(tmp_path / "a.html", tmp_path / "no.json")
+
+
+@pytest.mark.parametrize("name", ["drive.mcap", "runs/a.csv", "my drive.bag", "bag"])
+def test_a_trace_is_no_result_and_says_how_it_becomes_one(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("bag").mkdir()
+    Path("bag/metadata.yaml").touch()
+    assert main(["report", name, "-o", "page.html"]) == 2
+    assert capsys.readouterr().err == (
+        f"rtamt: error: expected a result, got the trace {name}; judge it first: "
+        f"rtamt monitor --json SPEC {shlex.quote(name)} > outcomes.json\n"
+    )
+    assert not Path("page.html").exists()
