@@ -34,8 +34,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         return _run(sys.argv[1:] if argv is None else argv)
-    except KeyboardInterrupt:  # while it waits for a master of ROS 1
-        return 130
     except Exception as error:
         message = refusal(error)
         if message is None:
@@ -81,7 +79,8 @@ def _in_options(message: str) -> str:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message}; see {self.prog} --help")
+        end = "" if message.endswith("?") else ";"
+        raise InputError(f"{message}{end} see {self.prog} --help")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import Literal, NamedTuple
 
 from rtamt import InputError
+from rtamt.errors import nearest
 from rtamt_ros.middleware import Middleware
 
 __all__ = ["Generation", "RosArguments", "chosen", "open_node", "split"]
@@ -111,5 +112,9 @@ def split(
         del own[begin:end]
     options, rest = parser.parse_known_args(own)
     if unknown := [word for word in rest if ":=" not in word]:
-        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        known = [name for action in parser._actions for name in action.option_strings]  # noqa: SLF001
+        hint = nearest(unknown[0], known)
+        if unknown[0].endswith(".stl") and "--stl" in known:
+            hint = f"; write --stl {unknown[0]}"
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
     return options, RosArguments(rest, arguments)

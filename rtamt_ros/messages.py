@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from pkgutil import iter_modules
 
 from rtamt import InputError
 from rtamt.errors import nearest
@@ -29,7 +30,12 @@ def installed(
     try:
         module = import_module(f"{package}.msg")
     except ImportError as error:
-        raise InputError(f"the messages of {package} are not installed: {how}") from error
+        # All names end alike: what comes before tells them apart.
+        others = [each.name[:-5] for each in iter_modules() if each.name.endswith("_msgs")]
+        meant = nearest(package.removesuffix("_msgs"), others).replace("'?", "_msgs'? If not, ")
+        raise InputError(
+            f"the messages of {package} are not installed{meant or ': '}{how}"
+        ) from error
     found = getattr(module, name, None)
     if not isinstance(found, type):
         raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")

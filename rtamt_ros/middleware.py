@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from enum import IntEnum
 from typing import Any, Protocol
 
@@ -67,7 +67,15 @@ class Middleware(Protocol):
         ...
 
     def resolve(self, topic: str) -> str:
-        """The whole name of a topic: with the namespace of the node, and remapped."""
+        """The whole name of a topic: with the namespace of the node, and remapped.
+
+        Raises:
+            InputError: If ROS cannot have the topic, or that which it is remapped to.
+        """
+        ...
+
+    def published_topics(self) -> Collection[str] | None:
+        """The whole names of topics that somebody publishes; None where ROS does not say."""
         ...
 
     def stamp(self, message: Any) -> int | None:  # noqa: ANN401

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from rtamt import InputError, Specification, parse
+from rtamt.errors import nearest
 from rtamt_ros.core.classes import check_input, check_output
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.judges import Judges
@@ -21,6 +21,8 @@ from rtamt_ros.middleware import Handle, Level, Middleware
 
 __all__ = ["MonitorNode", "Report", "Settings"]
 
+SOON = 3.0
+"""Seconds of the wall clock after which a publisher that runs was found."""
 STANDS = 2.0
 """Seconds of the wall clock between looks at a simulated clock: one that is where it was stands."""
 
@@ -58,7 +60,6 @@ class MonitorNode:
         self._middleware = middleware
         self._lock = threading.RLock()
         self._plan = _Plan(middleware, specifications, settings or Settings())
-        self._runs: Counter[Path] = Counter()  # of records, which no start overwrites
         self._running: _Running | None = None
 
     @property
@@ -90,7 +91,7 @@ class MonitorNode:
         """
         with self._lock:
             if self._running is None:
-                running = _Running(self._middleware, self._plan, self._runs)
+                running = _Running(self._middleware, self._plan)
                 running.open()
                 self._running = running
 
@@ -144,7 +145,7 @@ class _Plan:
         )
         if not self.specifications:
             raise InputError("expected a specification or more, got none")
-        judges = self.judges(Counter())
+        judges = self.judges()
         self.outputs = outputs_of(judges.requirements)
         self.bounds = bound_topics(self.outputs)
         self.formulas = {each.name: str(each.specification.formula) for each in judges.requirements}
@@ -161,9 +162,9 @@ class _Plan:
             for path in output.formulas.values():
                 check_output(self.classes[key], "/".join(key), path)
 
-    def judges(self, runs: Counter[Path]) -> Judges:
-        """Monitors that have seen nothing; see `Judges` for the argument."""
-        return Judges(self.specifications, self.settings, runs)
+    def judges(self) -> Judges:
+        """Monitors that have seen nothing."""
+        return Judges(self.specifications, self.settings)
 
     def of(self, source: Input) -> type:
         """The class of the messages of an input."""
@@ -177,8 +178,8 @@ def _class(source: Input) -> tuple[str, str]:
 class _Running:
     """A node while it runs: its monitors, and all that it has open."""
 
-    def __init__(self, middleware: Middleware, plan: _Plan, runs: Counter[Path]) -> None:
-        self.judges = plan.judges(runs)
+    def __init__(self, middleware: Middleware, plan: _Plan) -> None:
+        self.judges = plan.judges()
         self._middleware = middleware
         self._plan = plan
         self._lock = threading.RLock()  # of what is published, and of monitors in dense time
@@ -186,10 +187,13 @@ class _Running:
         self._handles: list[Handle] = []
         self._ended = threading.Event()
         self._watch: threading.Thread | None = None
+        self._begin = time.monotonic()
+        self._searched = False
 
     def open(self) -> None:
         plan, middleware = self._plan, self._middleware
         try:
+            self._refuse_two_types()
             publishing = Publishing(middleware, plan.outputs, plan.bounds, plan.classes)
             self._handles.append(publishing)
             self._publish = publishing.publish
@@ -219,13 +223,39 @@ class _Running:
             self.judges.close()
 
     def _tell_topics(self) -> None:
-        """Log on which topics the node hears and publishes."""
+        """Log on which topics the node hears and publishes, and where it records."""
         tell, whole = partial(self._middleware.log, Level.OK), self._middleware.resolve
         for topic, sources in self.judges.topics.items():
             names = ", ".join(dict.fromkeys(each.name for each in sources))
             tell(f"hears {whole(topic)} ({'/'.join(_class(sources[0]))}) as {names}")
         for output in self._plan.outputs:
             tell(f"publishes {whole(output.topic)} ({output.package}/{output.message})")
+        for path in self.judges.files:
+            tell(f"records {path}")
+
+    def _refuse_two_types(self) -> None:
+        """Refuse topics that remappings make one, if their messages are of two classes."""
+        known: dict[str, tuple[str, str]] = {}
+        topics = [(topic, _class(sources[0])) for topic, sources in self.judges.topics.items()]
+        topics += [(each.topic, (each.package, each.message)) for each in self._plan.outputs]
+        for topic, found in topics:
+            whole = self._middleware.resolve(topic)
+            first = known.setdefault(whole, found)
+            if first != found:
+                raise InputError(
+                    f"expected one type of messages on {whole}, got {'/'.join(first)} and "
+                    f"{'/'.join(found)}"
+                )
+
+    def _name_silent(self) -> None:
+        """Log which topics nobody publishes, and which may be meant."""
+        published = self._middleware.published_topics()
+        for topic, sources in self.judges.topics.items():
+            whole = self._middleware.resolve(topic)
+            needed = any(each.default is None for each in sources)
+            if published is not None and needed and whole not in published:
+                hint = nearest(whole, published)
+                self._middleware.log(Level.WARN, f"nobody publishes {whole}{hint}")
 
     def _callback(self, topic: str) -> Callable[[Any], None]:
         """What a message of a topic does."""
@@ -249,6 +279,9 @@ class _Running:
     def _look(self) -> None:
         now = self._middleware.now()
         self._say(lambda: self.judges.look(now), now)
+        if not self._searched and time.monotonic() >= self._begin + SOON:
+            self._searched = True
+            self._name_silent()
         if self._watch is None and self._middleware.is_simulated() and not self._closed:
             self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
             self._watch.start()

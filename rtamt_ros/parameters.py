@@ -6,7 +6,6 @@ An option is a parameter with ``-`` for ``_``; `rtamt_ros.command` says which di
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -88,7 +87,7 @@ def read(
     specifications = [_loaded(path, settings if runnable else None) for path in paths]
     specifications += [rtamt.parse(text) for text in _texts(values, "spec")]
     if specifications and runnable:
-        Judges(specifications, settings, Counter())  # which refuses what no monitor can run
+        Judges(specifications, settings)  # which refuses what no monitor can run
     return specifications, settings
 
 
@@ -101,7 +100,7 @@ def _loaded(path: str, settings: Settings | None) -> Specification:
     if settings is None:
         return specification
     try:
-        Judges([specification], replace(settings, stale_of={}, record=None), Counter())
+        Judges([specification], replace(settings, stale_of={}, record=None))
     except RtamtError as error:
         error.add_note(f"in {path}")
         raise

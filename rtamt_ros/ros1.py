@@ -96,7 +96,21 @@ class Ros1:
         return not rospy.rostime.is_wallclock()
 
     def resolve(self, topic: str) -> str:
-        return str(rospy.resolve_name(topic))
+        whole = str(rospy.resolve_name(topic))
+        for name in (topic, whole):
+            if not rosgraph.names.is_legal_name(name) or not name.isascii():
+                remapped = "" if name == topic else f", which is remapped to {whole!r}"
+                raise InputError(
+                    f"topic {topic!r}{remapped}: expected letters, digits, '_' and '/', first a "
+                    "letter, '/' or '~'"
+                )
+        return whole
+
+    def published_topics(self) -> set[str] | None:
+        try:
+            return {topic for topic, _ in rospy.get_published_topics()}
+        except (OSError, rospy.ROSException):  # no master answers
+            return None
 
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)
@@ -107,11 +121,11 @@ class Ros1:
             message.header.stamp = rospy.Time(*divmod(time, 1_000_000_000))
 
     def subscribe(self, topic: str, message: type, callback: Callable[[Any], None]) -> Handle:
-        _check(topic)
+        self.resolve(topic)
         return _Subscription(topic, message, callback)
 
     def publisher(self, topic: str, message: type, *, latched: bool = True) -> Publisher:
-        _check(topic)
+        self.resolve(topic)
         return _Publisher(topic, message, latched=latched)
 
     def every(self, period: int, callback: Callable[[], None]) -> Handle:
@@ -130,13 +144,6 @@ class Ros1:
             timer.close()
         logging.getLogger("rospy.internal").removeHandler(self._refusals)
         rospy.signal_shutdown("closed")
-
-
-def _check(topic: str) -> None:
-    if not rosgraph.names.is_legal_name(topic) or not topic.isascii():
-        raise InputError(
-            f"topic {topic!r}: expected letters, digits, '_' and '/', first a letter, '/' or '~'"
-        )
 
 
 def legal_name(name: str) -> str:

@@ -91,8 +91,12 @@ class Ros2:
         self._closing = False
 
     def message_class(self, package: str, name: str) -> type:
-        debian = f"ros-{os.environ.get('ROS_DISTRO', 'DISTRO')}-{package.replace('_', '-')}"
-        how = f"apt-get install {debian}, or source the setup file of a workspace that has them"
+        distribution = os.environ.get("ROS_DISTRO")  # which setup files set, and wheels do not
+        install = "apt-get install" if distribution else "pip install"
+        how = (
+            f"{install} ros-{distribution or 'jazzy'}-{package.replace('_', '-')}, or source the "
+            "setup file of a workspace that has them"
+        )
         if package == "rtamt_msgs":
             how = (
                 "build the package rtamt_msgs with colcon and source its setup file, or publish "
@@ -108,7 +112,12 @@ class Ros2:
         return bool(self._clock.ros_time_is_active)
 
     def resolve(self, topic: str) -> str:
-        return str(self.node.resolve_topic_name(topic))
+        with _refusals(f"topic {topic!r}"):
+            return str(self.node.resolve_topic_name(topic))
+
+    def published_topics(self) -> set[str]:
+        topics = (name for name, _ in self.node.get_topic_names_and_types())
+        return {name for name in topics if self.node.count_publishers(name)}
 
     def stamp(self, message: Any) -> int | None:
         stamp = getattr(getattr(message, "header", None), "stamp", None)

@@ -118,8 +118,8 @@ class Ros2Subscription:
             self._others = others
             self._log(
                 Level.ERROR,
-                f"a publisher of {self._topic} sends {', '.join(others)} instead of {wanted}: none "
-                "of its messages come",
+                f"a publisher of {self._whole_name} sends {', '.join(others)} instead of {wanted}: "
+                "none of its messages come",
             )
         keeps = any(each.topic_type == wanted and _keeps(each.qos_profile) for each in publishers)
         with self._lock:
@@ -138,7 +138,7 @@ class Ros2Subscription:
     def _tell_unheard(self, _event: object) -> None:
         self._log(
             Level.ERROR,
-            f"a publisher of {self._topic} is not {self._qos}: none of its messages come; "
+            f"a publisher of {self._whole_name} is not {self._qos}: none of its messages come; "
             "set qos to best_effort",
         )
 

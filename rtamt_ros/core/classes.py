@@ -25,7 +25,10 @@ def check_input(message: type, of: str, variable: str, path: Iterable[str | int]
     Raises:
         SpecificationError: If a field is missing, or is no number.
     """
-    value = _follow(message(), of, path)
+    try:
+        value = _follow(message(), of, path)
+    except SpecificationError as error:
+        raise SpecificationError(f"{variable}: {error}") from None
     if value is not None and not _is_number(value):
         raise SpecificationError(
             f"expected a number as '{variable}', got a value of type "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,6 @@ class Judges:
     Args:
         specifications: What to judge.
         settings: How.
-        runs: As for `Record`.
 
     Raises:
         SpecificationError: If a monitor cannot run a requirement, or a topic has no class of
@@ -41,11 +39,8 @@ class Judges:
         settings: How.
     """
 
-    def __init__(
-        self, specifications: Sequence[Specification], settings: Settings, runs: Counter[Path]
-    ) -> None:
+    def __init__(self, specifications: Sequence[Specification], settings: Settings) -> None:
         self.settings = settings
-        self._runs = runs
         self.requirements = requirements_of(specifications, settings)
         self.inputs = [source for each in self.requirements for source in each.inputs]
         self.topics: dict[str, list[Input]] = {}
@@ -58,6 +53,11 @@ class Judges:
             for each, record in zip(self.requirements, self._records, strict=True)
         ]
         self._now = 0
+
+    @property
+    def files(self) -> list[Path]:
+        """Where the next samples are recorded."""
+        return [record.path for record in self._records if record is not None]
 
     @property
     def reports(self) -> tuple[Report, ...]:
@@ -127,6 +127,6 @@ class Judges:
         if len(self.requirements) > 1:
             path = path.with_stem(f"{path.stem}-{requirement.name}")
         if self.settings.dense:
-            return Record(path, ("variable", "value"), self._runs)
+            return Record(path, ("variable", "value"))
         columns = (*requirement.specification.variables, "robustness")
-        return Record(path, columns, self._runs)
+        return Record(path, columns)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections import Counter
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,7 +19,7 @@ __all__ = ["Record"]
 class Record:
     """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
 
-    A node that is stopped and started, or given other specifications, goes on with the numbers.
+    A file that is there stays as it is, and the next number is taken.
 
     The times are dates of the clock of ROS, to the nanosecond. Where a file cannot be written, as
     on a disk that is full, the record ends, and nothing else does.
@@ -27,7 +27,6 @@ class Record:
     Args:
         path: The file of the first run.
         columns: The columns beside the time.
-        runs: How many files the node has begun for a path; counted here.
 
     Raises:
         InputError: If there is no such folder, or the path is one.
@@ -36,29 +35,31 @@ class Record:
         error: Why the record has ended; empty while it goes on.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str], runs: Counter[Path]) -> None:
+    def __init__(self, path: Path, columns: Sequence[str]) -> None:
         if not path.parent.is_dir():
             raise InputError(f"expected a folder for the record, there is no {path.parent}")
         if path.is_dir():
             raise InputError(f"expected a file for the record, {path} is a folder")
         self._path = path
         self._columns = ("time", *columns)
-        self._runs = runs
         self._file: IO[str] | None = None
         self._write: Callable[[Sequence[object]], object] = _nowhere
         self.error = ""
+
+    @property
+    def path(self) -> Path:
+        """The file of the next run."""
+        numbered = (self._path.with_stem(f"{self._path.stem}-{n}") for n in itertools.count(2))
+        paths = itertools.chain((self._path,), numbered)
+        return next(path for path in paths if not path.is_file())
 
     def begin(self) -> None:
         """Begin the file of the next run."""
         self.close()
         if self.error:
             return
-        path = self._path
-        self._runs[path] += 1
-        if self._runs[path] > 1:
-            path = path.with_stem(f"{path.stem}-{self._runs[path]}")
         with self._ending():
-            self._file = path.open("w", encoding="utf-8", newline="")
+            self._file = self.path.open("w", encoding="utf-8", newline="")
             self._write = csv.writer(self._file, lineterminator="\n").writerow
             self._write(self._columns)
 

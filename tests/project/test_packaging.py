@@ -141,6 +141,6 @@ def test_the_commands_are_main_functions(distribution: importlib.metadata.Distri
     scripts = distribution.entry_points.select(group="console_scripts")
     assert {script.name: script.value for script in scripts} == {
         "rtamt": "rtamt_gym.__main__:main",
-        "ros_stl_monitor.py": "rtamt_ros.command:main",
+        "ros_stl_monitor.py": "rtamt_ros.__main__:main",
     }
     assert all(callable(script.load()) for script in scripts)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 from paths import ROOT
-from ros_contract import World
 from ros_messages import probe
 from ros_processes import Process, ros
+from ros_world import World
 
 SPEC = ROOT / "examples" / "ros" / "spec.stl"
 OUT, DIAGNOSTICS = "rtamt/follows", "/diagnostics"

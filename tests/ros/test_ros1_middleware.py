@@ -16,9 +16,10 @@ import rosgraph.names
 from hypothesis import given
 from hypothesis import strategies as st
 from paths import ROOT
-from ros_contract import FLOAT, MS, SECOND, MiddlewareContract, World, heard
+from ros_contract import FLOAT, MS, SECOND, MiddlewareContract, heard
 from ros_messages import STORES, probe
 from ros_processes import PATIENCE, Ros, free_port, ros
+from ros_world import World
 
 from rtamt import InputError
 from rtamt_ros.ros1 import Ros1, legal_name
@@ -157,6 +158,16 @@ def test_a_name_that_ros_cannot_have_is_refused() -> None:
     with pytest.raises(InputError) as refused:
         Ros1("any", ["odom:=wheels", "__name:=a b"])
     assert str(refused.value) == "__name: expected letters, digits and '_', got 'a b'"
+
+
+def test_a_topic_that_is_remapped_to_what_ros_cannot_have_is_refused(world: World) -> None:
+    peer = world.peer("remapped", {"odom": "/a b"})
+    with pytest.raises(AssertionError) as refused:
+        peer.ask("subscribe", "odom", "odom", *FLOAT, ["data"])
+    assert (
+        "InputError: topic 'odom', which is remapped to '/a b': expected letters, digits, '_' and "
+        "'/', first a letter, '/' or '~'"
+    ) in str(refused.value)
 
 
 def test_an_argument_that_rospy_chokes_on_is_an_input_error(world: World) -> None:

@@ -105,7 +105,7 @@ def test_specifications_are_exchanged_while_the_monitor_runs(tools: Client) -> N
             "/absent.stl",
             "spec_file: cannot read /absent.stl: No such file or directory",
         ),
-        ("spec", ODD, "the messages of absent_msgs are not installed: apt-get install ros-"),
+        ("spec", ODD, "the messages of absent_msgs are not installed: pip install ros-jazzy-"),
         ("period", 0, "period: expected a number above 0, got 0"),
         ("unit", "h", "unit: expected 's', 'ms', 'us' or 'ns', got 'h'"),
         ("stale", "soon", "stale: expected seconds or TOPIC=SECONDS, got 'soon'"),

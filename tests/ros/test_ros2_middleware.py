@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 
 import pytest
-from ros_contract import MiddlewareContract, World
+from ros_contract import MiddlewareContract
 from ros_processes import ros
+from ros_world import World
 
 
 @pytest.fixture(scope="module")

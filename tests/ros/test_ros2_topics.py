@@ -35,7 +35,9 @@ def test_a_publisher_that_cannot_be_heard_is_reported_with_the_way_out(tools: Cl
     diagnostics = tools.hear("/diagnostics", DiagnosticArray)
     monitor = tools.monitor("deaf", spec=BOTH, period=20, qos="reliable")
     assert diagnostics.next(lambda each: messages(each) == ["waiting for x"])  # and not for y
-    reason = "[deaf.stl_monitor]: a publisher of x is not reliable: none of its messages come; "
+    reason = (
+        "[deaf.stl_monitor]: a publisher of /deaf/x is not reliable: none of its messages come; "
+    )
     tools.until(lambda: f"{reason}set qos to best_effort\n" in monitor.process.output)
     assert robustness.all() == []
     assert monitor.do("deactivate")
@@ -48,8 +50,8 @@ def test_a_publisher_of_another_type_is_reported(tools: Client) -> None:
     tools.source("other/x", 3.0)
     integer = "from std_msgs.msg import Int64\ninput Int64 x\n@ topic(x, x)\nout = x > 1"
     monitor = tools.monitor("other", spec=integer, period=20)
-    said = "a publisher of x sends std_msgs/msg/Float64 instead of std_msgs/msg/Int64: none of its"
-    tools.until(lambda: f"{said} messages come\n" in monitor.process.output)
+    said = "a publisher of /other/x sends std_msgs/msg/Float64 instead of std_msgs/msg/Int64: none"
+    tools.until(lambda: f"{said} of its messages come\n" in monitor.process.output)
 
 
 def test_who_comes_late_hears_the_last_value_and_of_a_stale_input_nan(tools: Client) -> None:

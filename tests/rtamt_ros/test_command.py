@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,9 @@ from memory_middleware import SECOND, MemoryMiddleware, message
 from paths import ROOT
 
 import rtamt
+import rtamt_ros
 from rtamt_ros import command, generation
+from rtamt_ros.__main__ import main as program
 from rtamt_ros.command import main
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.parameters import PARAMETERS, UNITS, read
@@ -68,7 +71,10 @@ ERRORS = {
     "'inward', 'nearest'); see ros_stl_monitor.py --help",
     "--spec x>1 --dense --align inward": "expected --align or dense time, which has no samples to "
     "round to",
-    "--spec x>1 --perod 3": "unrecognized arguments: --perod 3; see ros_stl_monitor.py --help",
+    "--spec x>1 --perod 3": "unrecognized arguments: --perod 3; did you mean '--period'? see "
+    "ros_stl_monitor.py --help",
+    "follows.stl --period 1": "unrecognized arguments: follows.stl; write --stl follows.stl; see "
+    "ros_stl_monitor.py --help",
 }
 
 
@@ -244,8 +250,8 @@ def test_the_command_runs_a_node_until_it_is_told_to_end(played: Played, tmp_pat
 
 
 REFUSED = {
-    "from geometry_msgs.msg import Twist; input Twist cmd; x = cmd.linaer.x > 1": "geometry_msgs/"
-    "Twist has no field 'linaer'; did you mean 'linear'?",
+    "from geometry_msgs.msg import Twist; input Twist cmd; x = cmd.linaer.x > 1": "cmd.linaer.x: "
+    "geometry_msgs/Twist has no field 'linaer'; did you mean 'linear'?",
     "from absent_msgs.msg import Thing; input Thing it; x = it.y > 1": "absent_msgs is not "
     "installed",
 }
@@ -283,3 +289,18 @@ def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
         "stamps": True,
         "qos": "reliable",
     }
+
+
+def test_ctrl_c_while_modules_are_loaded_ends_it_quietly(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupted(MetaPathFinder):
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "rtamt_ros.command":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "rtamt_ros.command")
+    monkeypatch.delattr(rtamt_ros, "command", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    assert program() == 130
+    assert capsys.readouterr() == ("", "")

@@ -107,11 +107,11 @@ def test_what_one_requirement_cannot_read_concerns_no_other(dense: bool) -> None
     [
         (
             ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear.w > 0"],
-            "geometry_msgs/Twist.linear has no field 'w'; its fields are x, y, z",
+            "cmd.linear.w: geometry_msgs/Twist.linear has no field 'w'; its fields are x, y, z",
         ),
         (
             ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linar.x > 0"],
-            "geometry_msgs/Twist has no field 'linar'; did you mean 'linear'?",
+            "cmd.linar.x: geometry_msgs/Twist has no field 'linar'; did you mean 'linear'?",
         ),
         (
             ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear > 0"],
@@ -126,11 +126,14 @@ def test_what_one_requirement_cannot_read_concerns_no_other(dense: bool) -> None
         ),
         (
             ["from geometry_msgs.msg import Twist; input Twist cmd; cmd.linear.x[2] > 0"],
-            "geometry_msgs/Twist.linear.x is no list and has no element [2]",
+            "cmd.linear.x[2]: geometry_msgs/Twist.linear.x is no list and has no element [2]",
         ),
         (
             ["from nav_msgs.msg import Odometry; input Odometry o; o.child_frame_id[0] > 0"],
-            "nav_msgs/Odometry.child_frame_id is no list and has no element [0]",
+            (
+                "o.child_frame_id[0]: nav_msgs/Odometry.child_frame_id is no list and has no "
+                "element [0]"
+            ),
         ),
         *(
             (

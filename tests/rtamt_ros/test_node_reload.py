@@ -4,6 +4,7 @@ from pathlib import Path
 
 from memory_middleware import MemoryMiddleware, message
 
+from rtamt_ros.middleware import Level
 from rtamt_ros.node import MonitorNode, Settings
 
 
@@ -31,6 +32,22 @@ def test_no_start_and_no_specification_overwrites_a_record(tmp_path: Path) -> No
         "run-2.csv": ["4.0,3.0"],
         "run-3.csv": ["5.0,-4.0"],
     }
+
+
+def test_a_record_of_another_node_stays_and_the_log_says_where_the_new_one_is(
+    tmp_path: Path,
+) -> None:
+    for name in ("run.csv", "run-2.csv"):
+        (tmp_path / name).write_text("precious")
+    ros = MemoryMiddleware()
+    node = MonitorNode(ros, ["x > 1"], Settings(record=tmp_path / "run.csv"))
+    node.start()
+    assert ros.lines[-1] == (Level.OK, f"records {tmp_path}/run-3.csv")
+    ros.send("rtamt/x", message("std_msgs", "Float64", data=3.0))
+    ros.tick()
+    node.stop()
+    kept = {path.name: path.read_text().split(",")[-1] for path in tmp_path.iterdir()}
+    assert kept == {"run.csv": "precious", "run-2.csv": "precious", "run-3.csv": "2.0\n"}
 
 
 def test_a_node_that_starts_before_its_clock_says_at_once_what_it_waits_for() -> None:

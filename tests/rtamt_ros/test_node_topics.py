@@ -5,9 +5,13 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from memory_middleware import MemoryMiddleware
 from memory_nodes import MS, send, started, topics
 
-from rtamt import EpisodeMonitor, Monitor, parse
+import rtamt_ros.node
+from rtamt import EpisodeMonitor, InputError, Monitor, parse
+from rtamt_ros.middleware import Level
+from rtamt_ros.node import MonitorNode
 
 MESSAGES = "from my_msgs.msg import Parts; from std_msgs.msg import Float32; float64 x; "
 
@@ -99,3 +103,39 @@ def test_each_formula_of_a_requirement_without_an_end_has_a_robustness_of_its_ow
     for name, before in seen.items():  # begun anew
         found = [repr(number) for number in ros.data(f"rtamt/{name}")[before:]]
         assert found == [number for number in said[name][:1] if number != "nan"]
+
+
+def test_topics_that_nobody_publishes_are_named_once_with_those_that_may_be_meant(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rtamt_ros.node, "SOON", 0.0)
+    ros = MemoryMiddleware(known={"/robot0/odom", "/there"})
+    topics_of = {"a": "", "b": "there", "c": "robot/odom", "d": "/lonely"}
+    text = "".join(f"@ topic({name}, {topic})\n" for name, topic in topics_of.items() if topic)
+    declared = "float64 a\nfloat64 b\nfloat64 c\nfloat64 d\n"
+    declared += "input float64 limit = 1\n"  # waits for nobody
+    node = MonitorNode(ros, [f"{declared}{text}a + b + c + d > limit"])
+    node.start()
+    for _ in range(3):
+        ros.tick()
+    assert [line for line in ros.lines if "nobody" in line[1]] == [
+        (Level.WARN, "nobody publishes /rtamt/a"),
+        (Level.WARN, "nobody publishes /robot/odom; did you mean '/robot0/odom'?"),
+        (Level.WARN, "nobody publishes /lonely"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "topic", "types"),
+    [
+        ("float64 x; int64 y; x > y", "rtamt/y", "std_msgs/Float64 and std_msgs/Int64"),
+        ("int64 x; out = x > 1", "rtamt/out", "std_msgs/Int64 and std_msgs/Float64"),
+    ],
+)
+def test_topics_that_remappings_make_one_have_one_type(text: str, topic: str, types: str) -> None:
+    ros = MemoryMiddleware(remapped={topic: "/rtamt/x"})
+    node = MonitorNode(ros, [text])
+    with pytest.raises(InputError) as refused:
+        node.start()
+    assert str(refused.value) == f"expected one type of messages on /rtamt/x, got {types}"
+    assert not [*ros.subscriptions, *ros.publishers, *ros.timers]

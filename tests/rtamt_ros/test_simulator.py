@@ -174,7 +174,7 @@ def test_bad_arguments_are_named(options: dict[str, Any], text: str) -> None:
             "--surge=",
             "argument --surge: expected BEGIN:DURATION:SPEED in seconds, such as 5:1:-0.5, got ''",
         ),
-        ("--lagg 1", "unrecognized arguments: --lagg 1"),
+        ("--lagg 1", "unrecognized arguments: --lagg 1; did you mean '--lag'?"),
         ("--lag 3", "expected lag from 0 to 2, got 3"),
     ],
 )

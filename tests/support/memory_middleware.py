@@ -114,6 +114,8 @@ class MemoryMiddleware:
         missing: Packages that are not installed.
         refused: Topics that it refuses.
         simulated: Whether its clock is a simulated one.
+        known: What `published_topics` gives.
+        remapped: Whole names of topics, instead of those that they would have.
     """
 
     generation: int = 1
@@ -124,6 +126,8 @@ class MemoryMiddleware:
     missing: set[str] = field(default_factory=set)
     refused: set[str] = field(default_factory=set)
     simulated: bool = False
+    known: set[str] | None = None
+    remapped: dict[str, str] = field(default_factory=dict)
     subscriptions: list[_Open] = field(default_factory=list)
     publishers: list[_Publisher] = field(default_factory=list)
     timers: list[_Open] = field(default_factory=list)
@@ -140,7 +144,10 @@ class MemoryMiddleware:
         return self.simulated
 
     def resolve(self, topic: str) -> str:
-        return topic if topic.startswith("/") else f"/{topic}"
+        return self.remapped.get(topic, topic if topic.startswith("/") else f"/{topic}")
+
+    def published_topics(self) -> set[str] | None:
+        return self.known
 
     def stamp(self, message: Any) -> int | None:
         return message.header.stamp.ns or None if hasattr(message, "header") else None

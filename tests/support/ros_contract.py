@@ -7,100 +7,22 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Mapping, Sequence
-from functools import cached_property
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import pytest
 from ros_peer import Peer
-from ros_processes import PATIENCE, Ros
+from ros_processes import PATIENCE
+from ros_world import World
 
-__all__ = ["MiddlewareContract", "World", "meet"]
+__all__ = ["MiddlewareContract", "meet"]
 
 MS = 1_000_000
 SECOND = 1_000_000_000
 FLOAT = ("std_msgs", "Float64")
 PROBE = -1.0
-
-
-class World:
-    """Makes nodes in processes of their own, and ends them.
-
-    Args:
-        ros: The master or domain of the nodes.
-        simulated: That of nodes with a simulated clock; it may be the same.
-        simulating: Their arguments, beside remappings.
-    """
-
-    def __init__(self, ros: Ros, simulated: Ros, simulating: Sequence[str] = ()) -> None:
-        self.ros = ros
-        self._simulated = simulated
-        self._simulating = simulating
-        self._peers: list[Peer] = []
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        for peer in self._peers:  # all at once: each takes half a second to end
-            peer.process.terminate()
-        for peer in self._peers:
-            peer.end()
-
-    @cached_property
-    def talker(self) -> Peer:
-        """A node that lives as long as the tests."""
-        return self.peer("talker")
-
-    @cached_property
-    def listener(self) -> Peer:
-        """Another."""
-        return self.peer("listener")
-
-    @cached_property
-    def clock(self) -> Peer:
-        """A node that publishes the simulated clock."""
-        clock = self.peer("clock", ticking=True)
-        clock.ask("publisher", "clock", "/clock", "rosgraph_msgs", "Clock")
-        return clock
-
-    @cached_property
-    def simulated(self) -> Peer:
-        """A node that lives by it."""
-        return self.peer("simulated", simulated=True)
-
-    def peer(
-        self,
-        name: str,
-        remappings: Mapping[str, str] | None = None,
-        *,
-        simulated: bool = False,
-        ticking: bool = False,
-    ) -> Peer:
-        """A node.
-
-        Args:
-            name: Its name.
-            remappings: Of names.
-            simulated: Whether its clock is simulated.
-            ticking: Whether it publishes the clock of those.
-        """
-        ros = self._simulated if simulated or ticking else self.ros
-        arguments = [f"{name}:={other}" for name, other in (remappings or {}).items()]
-        if ros.generation == 2:
-            arguments = [word for each in arguments for word in ("-r", each)]
-            arguments = ["--ros-args", *arguments, *(self._simulating if simulated else ())]
-        peer = Peer(ros, name, arguments, len(self._peers))
-        self._peers.append(peer)
-        return peer
 
 
 def meet(talker: Peer, publisher: str, listener: Peer, subscription: str, field: str) -> None:
@@ -164,6 +86,10 @@ class MiddlewareContract:
         assert missing.startswith("InputError: the messages of absent_msgs are not installed: ")
         assert talker.ask("refusal", "geometry_msgs", "Twst") == (
             "InputError: geometry_msgs has no message Twst; did you mean 'Twist'?"
+        )
+        assert talker.ask("refusal", "geometri_msgs", "Twist").startswith(
+            "InputError: the messages of geometri_msgs are not installed; did you mean "
+            "'geometry_msgs'? If not, "
         )
 
     def test_the_clock_counts_nanoseconds_since_1970(self, talker: Peer, tmp_path: Path) -> None:
@@ -295,6 +221,19 @@ class MiddlewareContract:
             robot.ask("publish", key, {"data": 3.0})
             listener.ask("subscribe", at, at, *FLOAT, ["data"])
             assert heard(listener, at, 1) == [3.0]
+
+    def test_topics_that_somebody_publishes_are_known(
+        self, talker: Peer, listener: Peer, topic: str
+    ) -> None:
+        listener.ask("subscribe", topic, topic, *FLOAT, ["data"])
+        assert topic not in listener.ask("published_topics")
+        talker.ask("publisher", topic, topic, *FLOAT)
+        meet(talker, topic, listener, topic, "data")
+        for _ in range(round(PATIENCE / 0.05)):
+            if topic in listener.ask("published_topics"):
+                return
+            threading.Event().wait(0.05)
+        raise AssertionError(f"nobody is known to publish {topic}")
 
     def test_nodes_of_one_name_live_together(self, world: World, listener: Peer) -> None:
         twin = world.peer("listener")

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe
 from typing import Any
@@ -97,6 +97,10 @@ class Desk:
     def resolve(self, topic: str) -> str:
         """The whole name of a topic."""
         return self.node.resolve(topic)
+
+    def published_topics(self) -> Collection[str] | None:
+        """The topics that somebody publishes."""
+        return self.node.published_topics()
 
     def now(self) -> int:
         """The time of the clock of ROS."""
