@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import rtamt
 from rtamt import InputError, SubscribedField, Subscription
-from rtamt_gym.checks.names import nearest
+from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.recorded.bag_paths import Steps, path_text, read_source
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.starts import starts_of
@@ -112,6 +112,13 @@ def topic_fields(
                 f"{topic}, a {held}; write a field of it"
             )
         found.setdefault(topic, []).append(SubscribedField(variable, whole))
+    heard = {field.variable for fields in found.values() for field in fields}
+    for spec in specs.values():
+        if spec.variables and heard.isdisjoint(spec.variables):
+            raise InputError(
+                f"{bag.source}: expected messages with {listing(spec.variables)}, got none: "
+                f"defaults alone say nothing of a trace; the topics are {_listed(bag.types)}"
+            )
     return [TopicFields(topic, tuple(fields)) for topic, fields in found.items()]
 
 

@@ -13,7 +13,9 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.names import (
     VALUE,
     VARIABLE,
+    are_long,
     check_names,
+    check_recorded,
     needed_columns,
     recorded_variables,
 )
@@ -52,7 +54,7 @@ def read_events(
     if columns.jitter is not None:
         raise InputError("expected --jitter or --dense, which reads events at any time")
     time = find_times(recording, columns) or TIME
-    if {VARIABLE, VALUE} <= {*recording.names} and not {*variables} <= {*recording.names}:
+    if are_long(recording.names, variables):
         return _read_long(recording, variables, columns, time)
     check_names(recording, (time,))
     there = recorded_variables(recording.names, variables, columns)
@@ -105,6 +107,7 @@ def _read_long(
     named = np.array(rows.texts[VARIABLE])
     known = list(dict.fromkeys(rows.texts[VARIABLE]))
     signals = {}
+    check_recorded(recording.source, known, variables, columns)
     for name in recorded_variables(known, variables, columns):
         called = columns.column(name)
         if called not in known:

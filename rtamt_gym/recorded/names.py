@@ -12,10 +12,23 @@ from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.times import TIME
 
-__all__ = ["VALUE", "VARIABLE", "check_names", "needed_columns", "recorded_variables"]
+__all__ = [
+    "VALUE",
+    "VARIABLE",
+    "are_long",
+    "check_names",
+    "check_recorded",
+    "needed_columns",
+    "recorded_variables",
+]
 
 VARIABLE, VALUE = "variable", "value"
 """The columns that a recording has, beside the time, where each row is one event."""
+
+
+def are_long(names: Collection[str], variables: Collection[str]) -> bool:
+    """Whether the columns are those of a recording each row of which is one event."""
+    return {VARIABLE, VALUE} <= {*names} and not {*variables} <= {*names}
 
 
 def recorded_variables(
@@ -33,6 +46,30 @@ def recorded_variables(
         for name in variables
         if columns.column(name) in names or name in columns.signals or name not in columns.starts
     ]
+
+
+def check_recorded(
+    source: str, names: Sequence[str], variables: Sequence[str], columns: Columns
+) -> None:
+    """Checks that a recording has something of a specification, which is not its defaults alone.
+
+    Args:
+        source: Name of the file, for messages.
+        names: The columns, or the variables of events.
+        variables: The variables of the specification.
+        columns: How they are called in the file, and their defaults.
+
+    Raises:
+        InputError: If it has none of the variables.
+    """
+    if not variables or recorded_variables(names, variables, columns):
+        return
+    needed = [columns.column(name) for name in variables]
+    near = next(filter(None, (nearest(column, names) for column in needed)), "")
+    raise InputError(
+        f"{source}: expected a record of {', '.join(map(repr, needed))}, got none: defaults alone "
+        f"say nothing of a trace; it has {', '.join(names)}{near}"
+    )
 
 
 def needed_columns(

@@ -12,6 +12,7 @@ from rtamt import InputError
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.judge import Rules
+from rtamt_gym.recorded.names import are_long, check_recorded
 from rtamt_gym.recorded.readers import format_of, open_recording
 from rtamt_gym.recorded.starts import starts_of
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
@@ -39,6 +40,9 @@ def read_ruled(
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     columns = replace(columns, starts=starts_of(specs, columns))
     with open_recording(path, columns) as recording:
+        if not (rules.dense and are_long(recording.names, variables)):
+            for spec in specs.values():
+                check_recorded(recording.source, recording.names, spec.variables, columns)
         if rules.dense:
             return read_events(recording, variables, columns), None
         if_events = "give --dense to take rows as events at any time"

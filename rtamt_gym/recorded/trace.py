@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt_gym.checks.names import nearest
 from rtamt_gym.recorded.columns import NEAR, Columns
 from rtamt_gym.recorded.grid import Grid, resampled
 from rtamt_gym.recorded.names import (
@@ -195,7 +196,8 @@ def read_trace(
     for name in variables:
         if name not in there:
             values[name] = np.full(rows.count, columns.starts[name])
-            notes.append(default_note(name, columns.starts[name], "there is no such column"))
+            why = f"there is no such column{nearest(name, recording.names)}"
+            notes.append(default_note(name, columns.starts[name], why))
     times = None if time is None else Times.of(rows, time, columns)
     trace = Trace(
         recording.source,

@@ -71,6 +71,18 @@ def test_a_topic_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     assert "no topic '/robot0/limt', which 'limit' reads" in str(caught.value)
 
 
+def test_defaults_alone_pass_no_gate(tmp_path: Path) -> None:
+    path = bag(tmp_path, {})
+    spec = rtamt.parse("input float64 limit = 0.5; always(limit > 0)")
+    for rules in (RULES, Rules(dense=True)):
+        with pytest.raises(rtamt.InputError) as caught:
+            read_ruled(path, {"one": SPEC, "alone": spec}, rules, Columns())
+        assert str(caught.value) == (
+            f"{path}: expected messages with 'limit', got none: defaults alone say nothing of a "
+            "trace; the topics are /robot0/cmd_vel"
+        )
+
+
 def test_the_field_data_has_the_default_of_its_message(tmp_path: Path) -> None:
     declared = "from std_msgs.msg import Float64\ninput Float64 limit = 0.5"
     text = TEXT.replace("input float64 limit = 0.5", declared).replace("< limit", "< limit.data")

@@ -99,6 +99,49 @@ def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     )
 
 
+def test_a_column_of_nearly_the_same_name_is_named(tmp_path: Path) -> None:
+    path = table(tmp_path, "time,x,Limit\n1,0.25,1\n2,0.125,1\n")
+    trace, _ = read_ruled(path, {"": SPEC}, Rules(), Columns())
+    assert trace.notes == [
+        "'limit' is 0.5, its default: there is no such column; did you mean 'Limit'?"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "has", "options"),
+    [
+        (ABSENT, "time, x", []),
+        (ABSENT, "time, x", ["--dense"]),
+        ("time,Limit\n1,2\n2,2\n", "time, Limit; did you mean 'Limit'?", []),
+        ("time,variable,value\n1,x,0.25\n", "x", ["--dense"]),
+    ],
+)
+def test_defaults_alone_pass_no_gate(
+    text: str,
+    has: str,
+    options: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = table(tmp_path, text)
+    alone = "input float64 limit = 0.5; input float64 low = 0; always(limit > low)"
+    assert main(["monitor", alone, *options, path]) == 2
+    assert capsys.readouterr().err == (
+        f"rtamt: error: {path}: expected a record of 'limit', 'low', got none: defaults alone say "
+        f"nothing of a trace; it has {has}\n"
+    )
+
+
+def test_the_other_requirements_are_judged_where_one_has_defaults_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = "input float64 limit = 0.5; alone = always(limit > 0)"
+    assert main(["monitor", TEXT, alone, table(tmp_path, ABSENT), "--json"]) == 2
+    (found,) = json.loads(capsys.readouterr().out)["traces"]
+    verdicts = {name: cell["verdict"] for name, cell in found["requirements"].items()}
+    assert verdicts == {"out": "SATISFIED", "alone": "ERROR"}
+
+
 def test_two_defaults_of_one_variable_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
