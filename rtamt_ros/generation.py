@@ -22,6 +22,7 @@ _INSTALL = {
     "of ROS 1",
     2: "source the setup.bash of ROS 2",
 }
+_UNSEEN = "; a virtual environment sees what is installed if --system-site-packages made it"
 
 
 def chosen(asked: int | None) -> Generation:
@@ -36,7 +37,7 @@ def chosen(asked: int | None) -> Generation:
     for each, library in _LIBRARIES.items():
         if asked == each and each not in found:
             raise InputError(
-                f"ROS {each} needs {library}, which is not installed: {_INSTALL[each]}"
+                f"ROS {each} needs {library}, which is not installed: {_INSTALL[each]}{_UNSEEN}"
             )
     if asked is None and len(found) == len(_LIBRARIES):
         asked = {"1": 1, "2": 2}.get(os.environ.get("ROS_VERSION", ""))
@@ -45,7 +46,7 @@ def chosen(asked: int | None) -> Generation:
     if asked is None and not found:
         raise InputError(
             "expected rospy of ROS 1 or rclpy of ROS 2, found neither. "
-            f"ROS 1: {_INSTALL[1]}. ROS 2: {_INSTALL[2]}"
+            f"ROS 1: {_INSTALL[1]}. ROS 2: {_INSTALL[2]}{_UNSEEN}"
         )
     return next(each for each in found if asked in (None, each))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
@@ -111,6 +112,7 @@ def test_align_rounds_bounds_that_are_no_whole_number_of_periods(played: Played)
 
 
 REMAPPED = ("--ros-args", "-r", "odom:=wheels")
+UNSEEN = "; a virtual environment sees what is installed if --system-site-packages made it"
 CHOICES = {
     ("rospy", ()): 1,
     ("rclpy", ()): 2,
@@ -118,12 +120,12 @@ CHOICES = {
     ("rospy rclpy", ("--ros", "2")): 2,
     ("rospy rclpy", ()): "ROS 1 and ROS 2 are both installed: write --ros 1 or --ros 2",
     ("rclpy", ("--ros", "1")): "ROS 1 needs rospy, which is not installed: apt-get install "
-    "python3-rospy python3-diagnostic-msgs (Debian), or source the setup.bash of ROS 1",
+    "python3-rospy python3-diagnostic-msgs (Debian), or source the setup.bash of ROS 1" + UNSEEN,
     ("rospy", ("--ros", "2")): "ROS 2 needs rclpy, which is not installed: "
-    "source the setup.bash of ROS 2",
+    "source the setup.bash of ROS 2" + UNSEEN,
     ("", ()): "expected rospy of ROS 1 or rclpy of ROS 2, found neither. ROS 1: apt-get install "
     "python3-rospy python3-diagnostic-msgs (Debian), or source the setup.bash of ROS 1. "
-    "ROS 2: source the setup.bash of ROS 2",
+    "ROS 2: source the setup.bash of ROS 2" + UNSEEN,
     ("rospy", REMAPPED): "ROS 1 does not know --ros-args -r odom:=wheels: write remappings as they "
     "are, odom:=robot1/odom",
     ("rclpy", ("odom:=wheels", "_x:=1")): "ROS 2 does not know odom:=wheels _x:=1: "
@@ -291,16 +293,22 @@ def test_on_ros_2_options_are_parameters_of_the_lifecycle_node(
     }
 
 
-def test_ctrl_c_while_modules_are_loaded_ends_it_quietly(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class Interrupted(MetaPathFinder):
-        def find_spec(self, name: str, *_: object) -> None:
-            if name == "rtamt_ros.command":
-                raise KeyboardInterrupt
+def test_ctrl_c_ends_the_command_quietly_at_any_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    loading = []
 
+    class Loading(MetaPathFinder):
+        def find_spec(self, name: str, *_: object) -> None:
+            loading.append((name, signal.getsignal(signal.SIGINT)))
+
+    def interrupted(*_: object) -> int:
+        assert signal.getsignal(signal.SIGINT) is before
+        raise KeyboardInterrupt
+
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(sys, "meta_path", [Loading(), *sys.meta_path])
     monkeypatch.delitem(sys.modules, "rtamt_ros.command")
-    monkeypatch.delattr(rtamt_ros, "command", raising=False)
-    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    monkeypatch.delattr(rtamt_ros, "command")
+    monkeypatch.setattr(generation, "split", interrupted)  # which the module takes when it loads
     assert program() == 130
-    assert capsys.readouterr() == ("", "")
+    assert ("rtamt_ros.command", signal.SIG_DFL) in loading
+    assert signal.getsignal(signal.SIGINT) is before
