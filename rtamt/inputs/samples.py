@@ -124,7 +124,8 @@ class SampleReader:
         if named.keys() != self._known:
             if self._messages.names:
                 named = self._messages.spread(named, lambda field, m: field.of(m, sample))
-            named = {**self._unsaid(named.keys(), previous), **named}
+            if named.keys() != self._known:
+                named = {**self._unsaid(named.keys(), previous), **named}
             if named.keys() != self._known:
                 self._refuse_names(named)
         return [named[name] for name in self.variables]
