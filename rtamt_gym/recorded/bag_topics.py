@@ -179,7 +179,9 @@ def _placed(
     else:
         given = columns.signals.get(message)
     where, prefix = read_source(given or wish.whole)
-    topic = _topic(bag, where, message, named=bool(given or wish.topic))
+    topic = _topic(
+        bag, where, message, None if prefix else wish.kind, named=bool(given or wish.topic)
+    )
     if prefix and variable == message:
         wish, path = _Wish(), ()  # the number itself, not a message that holds it
     _check_class(bag, topic, prefix, wish, message)
@@ -197,8 +199,15 @@ def _alike(bag: Bag, written: str) -> list[str]:
     return [topic for name, topic in known.items() if name.endswith(whole)]
 
 
-def _topic(bag: Bag, written: str, variable: str, *, named: bool) -> str:
+def _topic(bag: Bag, written: str, variable: str, kind: str | None, *, named: bool) -> str:
     """The topic of a bag that a text means.
+
+    Args:
+        bag: The bag.
+        written: How the text writes it.
+        variable: The message or the variable that reads it, for messages.
+        kind: The class that its messages are to have, if one is declared, for messages.
+        named: Whether the text or an option names it.
 
     Raises:
         InputError: If there is none, or more than one, or it has no message.
@@ -208,7 +217,7 @@ def _topic(bag: Bag, written: str, variable: str, *, named: bool) -> str:
         known = {f"/{topic.lstrip('/')}" for topic in bag.types}
         raise InputError(
             f"{bag.source}: no topic '{written}', which '{variable}' reads; the topics are "
-            f"{_listed(known)}{_hint(whole, variable, known, named=named)}"
+            f"{_listed(known)}{_hint(bag, whole, variable, kind, named=named)}"
         )
     if len(alike) > 1:
         raise InputError(
@@ -223,14 +232,18 @@ def _topic(bag: Bag, written: str, variable: str, *, named: bool) -> str:
     return topic
 
 
-def _hint(whole: str, variable: str, known: Collection[str], *, named: bool) -> str:
+def _hint(bag: Bag, whole: str, variable: str, kind: str | None, *, named: bool) -> str:
     """The way out of a topic that is missing."""
+    known = {f"/{topic.lstrip('/')}": of for topic, of in bag.types.items()}
     near = nearest(whole, known)
     if near and named:
         return near
     last = variable.rpartition(".")[2]
-    ends = [name for name in known if name.endswith(f"/{last}")]
-    return f"; give --signal {variable}={ends[0] if len(ends) == 1 else 'TOPIC.FIELD'}"
+    message = kind is not None and not kind.startswith("std_msgs/")
+    alike = [name for name, of in known.items() if of == kind] if message else []
+    found = [name for name in known if name.endswith(f"/{last}")] or alike
+    source = "TOPIC" if message else "TOPIC.FIELD"
+    return f"; give --signal {variable}={found[0] if len(found) == 1 else source}"
 
 
 _MOST = 12

@@ -106,6 +106,13 @@ def test_what_is_not_there_is_named_with_what_is(bag: str) -> None:
     assert refused(bag, text) == (
         f"no topic 'robot0/cmd_wel', which 'cmd' reads; {topics}; did you mean '/robot0/cmd_vel'?"
     )
+    assert refused(bag, f"{TWIST} cmd.linear.x > 0") == (
+        f"no topic 'rtamt/cmd', which 'cmd' reads; {topics}; give --signal cmd=TOPIC"
+    )
+    laser = "from sensor_msgs.msg import LaserScan; input LaserScan front; front.ranges[0] > 0"
+    assert refused(bag, laser) == (
+        f"no topic 'rtamt/front', which 'front' reads; {topics}; give --signal front=/scan"
+    )
     assert refused(bag, "limit < 3") == (
         f"no topic 'rtamt/limit', which 'limit' reads; {topics}; give --signal limit=/limit"
     )
