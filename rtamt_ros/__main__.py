@@ -1,20 +1,13 @@
 """``python -m rtamt_ros`` is ``ros_stl_monitor.py``."""
 
-import signal
 import sys
+
+from rtamt_ros.ending import run_module
 
 
 def main() -> int:
-    """Runs the command; Ctrl-C ends it quietly, also while its modules are loaded."""
-    # Modules in C make other errors of an interrupt while they are loaded.
-    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from rtamt_ros import command
-
-    signal.signal(signal.SIGINT, handler)
-    try:
-        return command.main()
-    except KeyboardInterrupt:  # before the node spins
-        return 130
+    """Runs the command; returns the exit code."""
+    return run_module("rtamt_ros.command")
 
 
 if __name__ == "__main__":

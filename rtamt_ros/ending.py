@@ -1,12 +1,13 @@
-"""The end of a node, which signals, callbacks and other threads ask for."""
+"""The end of a node, which signals, callbacks and other threads ask for, and of its program."""
 
 from __future__ import annotations
 
 import signal
 import threading
+from importlib import import_module
 from queue import SimpleQueue
 
-__all__ = ["Ending"]
+__all__ = ["Ending", "run_module"]
 
 
 class Ending:
@@ -43,3 +44,19 @@ class Ending:
     def _wait(self) -> None:
         self._told.get()
         self._told.put(None)  # for whoever waits too
+
+
+def run_module(name: str) -> int:
+    """Runs the `main` of a module; Ctrl-C ends it quietly, also while modules are loaded.
+
+    Returns:
+        The exit code.
+    """
+    # Modules in C make other errors of an interrupt while they are loaded: it ends the process.
+    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    module = import_module(name)
+    signal.signal(signal.SIGINT, handler)
+    try:
+        return int(module.main() or 0)
+    except KeyboardInterrupt:  # before the node spins
+        return 130

@@ -11,7 +11,7 @@ from rtamt_envs.mobile_robot import ROUTE, SCENARIO
 from scenario_courses import course, made, random_actions
 
 from rtamt import InputError
-from rtamt_ros.simulator import Controller, Robot, Stuck, Surge, main
+from rtamt_ros.simulator.robot import Controller, Robot, Stuck, Surge, main
 
 ODOM, CMD = "robot0/odom", "robot0/cmd_vel"
 

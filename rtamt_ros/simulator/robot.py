@@ -1,4 +1,4 @@
-"""A robot and its controller as nodes, to try a monitor on: ``python -m rtamt_ros.simulator``.
+"""The robot and its controller as nodes, and their command line.
 
 The robot is that of the scenario ``MobileRobot`` of `rtamt_envs`, on the topics of the simulator
 STDR: it takes ``robot0/cmd_vel`` (``geometry_msgs/Twist``), moves ten times a second and publishes
@@ -285,11 +285,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
             Controller(node, options.name, surge=options.surge)
     except InputError as error:
         parser.error(str(error))
-    except KeyboardInterrupt:  # while it waits for a master of ROS 1
-        sys.exit(130)
     node.spin()
     node.close()
-
-
-if __name__ == "__main__":
-    main()

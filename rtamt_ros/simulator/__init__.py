@@ -1,0 +1,1 @@
+"""A robot and its controller as nodes, to try a monitor on."""
