@@ -161,7 +161,7 @@ public:
 private:
     void want(World w, bool ahead = true) const {
         if (summarised_[w]) {
-            in_.only()->summarise(w);
+            in_.only()->summarise(w, component<F>(F::identity, 0) < 0);
         } else {
             for (Stream* stream : in_.streams()) stream->want(w, ahead);
         }

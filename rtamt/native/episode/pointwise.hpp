@@ -36,17 +36,28 @@ public:
 
     void propagate_demands() override {
         Stream::propagate_demands();
-        if (summary_ && summarised(kNow)) summary_->demand();
+        if (summary_ && summarised(kNow, !kGreatest)) summary_->demand();
+        for (World w : kAll)
+            for (Stream* s : {&a_, &b_})
+                if (summarised(w, kGreatest) && s->may_be_open(w)) s->summarise(w, kGreatest);
     }
     void prepare() override {
         for (Stream* s : {&a_, &b_}) s->retain(latency_ - s->latency() + 1);
         bool used = false;
-        for (World w : kAll) used |= summarised(w);
+        for (World w : kAll) {
+            used |= summarised(w, !kGreatest);
+            spreads_ |= summarised(w, kGreatest);
+        }
         if (!used) summary_ = nullptr;
         if (summary_) summary_->prepare();
     }
     void settle(Time t, const double*) override {
         if (summary_) summary_->take(t);
+        if (spreads_) {
+            for (Stream* s : {&a_, &b_})
+                if (t >= s->latency())
+                    settled_ = F::combine_alone(settled_, s->settled(t - s->latency(), 0));
+        }
         if (t < latency_) return;
         last_ = t - latency_;
         for (std::size_t c = 0; c < corners(); ++c)
@@ -64,11 +75,24 @@ public:
     }
 
     bool summarises(World w, bool greatest) const override {
-        return summary_ && greatest != kGreatest && summary_->covers(w);
+        if (greatest != kGreatest) return summary_ && summary_->covers(w);
+        if (latency_ == 0 || unknown_mask() != 0 || is_cut(w) || !outlook_[w].certain) return false;
+        return (!a_.may_be_open(w) || a_.summarises(w, greatest)) &&
+               (!b_.may_be_open(w) || b_.summarises(w, greatest));
     }
+    // The least of the lesser ones is the least of all values of both operands.
     Extremes extremes(World w, Time t) const override {
         Extremes found;
-        if (t >= 0) found.add(summary_->value(w, t));
+        if (t < 0) return found;
+        if (summary_ && summarised(w, !kGreatest)) found.add(summary_->value(w, t));
+        if (!summarised(w, kGreatest)) return found;
+        double all = settled_;
+        for (const Stream* s : {&a_, &b_}) {
+            if (!s->may_be_open(w)) continue;
+            const Extremes open = s->extremes(w, t);
+            all = F::combine_alone(all, kGreatest ? open.greatest : open.least);
+        }
+        (kGreatest ? found.greatest : found.least) = all;
         return found;
     }
     bool add_to(Parts& parts, bool greatest) override {
@@ -79,10 +103,12 @@ public:
     void reset() override {
         Stream::reset();
         if (summary_) summary_->reset();
+        settled_ = F::identity;
     }
     void fields(Snapshot& s, Time t) override {
         Stream::fields(s, t);
         if (summary_) summary_->fields(s, t);
+        if (spreads_) s.numbers(&settled_, 1);
     }
 
 private:
@@ -91,6 +117,9 @@ private:
     Stream& a_;
     Stream& b_;
     std::unique_ptr<Summary> summary_;
+    // For the reader of a like fold, that of the settled values of both operands.
+    bool spreads_ = false;
+    double settled_ = F::identity;
 };
 
 }  // namespace rtamt::episode

@@ -78,7 +78,7 @@ public:
     void demand() override {
         if (late_ == 0) return;
         window_.operand->want(kNow);
-        parts_.late->summarise(kNow);
+        parts_.late->summarise(kNow, kGreatest);
     }
     void prepare() override {
         Summary::prepare();

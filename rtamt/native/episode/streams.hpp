@@ -87,7 +87,7 @@ public:
 
     // What readers demand: to keep so many settled values; to settle values (active); to find the
     // open values in a world up to the last sample (wanted), those after it and the tail too
-    // (wanted ahead), or their extremes alone (summarised).
+    // (wanted ahead), or their least or greatest alone (summarised).
     void retain(Time count) {
         retained_ = std::max(retained_, static_cast<std::size_t>(std::max<Time>(1, count)));
     }
@@ -96,14 +96,16 @@ public:
         active_ = wanted_[w] = true;
         ahead_[w] |= ahead;
     }
-    void summarise(World w) { active_ = summarised_[w] = true; }
+    void summarise(World w, bool greatest) { active_ = summarised_[w][greatest] = true; }
     void clear_demands() {
         active_ = false;
-        wanted_ = ahead_ = summarised_ = {};
+        wanted_ = ahead_ = {};
+        summarised_ = {};
     }
     bool active() const { return active_; }
     bool wanted(World w) const { return wanted_[w]; }
-    bool summarised(World w) const { return summarised_[w]; }
+    bool summarised(World w, bool greatest) const { return summarised_[w][greatest]; }
+    bool summarised(World w) const { return summarised(w, false) || summarised(w, true); }
     // Whether find_open has anything to find.
     bool finds_open(World w) const {
         if (!ahead_[w]) return wanted_[w] && latency_ > 0;
@@ -178,7 +180,7 @@ private:
     bool active_ = false;
     std::array<bool, kWorlds> wanted_{};
     std::array<bool, kWorlds> ahead_{};
-    std::array<bool, kWorlds> summarised_{};
+    std::array<std::array<bool, 2>, kWorlds> summarised_{};  // the least, the greatest
     std::array<std::vector<double>, kWorlds> memory_;
 };
 

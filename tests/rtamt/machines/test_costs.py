@@ -109,6 +109,10 @@ def test_an_episode_costs_and_holds_the_same_late_as_early(
             (0.0, 1.0, -1.0),
         ),
         ("always((a > 1) implies eventually[0:{}] always[0:50](b > -1))", 0.0),
+        (
+            "always((a < 1 or eventually[0:{0}](b > 1)) and (b < 2 or always[2:{0}](a > 1)))",
+            0.0,
+        ),
     ],
 )
 @pytest.mark.parametrize("backend", NATIVE, scope="session")

@@ -61,7 +61,8 @@ def formulas(draw: st.DrawFn) -> str:
                 *["({0}) implies {2}", "({0}) and {2}"] * 3,
                 "({0}) implies (({1}) or {2})",
                 "({0}) and {2} and ({1})",
-                "(({0}) implies {2}) and (({1}) implies {3})",
+                *["(({0}) implies {2}) and (({1}) implies {3})"] * 2,
+                "(({0}) and {2}) or (({1}) and {3})",
                 "{2} or {3}",
                 "{2} and ({0} or {3})",
                 "({4}) implies {2}",
@@ -134,6 +135,8 @@ SHAPES = (
     "always((x > 0) implies eventually[0:6] always[0:9](y > 0))",
     "always((x > 0) implies eventually[2:9] always[1:4](y > 0))",
     "eventually((x > 0) and always[1:3] eventually[0:8](y > 0))",
+    "always(((x > 0) implies eventually[0:7](y > 0)) and ((y > 0) implies always[2:5](x > 0)))",
+    "eventually((y > 0) or x < 0 or eventually[1:6](x > 1))",
     "eventually((x > 0) and y < 1 and always[4:4] eventually[5:5](y > 0))",
 )
 
@@ -157,12 +160,22 @@ def mixed(n: int) -> Iterator[Row]:
         yield rng.choice(VALUES), rng.choice(VALUES)
 
 
-@pytest.mark.parametrize("rows", [rising, falling, mixed], ids=lambda rows: rows.__name__)
+def rare(n: int) -> Iterator[Row]:
+    """A request now and then, and answers that last for some samples."""
+    rng = random.Random(n)
+    y = 0.0
+    for i in range(n):
+        if i % 4 == 0:
+            y = rng.uniform(-3, 3)
+        yield (rng.uniform(0, 3) if i % 13 == 5 else -9.0), y + i % 4 / 8
+
+
+@pytest.mark.parametrize("rows", [rising, falling, mixed, rare], ids=lambda rows: rows.__name__)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_length_of_a_trace_ends_as_its_definition_says(shape: str, rows: Rows) -> None:
     expected, monitor = both(shape)
     twin = EpisodeMonitor(shape, backend="native")
-    for i, row in enumerate(rows(48)):
+    for i, row in enumerate(rows(70)):
         feed(expected, row)
         feed(monitor, row)
         feed(twin, row)
