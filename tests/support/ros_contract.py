@@ -57,6 +57,12 @@ def of_runs(calls: Sequence[int], ticks: Sequence[int]) -> list[tuple[list[int],
     return [([call for call in calls if call in run], run) for run in runs]
 
 
+def apart(one: int, other: int, period: int) -> int:
+    """The shorter way between two phases."""
+    ahead = (one - other) % period
+    return min(ahead, period - ahead)
+
+
 class MiddlewareContract:
     """The properties; a subclass has a fixture `world`."""
 
