@@ -134,7 +134,9 @@ SHAPES = (
     "eventually((x > 0) and eventually[3:3](y > 0))",
     "always((x > 0) implies eventually[0:6] always[0:9](y > 0))",
     "always((x > 0) implies eventually[2:9] always[1:4](y > 0))",
+    "always((x > 0) implies eventually[0:9] always[0:3](y > 0))",
     "eventually((x > 0) and always[1:3] eventually[0:8](y > 0))",
+    "always((x > 0) implies eventually[0:6] eventually[0:9](y > 0))",
     "always(((x > 0) implies eventually[0:7](y > 0)) and ((y > 0) implies always[2:5](x > 0)))",
     "eventually((y > 0) or x < 0 or eventually[1:6](x > 1))",
     "eventually((x > 0) and y < 1 and always[4:4] eventually[5:5](y > 0))",
@@ -170,7 +172,15 @@ def rare(n: int) -> Iterator[Row]:
         yield (rng.uniform(0, 3) if i % 13 == 5 else -9.0), y + i % 4 / 8
 
 
-@pytest.mark.parametrize("rows", [rising, falling, mixed, rare], ids=lambda rows: rows.__name__)
+def late(n: int) -> Iterator[Row]:
+    """One request, whose better answer comes with the end of its window; then a bad end."""
+    for i in range(n):
+        yield (9.0 if i == 0 else -9.0), (1.0 if i < 9 else 5.0 if i < 20 else -8.0)
+
+
+@pytest.mark.parametrize(
+    "rows", [rising, falling, mixed, rare, late], ids=lambda rows: rows.__name__
+)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_length_of_a_trace_ends_as_its_definition_says(shape: str, rows: Rows) -> None:
     expected, monitor = both(shape)
