@@ -91,7 +91,7 @@ class Fmus(System):
     Source: Functional Mock-up Interface 2.0.4 and 3.0.1, Modelica Association; run by FMPy.
     """
 
-    needs_period = True
+    needs_period: bool | str = True
     endless = True
 
     def __init__(
@@ -117,7 +117,7 @@ class Fmus(System):
         sizes = {float(each.stepSize) for each in experiments if each and each.stepSize}
         if len(sizes) > 1:
             *others, last = (f"{size:g}" for size in sorted(sizes))
-            self.no_period = f"suggest steps of {', '.join(others)} and {last} s"
+            self.needs_period = f"suggest steps of {', '.join(others)} and {last} s"
         self.period = self._step or (sizes.pop() if len(sizes) == 1 else None)
         self._variables = Variables(dict(zip(self.paths, self._described, strict=True)))
         self._start_values: list[tuple[Variable, float]] = []

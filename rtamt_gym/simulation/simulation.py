@@ -111,7 +111,9 @@ class Simulation:
             if period is None:
                 period = ran.period
             if period is None and ran.needs_period:
-                raise InputError(f"{ran.name} {ran.no_period}; give period= in seconds")
+                lacks = ran.needs_period
+                reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
+                raise InputError(f"{ran.name} {reason}; give period= in seconds")
             why = why_no_period(system) if isinstance(system, gym.Env) else ""
             check_period(loaded, period, ran.name, why)
             interface = Interface(semantics, inputs, outputs)

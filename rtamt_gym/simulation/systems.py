@@ -60,8 +60,8 @@ class System(Protocol):
     Attributes:
         name: Its name in tables and pictures.
         period: Its own time between samples in seconds, or None.
-        needs_period: Whether it cannot run without a period.
-        no_period: Why it has none, as what its name does.
+        needs_period: Whether it cannot run without a period; a text says why it has none itself,
+            "suggest steps of 0.1 and 0.2 s".
         limit: The number of steps after which it ends by itself; None if that is not known.
         endless: Whether it may go on for ever.
         ended: How it has ended by itself; an empty string while it has not.
@@ -69,8 +69,7 @@ class System(Protocol):
 
     name: str
     period: float | None = None
-    needs_period: bool = False
-    no_period: str = "does not say how long a step lasts"
+    needs_period: bool | str = False
     limit: int | None = None
     endless: bool = False
     ended: SystemEnd = ""
