@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from chromium import draw_all, launched, opened, written
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 from report_example import EXAMPLE
 
 EPISODE = EXAMPLE.sections[0].requirements[0].worst[0]
@@ -76,8 +76,8 @@ def test_a_hover_over_a_bar_counts(page: Page) -> None:
     bar = plot.locator(".point path").first.bounding_box()
     assert bar
     page.mouse.move(bar["x"] + bar["width"] / 2, bar["y"] + bar["height"] / 2, steps=3)
-    said = plot.locator(".hoverlayer .hovertext").text_content()
-    assert said == "\N{MINUS SIGN}0.25 to \N{MINUS SIGN}0.2: 1 episode"
+    said = plot.locator(".hoverlayer .hovertext")
+    expect(said).to_have_text("\N{MINUS SIGN}0.25 to \N{MINUS SIGN}0.2: 1 episode")
 
 
 def test_the_slider_shows_values_and_the_frame_of_its_time(page: Page) -> None:
@@ -138,7 +138,7 @@ def test_the_samples_become_a_table(page: Page) -> None:
     details = page.locator("#evaluation-upright-worst-seed-17 [data-samples]")
     details.locator("summary").click()
     rows = details.locator("tbody tr")
-    assert rows.count() == len(EPISODE.times)
+    expect(rows).to_have_count(len(EPISODE.times))  # once the browser has said that it is open
     assert rows.nth(64).locator("td").all_inner_texts() == [
         *(shown(EPISODE.times[64]), shown(EPISODE.signals["angle"][64])),
         *(shown(EPISODE.signals["position"][64]), shown(EPISODE.robustness[64])),

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from chromium import launched, opened, written
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 from report_example import EXAMPLE
 
 UPRIGHT = "evaluation-upright"
@@ -114,18 +114,12 @@ def test_the_address_restores_filter_and_position(
         assert again.locator("select[name=requirement]").input_value() == "upright"
         assert again.get_by_label("Verdict").input_value() == "violated"
         assert runs(again, UPRIGHT) == ["seed 17", "seed 9"]
-        row = again.locator("#evaluation-upright-seed-9")
-        box = row.bounding_box()
-        assert box
-        assert 0 < box["y"] < 900
-        assert "at" in (row.get_attribute("class") or "").split()
+        row = again.locator("#evaluation-upright-seed-9.at")
+        expect(row).to_be_in_viewport()
 
 
 def test_a_link_to_a_run_beyond_the_first_ten_shows_it(browser: Browser, example: Path) -> None:
     with opened(browser, example, "#evaluation-upright-seed-19") as page:
         row = page.locator("#evaluation-upright-seed-19")
-        row.wait_for()
-        box = row.bounding_box()
-        assert box
-        assert 0 < box["y"] < 900
+        expect(row).to_be_in_viewport()
         assert len(runs(page, UPRIGHT)) == 20

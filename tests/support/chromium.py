@@ -24,6 +24,8 @@ ARGUMENTS = (
     "--disable-sync",
     "--disable-quic",
 )
+PATIENCE = 30_000
+"""Milliseconds; nothing that a test waits for takes so long unless it is broken."""
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
@@ -37,8 +39,9 @@ def executable() -> str:
 @contextmanager
 def launched() -> Iterator[Browser]:
     """A browser with a fresh profile, until the end of the block."""
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import expect, sync_playwright
 
+    expect.set_options(timeout=PATIENCE)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable(), args=list(ARGUMENTS))
         yield browser
@@ -76,7 +79,7 @@ def opened(
         reduced_motion="reduce",
         **context,
     )
-    profile.set_default_timeout(20_000)
+    profile.set_default_timeout(PATIENCE)
     page = profile.new_page()
     page.on("console", message)
     page.on("pageerror", lambda error: seen.append(f"error: {error}"))
