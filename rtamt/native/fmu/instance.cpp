@@ -79,7 +79,9 @@ double& Instance::other_settable(Reference reference, double value) {
     const std::string& name = program_.parameters[i].name;
     if (now_.phase > Phase::initializing)
         throw Refusal("the parameter '" + name + "' can be set until initialization ends");
-    if (std::isnan(value)) throw Refusal("expected a number as parameter '" + name + "', got nan");
+    if (!std::isfinite(value))  // as a text's constants have to be
+        throw Refusal("expected a finite number as parameter '" + name + "', got " +
+                      number_text(value));
     return now_.parameters[i];
 }
 

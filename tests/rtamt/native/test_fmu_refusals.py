@@ -146,7 +146,12 @@ REFUSED: dict[str, tuple[Callable[[Unit], None], Act, str]] = {
     "a parameter that is nan": (
         new,
         lambda u: u.set([FIRST + 2], [NAN]),
-        "expected a number as parameter 'limit', got nan",
+        "expected a finite number as parameter 'limit', got nan",
+    ),
+    "a parameter that no text can have": (
+        new,
+        lambda u: u.set([FIRST + 2], [-math.inf]),
+        "expected a finite number as parameter 'limit', got -inf",
     ),
     "a parameter after initialization": (
         begun,
