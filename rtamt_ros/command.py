@@ -10,7 +10,7 @@ from typing import NoReturn, get_args
 
 from rtamt import InputError
 from rtamt_gym.commands.errors import refusal
-from rtamt_gym.judges.interface import Semantics
+from rtamt_gym.judging.interface import Semantics
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read

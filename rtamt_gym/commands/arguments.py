@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
-from rtamt_gym.judges.interface import Semantics
+from rtamt_gym.judging.interface import Semantics
 
 if TYPE_CHECKING:
     from rtamt_gym.signals.signals import SignalLike

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, get_args
 
-from rtamt_gym.judges.ends import AtTermination, AtTruncation, OpenEndWarning
+from rtamt_gym.judging.ends import AtTermination, AtTruncation, OpenEndWarning
 
 __all__ = ["add_ends", "noted_ends"]
 

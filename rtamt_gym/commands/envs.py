@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _described(env: gym.Env[Any, Any]) -> Iterator[str]:
     """The length of a step, the time limit and the spaces of an environment."""
-    from rtamt_gym.judges.specs import find_period, read_period
+    from rtamt_gym.judging.specs import find_period, read_period
     from rtamt_gym.signals.spaces import described
     from rtamt_gym.wrappers.substeps import read_substep_period
 

@@ -142,7 +142,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.evaluation.evaluate import evaluate_policy
     from rtamt_gym.evaluation.sequential import stopping_of
     from rtamt_gym.evaluation.tables import show
-    from rtamt_gym.judges.specs import own_requirements
+    from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.simulation.environments import make
 

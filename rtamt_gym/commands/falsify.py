@@ -121,7 +121,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Searches, prints what was found and writes the files asked for; returns 1 if it violates."""
-    from rtamt_gym.judges.specs import own_requirements
+    from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.search.falsification.falsify import IrreproducibleWarning, falsify
     from rtamt_gym.search.runs.naming import named_system
     from rtamt_gym.search.runs.saved_case import check_name

@@ -85,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Runs the episodes, prints a table of them and writes the files asked for; returns 0."""
-    from rtamt_gym.judges.specs import own_requirements
+    from rtamt_gym.judging.specs import own_requirements
     from rtamt_gym.simulation.environments import make
     from rtamt_gym.simulation.outcomes import report, saved_note, to_json
     from rtamt_gym.simulation.policies import policy_of

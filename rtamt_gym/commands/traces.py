@@ -18,7 +18,7 @@ from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
-from rtamt_gym.judges.ends import AtTruncation
+from rtamt_gym.judging.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.tables import shorten

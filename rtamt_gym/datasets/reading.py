@@ -15,7 +15,7 @@ from gymnasium import spaces
 
 from rtamt import InputError, RtamtError
 from rtamt_gym.datasets.episodes import Episode, part
-from rtamt_gym.judges.specs import Nan
+from rtamt_gym.judging.specs import Nan
 from rtamt_gym.signals.columns import Floats, SignalColumns
 from rtamt_gym.signals.signals import Reading, Step
 

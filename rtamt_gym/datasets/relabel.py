@@ -14,10 +14,10 @@ from rtamt_gym.datasets.episodes import Episode, RelabelledEpisode, part, size_o
 from rtamt_gym.datasets.playback import Judged, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.specs import (
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.specs import (
     Align,
     Nan,
     SpecsLike,

@@ -20,7 +20,7 @@ from rtamt_gym.evaluation.frames import Filming, Frame
 from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
-from rtamt_gym.judges.ends import warn_of_open_end
+from rtamt_gym.judging.ends import warn_of_open_end
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.options import Options
 from rtamt_gym.search.runs.record import Record

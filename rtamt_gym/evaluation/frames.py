@@ -16,7 +16,7 @@ import numpy as np
 from rtamt import InputTypeError, Verdict
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
-from rtamt_gym.judges.specs import read_period
+from rtamt_gym.judging.specs import read_period
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.simulation.environment_case import baseline_of
 from rtamt_gym.simulation.monitors import monitor_of

@@ -19,7 +19,7 @@ from rtamt_gym.evaluation.places import Place, VectorTap
 from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judges.specs import ask_another, autoreset_mode, own_requirements, read_period
+from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
 from rtamt_gym.search.runs.options import check_options
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.rows import Row

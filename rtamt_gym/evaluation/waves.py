@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from rtamt_gym.evaluation.lanes import Lane, Task
 from rtamt_gym.evaluation.places import Place, VectorTap
-from rtamt_gym.judges.specs import autoreset_mode
-from rtamt_gym.judges.vector_infos import final_infos, final_observations
+from rtamt_gym.judging.specs import autoreset_mode
+from rtamt_gym.judging.vector_infos import final_infos, final_observations
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.simulation.models import Batch, Model

@@ -19,7 +19,7 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
 from rtamt_gym.evaluation.intervals import median, quantiles
-from rtamt_gym.judges.vector_infos import key_mask
+from rtamt_gym.judging.vector_infos import key_mask
 
 __all__ = [
     "Outcomes",

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.judges.interface import Interface, InterfaceOptions
-from rtamt_gym.judges.specs import Align, SpecsLike, load_specs
+from rtamt_gym.judging.interface import Interface, InterfaceOptions
+from rtamt_gym.judging.specs import Align, SpecsLike, load_specs
 from rtamt_gym.signals.mujoco import bind_signal
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Reading, SignalLike, parse_signals

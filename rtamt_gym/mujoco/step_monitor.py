@@ -11,9 +11,9 @@ import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Assessment, Feed, Panel
-from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, load_specs
+from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.panel import Assessment, Feed, Panel
+from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import Clock
 from rtamt_gym.mujoco.values import PanelValues

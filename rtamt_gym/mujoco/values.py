@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 
 from rtamt import Verdict
-from rtamt_gym.judges.panel import Monitors, Panel
+from rtamt_gym.judging.panel import Monitors, Panel
 
 __all__ = ["PanelValues"]
 

@@ -12,9 +12,9 @@ import numpy as np
 
 import rtamt
 from rtamt import Verdict
-from rtamt_gym.judges.ends import AtTruncation
-from rtamt_gym.judges.first_sample import first_sample_error
-from rtamt_gym.judges.interface import EXACT, Semantics, robustness_text
+from rtamt_gym.judging.ends import AtTruncation
+from rtamt_gym.judging.first_sample import first_sample_error
+from rtamt_gym.judging.interface import EXACT, Semantics, robustness_text
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.tables import counted, number, sample_text, time_text

@@ -11,7 +11,7 @@ import numpy as np
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
-from rtamt_gym.judges.interface import EXACT
+from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import Rules, viewed
 from rtamt_gym.recorded.ruled import read_ruled

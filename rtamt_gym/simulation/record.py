@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rtamt import Specification, Verdict, parse
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judges.interface import InterfaceOptions, Semantics, robustness_text
-from rtamt_gym.judges.specs import Align, View
+from rtamt_gym.judging.interface import InterfaceOptions, Semantics, robustness_text
+from rtamt_gym.judging.specs import Align, View
 from rtamt_gym.tables import sample_text
 
 __all__ = [

@@ -10,10 +10,10 @@ import numpy as np
 
 import rtamt
 from rtamt import InputTypeError
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.interface import EXACT
-from rtamt_gym.judges.panel import Assessment, Panel
-from rtamt_gym.judges.specs import Nan
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.interface import EXACT
+from rtamt_gym.judging.panel import Assessment, Panel
+from rtamt_gym.judging.specs import Nan
 from rtamt_gym.simulation.record import Course, Floats
 
 __all__ = ["Recorder"]

@@ -10,9 +10,9 @@ import rtamt
 from rtamt import Explanation, InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judges.explanations import chosen, titled
-from rtamt_gym.judges.interface import InterfaceOptions
-from rtamt_gym.judges.specs import SpecsLike, load_specs
+from rtamt_gym.judging.explanations import chosen, titled
+from rtamt_gym.judging.interface import InterfaceOptions
+from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.simulation.record import Floats, RunRecord
 
 if TYPE_CHECKING:  # it is optional

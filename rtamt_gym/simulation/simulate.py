@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.record import Stop

@@ -16,10 +16,10 @@ from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
-from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import (
+from rtamt_gym.judging.ends import AtTermination, AtTruncation, warn_of_open_end
+from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.specs import (
     Align,
     Nan,
     SpecsLike,

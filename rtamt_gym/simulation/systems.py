@@ -18,7 +18,7 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judges.specs import read_period
+from rtamt_gym.judging.specs import read_period
 from rtamt_gym.signals.signals import SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.entries import refuse_unknown

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from rtamt import Explanation, StateError
-from rtamt_gym.judges.episodes import record
-from rtamt_gym.judges.explanations import chosen, titled
-from rtamt_gym.judges.infos import last_info, present
-from rtamt_gym.judges.panel import Feed, Monitors, Panel
+from rtamt_gym.judging.episodes import record
+from rtamt_gym.judging.explanations import chosen, titled
+from rtamt_gym.judging.infos import last_info, present
+from rtamt_gym.judging.panel import Feed, Monitors, Panel
 from rtamt_gym.signals.signals import Env, Read, Reading
 from rtamt_gym.wrappers.monitoring import Monitoring
 

@@ -26,9 +26,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.judges.clocks import Owed
-from rtamt_gym.judges.obligations import Obligation
-from rtamt_gym.judges.values import MonitorValues
+from rtamt_gym.judging.clocks import Owed
+from rtamt_gym.judging.obligations import Obligation
+from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Value, scaled
 
 __all__ = ["KEY", "StateFeatures", "append", "appended_space", "time_left"]

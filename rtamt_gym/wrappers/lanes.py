@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from rtamt_gym.judges.episodes import EpisodeRecords, record
-from rtamt_gym.judges.infos import last_info, step_info
-from rtamt_gym.judges.vector_infos import key_mask, put, put_last
-from rtamt_gym.judges.vector_panel import VectorPanel
+from rtamt_gym.judging.episodes import EpisodeRecords, record
+from rtamt_gym.judging.infos import last_info, step_info
+from rtamt_gym.judging.vector_infos import key_mask, put, put_last
+from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.signals.columns import Floats, Lanes
 from rtamt_gym.wrappers.monitoring import Monitoring
 

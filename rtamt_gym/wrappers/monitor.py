@@ -13,12 +13,12 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import SpecificationError
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.infos import step_info
-from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Feed, Panel
-from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period, recordable
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.infos import step_info
+from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.panel import Feed, Panel
+from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
@@ -100,7 +100,7 @@ class StlMonitor(
     every temporal operator below the top, a clock from 0 to 1 and the margin of each operand, its
     newest known robustness: the clock says how old the oldest unanswered request is, how long a
     goal has been held, how much of a duty is left, or how long ago an event was, as a fraction of
-    the window. :attr:`observed` lists the numbers, :mod:`rtamt_gym.judges.clocks` defines them. A
+    the window. :attr:`observed` lists the numbers, :mod:`rtamt_gym.judging.clocks` defines them. A
     ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     Attributes:

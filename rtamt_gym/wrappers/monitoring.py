@@ -14,12 +14,12 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrap
 from rtamt import InputError, InputTypeError, Specification, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.ends import AtTermination, AtTruncation, warn_of_open_end
-from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.obligations import Obligation
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import (
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import AtTermination, AtTruncation, warn_of_open_end
+from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.obligations import Obligation
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.specs import (
     Align,
     Nan,
     SpecsLike,
@@ -30,8 +30,8 @@ from rtamt_gym.judges.specs import (
     own_requirements,
     why_no_period,
 )
-from rtamt_gym.judges.values import MonitorValues
-from rtamt_gym.judges.vector_panel import VectorPanel
+from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.signals.signals import SignalLike, Source, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.wrappers.observing import Observing

@@ -12,8 +12,8 @@ from gymnasium.vector.utils import batch_space
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judges.obligations import Obligation
-from rtamt_gym.judges.values import MonitorValues
+from rtamt_gym.judging.obligations import Obligation
+from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.wrappers.features import StateFeatures, append, appended_space
 

@@ -11,12 +11,12 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.infos import step_info
-from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import Align, Nan, SpecsLike, View, read_period
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.infos import step_info
+from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, read_period
 from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.episode import EpisodeMonitoring

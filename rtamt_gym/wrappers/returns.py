@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from rtamt_gym.judges.infos import Lanewise
-from rtamt_gym.judges.vector_infos import key_mask
+from rtamt_gym.judging.infos import Lanewise
+from rtamt_gym.judging.vector_infos import key_mask
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["put_return", "put_returns"]

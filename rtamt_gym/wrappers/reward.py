@@ -11,8 +11,8 @@ from gymnasium.core import ActType, ObsType
 from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import Explanation
-from rtamt_gym.judges.specs import SpecsLike
-from rtamt_gym.judges.values import MonitorValues
+from rtamt_gym.judging.specs import SpecsLike
+from rtamt_gym.judging.values import MonitorValues
 from rtamt_gym.shaping import Mode, Priority, outcome, settle
 from rtamt_gym.signals.columns import Floats
 from rtamt_gym.signals.signals import SignalLike

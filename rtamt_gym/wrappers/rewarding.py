@@ -12,7 +12,7 @@ from gymnasium.vector import VectorWrapper
 
 from rtamt import InputError
 from rtamt_gym.checks.callers import caller_level
-from rtamt_gym.judges.specs import SpecsLike
+from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping
 from rtamt_gym.signals.signals import SignalLike, own_signals
 from rtamt_gym.wrappers.clipping import ClipWatch

@@ -13,9 +13,9 @@ from functools import partial
 from typing import Any
 
 from rtamt import InputError, Specification, SpecificationError, StateError
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.panel import Assessment, Panel
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.panel import Assessment, Panel
+from rtamt_gym.judging.specs import View
 from rtamt_gym.signals.signals import Env, Read, Reading
 from rtamt_gym.signals.sources import STEP
 

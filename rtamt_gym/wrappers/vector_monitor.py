@@ -12,11 +12,11 @@ from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
 from rtamt import StateError
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.episodes import EpisodeRecords
-from rtamt_gym.judges.interface import Interface, Names, Semantics
-from rtamt_gym.judges.specs import (
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.episodes import EpisodeRecords
+from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.specs import (
     Align,
     Nan,
     SpecsLike,
@@ -26,9 +26,9 @@ from rtamt_gym.judges.specs import (
     read_period,
     recordable,
 )
-from rtamt_gym.judges.values import MonitorValues
-from rtamt_gym.judges.vector_infos import final_infos, final_observations
-from rtamt_gym.judges.vector_panel import VectorMonitors, VectorPanel
+from rtamt_gym.judging.values import MonitorValues
+from rtamt_gym.judging.vector_infos import final_infos, final_observations
+from rtamt_gym.judging.vector_panel import VectorMonitors, VectorPanel
 from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.lanes import LaneMonitoring, flagged

@@ -30,7 +30,7 @@ FLOORS = {
         ("checks",),
         ("shaping", "tables", "drawing", "inputs"),
         ("signals",),
-        ("judges",),
+        ("judging",),
         ("wrappers", "mujoco"),
         ("simulation", "recorded"),
         ("search",),

@@ -11,7 +11,7 @@ from typing import Literal, Unpack, get_args
 import rtamt
 from rtamt import Explanation, InputError
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judges.ends import AtTruncation
+from rtamt_gym.judging.ends import AtTruncation
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.search.mining.bisection import Found, Judged, tightest
 from rtamt_gym.search.mining.requirement import Ranges, Template, template

@@ -17,8 +17,8 @@ import numpy as np
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judges.ends import AtTruncation
-from rtamt_gym.judges.interface import Names, Semantics
+from rtamt_gym.judging.ends import AtTruncation
+from rtamt_gym.judging.interface import Names, Semantics
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.progress import progress

@@ -10,8 +10,8 @@ import gymnasium as gym
 
 import rtamt
 from rtamt_gym.checks.numbers import exact
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import read_period
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.specs import read_period
 from rtamt_gym.search.runs.lanes import Judging, Lanes
 from rtamt_gym.signals.signals import Element, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES

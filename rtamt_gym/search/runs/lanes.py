@@ -19,10 +19,10 @@ import rtamt
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judges.ends import AtTruncation
-from rtamt_gym.judges.interface import STANDARD, Interface
-from rtamt_gym.judges.specs import Align, Nan, View
-from rtamt_gym.judges.vector_panel import VectorPanel
+from rtamt_gym.judging.ends import AtTruncation
+from rtamt_gym.judging.interface import STANDARD, Interface
+from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.search.runs.rows import Outcome, Row, seconds
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, RunEnd, Stop

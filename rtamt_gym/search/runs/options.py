@@ -12,9 +12,9 @@ import rtamt
 from rtamt import InputTypeError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.interface import Names, Semantics
-from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.specs import Align, Nan, View
 from rtamt_gym.simulation.systems import Environment, System
 
 __all__ = ["Options", "check_options", "check_system", "duration_of"]

@@ -8,7 +8,7 @@ from typing import Any
 import rtamt
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.judges.specs import SpecLike, load_specs
+from rtamt_gym.judging.specs import SpecLike, load_specs
 
 __all__ = ["Requirements", "load_requirements"]
 

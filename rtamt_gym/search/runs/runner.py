@@ -21,7 +21,7 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judges.interface import Interface
+from rtamt_gym.judging.interface import Interface
 from rtamt_gym.search.runs.having_lanes import lanes_of
 from rtamt_gym.search.runs.lanes import Judging, Lanes
 from rtamt_gym.search.runs.options import (

@@ -17,8 +17,8 @@ from replay import INF, Replay, X, shaping_options
 from rtamt import InputError
 from rtamt_gym import relabel
 from rtamt_gym.datasets import relabel as module
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.rewarding import ShapingOptions

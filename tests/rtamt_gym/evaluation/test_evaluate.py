@@ -20,7 +20,7 @@ from walks import SIGNALS, SPECS, Model, Walk, by_hand
 from rtamt import InputError, InputTypeError, StateError, Verdict
 from rtamt_gym import Evaluation, evaluate_policy
 from rtamt_gym.evaluation.sequential import RatioTest, Width
-from rtamt_gym.judges.ends import OpenEndWarning
+from rtamt_gym.judging.ends import OpenEndWarning
 
 
 def evaluation(policy: Any = None, env: Any = None, **options: Any) -> Evaluation:  # noqa: ANN401

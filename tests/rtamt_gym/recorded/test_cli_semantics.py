@@ -12,7 +12,7 @@ from command_line import write_files
 
 import rtamt
 from rtamt_gym.__main__ import main
-from rtamt_gym.judges.interface import Semantics
+from rtamt_gym.judging.interface import Semantics
 
 Output = pytest.CaptureFixture[str]
 TEXT = """\

@@ -19,8 +19,8 @@ from strategies import INTEGERS, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import Formula, InputError
 from rtamt_gym import Run, StepMonitor, simulate
-from rtamt_gym.judges.interface import EXACT, Semantics
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.interface import EXACT, Semantics
+from rtamt_gym.judging.specs import View
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}
 

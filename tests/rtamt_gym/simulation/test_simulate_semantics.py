@@ -13,7 +13,7 @@ from mujoco_models import arm
 
 import rtamt
 from rtamt_gym import Run, Snapshot, StepMonitor, evaluate_rollouts, simulate
-from rtamt_gym.judges.interface import Semantics
+from rtamt_gym.judging.interface import Semantics
 
 SEMANTICS = get_args(Semantics)
 SPECS = {

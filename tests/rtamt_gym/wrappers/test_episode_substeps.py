@@ -8,7 +8,7 @@ from episode_oracle import Options, charge
 
 import rtamt
 from rtamt_gym import Step, StlMonitor
-from rtamt_gym.judges.costs import Cost
+from rtamt_gym.judging.costs import Cost
 
 TEXTS = (
     "always(v < 0.5)",

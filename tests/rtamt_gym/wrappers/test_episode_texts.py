@@ -14,8 +14,8 @@ from vector_environments import Envs, sync
 
 from rtamt import InputError, SpecificationError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.specs import View
 
 INVARIANT = "always(x > 1)"
 ASSUMED = (

@@ -16,8 +16,8 @@ from replay import Replay, X, run
 import rtamt
 from rtamt import InputError, StateError
 from rtamt_gym import StlMonitor, StlReward, simulate
-from rtamt_gym.judges.panel import Panel
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.specs import View
 
 STEPS = 12
 

@@ -10,7 +10,7 @@ from rtamt_envs import scenario_of
 import rtamt
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, simulate
 from rtamt_gym.__main__ import main
-from rtamt_gym.judges.specs import SpecsLike, load_specs
+from rtamt_gym.judging.specs import SpecsLike, load_specs
 
 ID = "rtamt/RequestGrant-v0"
 OWN = scenario_of("RequestGrant").specifications

@@ -16,8 +16,8 @@ from vector_environments import difference
 import rtamt
 from rtamt.program import interface
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
-from rtamt_gym.judges.interface import Semantics
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.interface import Semantics
+from rtamt_gym.judging.specs import View
 from rtamt_gym.shaping import Mode
 
 SEMANTICS = get_args(Semantics)

@@ -17,8 +17,8 @@ from replay import Replay, X
 from vector_environments import MODES, Envs, Make, difference, native, sync, trajectory
 
 from rtamt_gym import Step, StlMonitor, VectorStlMonitor
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.specs import View
 from rtamt_gym.wrappers.monitoring import OnViolation
 
 modes = pytest.mark.parametrize("mode", MODES, ids=lambda mode: mode.name)

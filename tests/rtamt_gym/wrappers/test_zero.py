@@ -13,8 +13,8 @@ from vector_environments import difference
 
 import rtamt
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.specs import View
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.specs import View
 from rtamt_gym.shaping import hierarchical, least
 
 

@@ -26,7 +26,7 @@ pass (``eventually``, ``until`` below ``eventually``) | nothing is pending | jus
 | ``"last"`` | the past: ``once``, ``since``, ``historically``, ``prev``, ``rise``, ``fall`` | \
 the operand holds now (``historically``: fails) | longer ago than the window, or never |
 
-`rtamt_gym.judges.clocks` says how each is computed.
+`rtamt_gym.judging.clocks` says how each is computed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from typing import Any, Literal, cast
 
 import rtamt
 from rtamt import Formula
-from rtamt_gym.judges.specs import Align
+from rtamt_gym.judging.specs import Align
 
 __all__ = ["Asked", "Kind", "Obligation", "bare", "obligations_of"]
 

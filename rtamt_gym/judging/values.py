@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Generic, NamedTuple
 
-from rtamt_gym.judges.clocks import Owed
-from rtamt_gym.judges.infos import Lanewise
+from rtamt_gym.judging.clocks import Owed
+from rtamt_gym.judging.infos import Lanewise
 from rtamt_gym.shaping import Value
 
 __all__ = ["MonitorValues", "read_values"]

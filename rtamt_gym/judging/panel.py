@@ -13,16 +13,16 @@ import numpy as np
 
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
-from rtamt_gym.judges.clocks import Obligations
-from rtamt_gym.judges.costs import Cost, CostMeter
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.infos import VERDICTS, outcome, present, spec_state
-from rtamt_gym.judges.interface import STANDARD, Interface, described
-from rtamt_gym.judges.monitors import InstantMonitor, machine_state, make_monitors
-from rtamt_gym.judges.obligations import Obligation
-from rtamt_gym.judges.picking import picked, split, together
-from rtamt_gym.judges.specs import Align, Nan, View
-from rtamt_gym.judges.values import MonitorValues, read_values
+from rtamt_gym.judging.clocks import Obligations
+from rtamt_gym.judging.costs import Cost, CostMeter
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
+from rtamt_gym.judging.interface import STANDARD, Interface, described
+from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors
+from rtamt_gym.judging.obligations import Obligation
+from rtamt_gym.judging.picking import picked, split, together
+from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Read
 
@@ -41,7 +41,7 @@ Monitors = dict[str, tuple[EpisodeMonitor | InstantMonitor, EpisodeMonitor]]
 class Panel:
     """The monitors of several specifications, fed together, and the verdicts they have decided.
 
-    Its vector twin is `rtamt_gym.judges.vector_panel.VectorPanel`.
+    Its vector twin is `rtamt_gym.judging.vector_panel.VectorPanel`.
 
     Attributes:
         monitors: The monitors of each specification: ``(robustness source, judge)``.
@@ -60,8 +60,8 @@ class Panel:
         history: Whether the judges keep their samples, for explanations.
 
     Raises:
-        SpecificationError: As `rtamt_gym.judges.monitors.make_monitors` and `CostMeter` do.
-        InputError: As `rtamt_gym.judges.monitors.make_monitors` and `CostMeter` do.
+        SpecificationError: As `rtamt_gym.judging.monitors.make_monitors` and `CostMeter` do.
+        InputError: As `rtamt_gym.judging.monitors.make_monitors` and `CostMeter` do.
     """
 
     def __init__(

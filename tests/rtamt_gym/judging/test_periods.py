@@ -16,7 +16,7 @@ from vector_environments import ANGLE, TEXT, make_pole
 
 from rtamt import SpecificationError
 from rtamt_gym import StlMonitor, VectorStlMonitor, simulate
-from rtamt_gym.judges.specs import ask_another, find_period, read_period
+from rtamt_gym.judging.specs import ask_another, find_period, read_period
 
 BOUNDED = "always[0:1](x < 1)"
 X = {"x": "obs[0]"}

@@ -22,8 +22,8 @@ from rtamt_gym import (
     simulate,
 )
 from rtamt_gym.__main__ import main
-from rtamt_gym.judges.costs import Cost
-from rtamt_gym.judges.specs import View, load_specs
+from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.specs import View, load_specs
 from rtamt_gym.shaping import Priority
 
 TEXT = """\

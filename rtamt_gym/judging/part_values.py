@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt_gym.judges.picking import pick
+from rtamt_gym.judging.picking import pick
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["Aligned", "PartValues", "Which"]

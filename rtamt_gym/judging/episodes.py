@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt_gym.judges.infos import Lanewise, Where, present
+from rtamt_gym.judging.infos import Lanewise, Where, present
 
 __all__ = ["EpisodeRecords", "record"]
 

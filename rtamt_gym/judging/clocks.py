@@ -39,11 +39,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt_gym.judges.costs import options_of_parts
-from rtamt_gym.judges.interface import Interface
-from rtamt_gym.judges.obligations import Asked, Kind, Obligation, bare, obligations_of
-from rtamt_gym.judges.part_values import Aligned, PartValues, Which
-from rtamt_gym.judges.specs import Align, Nan
+from rtamt_gym.judging.costs import options_of_parts
+from rtamt_gym.judging.interface import Interface
+from rtamt_gym.judging.obligations import Asked, Kind, Obligation, bare, obligations_of
+from rtamt_gym.judging.part_values import Aligned, PartValues, Which
+from rtamt_gym.judging.specs import Align, Nan
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["Obligations", "Owed"]

@@ -37,8 +37,8 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, SpecificationError
-from rtamt_gym.judges.interface import EXACT, Interface, InterfaceOptions
-from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.judging.interface import EXACT, Interface, InterfaceOptions
+from rtamt_gym.judging.specs import Align, Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 from rtamt_gym.tables import shorten
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judges.infos import Where
+from rtamt_gym.judging.infos import Where
 from rtamt_gym.signals.columns import Lanes
 
 __all__ = ["final_infos", "final_observations", "key_mask", "put", "put_last"]

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import VectorEpisodeMonitor
-from rtamt_gym.judges.clocks import Obligations
-from rtamt_gym.judges.costs import Cost, VectorCostMeter
-from rtamt_gym.judges.ends import AtTermination, AtTruncation
-from rtamt_gym.judges.infos import VERDICTS, Where, outcome, spec_state
-from rtamt_gym.judges.interface import Interface
-from rtamt_gym.judges.monitors import VectorInstantMonitor, make_monitors
-from rtamt_gym.judges.obligations import Obligation
-from rtamt_gym.judges.picking import pick
-from rtamt_gym.judges.specs import Align, Nan, View
-from rtamt_gym.judges.values import MonitorValues, read_values
+from rtamt_gym.judging.clocks import Obligations
+from rtamt_gym.judging.costs import Cost, VectorCostMeter
+from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.infos import VERDICTS, Where, outcome, spec_state
+from rtamt_gym.judging.interface import Interface
+from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors
+from rtamt_gym.judging.obligations import Obligation
+from rtamt_gym.judging.picking import pick
+from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
 

@@ -10,9 +10,9 @@ import numpy as np
 
 import rtamt
 from rtamt import RtamtError
-from rtamt_gym.judges.first_sample import first_sample_error
-from rtamt_gym.judges.interface import Interface, InterfaceOptions
-from rtamt_gym.judges.specs import Align, Nan, View
+from rtamt_gym.judging.first_sample import first_sample_error
+from rtamt_gym.judging.interface import Interface, InterfaceOptions
+from rtamt_gym.judging.specs import Align, Nan, View
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = [
