@@ -14,7 +14,7 @@ import numpy as np
 
 from rtamt_gym.drawing import save
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.environments import import_highway, make
+from rtamt_gym.simulation.environments import make, register
 from rtamt_gym.simulation.outcomes import report, saved_note
 from rtamt_gym.simulation.plot import draw
 from rtamt_gym.simulation.run import Run
@@ -151,7 +151,7 @@ def watch(scenario: Scenario, seed: int = 0) -> list[Run]:
 
 def run(seed: int, picture: Path) -> Iterator[str]:
     """Runs both scenarios and draws the picture; yields the lines to print as they are known."""
-    import_highway()  # fails before the first scenario, not after it
+    register("highway_env")  # fails before the first scenario, not after it
     shown: list[Run] = []
     watched: list[Run] = []
     for scenario in (PENDULUM, HIGHWAY):

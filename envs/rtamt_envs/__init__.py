@@ -11,45 +11,11 @@ register them with; `scenario_of` finds them all the same.
 
 from __future__ import annotations
 
-from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
 
-from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
-
-if TYPE_CHECKING:
-    from rtamt_envs.scenario import Scenario
+from rtamt_envs.scenario import SCENARIOS, scenario_of
 
 __all__ = ["SCENARIOS", "scenario_of"]
-
-SCENARIOS: dict[str, tuple[str, int]] = {
-    "AircraftElevator": ("aircraft_elevator", 1000),
-    "AutomaticTransmission": ("automatic_transmission", 3500),
-    "ChasingCars": ("chasing_cars", 2000),
-    "SteamCondenser": ("steam_condenser", 3500),
-    "MobileRobot": ("mobile_robot", 600),
-    "RequestGrant": ("request_grant", 150),
-    "TwoServiceRobots": ("two_service_robots", 600),
-}
-"""The module of each scenario and the steps of its episodes, by name. The modules are imported
-when an environment is made: they import numba."""
-
-
-def scenario_of(name: str) -> Scenario:
-    """Finds a scenario by its name, such as ``"ChasingCars"``.
-
-    Raises:
-        InputError: If there is none of this name; names the nearest.
-    """
-    if name not in SCENARIOS:
-        raise InputError(
-            f"there is no scenario {name!r}{nearest(name, SCENARIOS)}; "
-            f"there are {listing(SCENARIOS)}"
-        )
-    found: Scenario = import_module(f"{__name__}.{SCENARIOS[name][0]}").SCENARIO
-    return found
-
 
 if find_spec("gymnasium") is not None:
     import gymnasium as gym

@@ -56,7 +56,7 @@ from rtamt_envs.aircraft_elevator_modes import (
 from rtamt_envs.aircraft_elevator_plant import PERIOD, SIDE, advance, stepping
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
-from rtamt_gym import Parameter, Signal
+from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

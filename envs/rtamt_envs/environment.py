@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_envs import scenario_of
 from rtamt_envs.lanes import Lanes
-from rtamt_envs.scenario import Declared, Episode, Floats, Quantity, Scenario
+from rtamt_envs.scenario import Declared, Episode, Floats, Quantity, Scenario, scenario_of
 from rtamt_gym.checks.extras import naming_extra
 
 __all__ = ["ScenarioEnv", "box", "numbers"]

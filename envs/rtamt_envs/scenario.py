@@ -1,10 +1,11 @@
-"""`Scenario`: what a file of this package declares of its model."""
+"""`Scenario`: what a file of this package declares of its model; the table of all of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,13 +13,34 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, InputTypeError
-from rtamt_gym import Parameter, Signal
 from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
     from matplotlib.figure import Figure
 
-__all__ = ["Bools", "Declared", "Episode", "Floats", "Quantity", "Scenario"]
+__all__ = [
+    "SCENARIOS",
+    "Bools",
+    "Declared",
+    "Episode",
+    "Floats",
+    "Quantity",
+    "Scenario",
+    "scenario_of",
+]
+
+SCENARIOS: dict[str, tuple[str, int]] = {
+    "AircraftElevator": ("aircraft_elevator", 1000),
+    "AutomaticTransmission": ("automatic_transmission", 3500),
+    "ChasingCars": ("chasing_cars", 2000),
+    "SteamCondenser": ("steam_condenser", 3500),
+    "MobileRobot": ("mobile_robot", 600),
+    "RequestGrant": ("request_grant", 150),
+    "TwoServiceRobots": ("two_service_robots", 600),
+}
+"""The module of each scenario and the steps of its episodes, by name. The modules are imported
+when an environment is made: they import numba."""
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -164,9 +186,22 @@ class Scenario:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles by name: compiled functions stay where they are."""
-        from rtamt_envs import scenario_of
-
         return scenario_of, (self.name,)
+
+
+def scenario_of(name: str) -> Scenario:
+    """Finds a scenario by its name, such as ``"ChasingCars"``.
+
+    Raises:
+        InputError: If there is none of this name; names the nearest.
+    """
+    if name not in SCENARIOS:
+        raise InputError(
+            f"there is no scenario {name!r}{nearest(name, SCENARIOS)}; "
+            f"there are {listing(SCENARIOS)}"
+        )
+    found: Scenario = import_module(f"rtamt_envs.{SCENARIOS[name][0]}").SCENARIO
+    return found
 
 
 class Declared:

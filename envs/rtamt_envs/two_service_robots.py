@@ -30,7 +30,7 @@ from gymnasium import spaces
 from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled
 from rtamt_envs.scenario import Episode, Quantity, Scenario
-from rtamt_gym import Parameter, Signal
+from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

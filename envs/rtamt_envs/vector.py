@@ -12,10 +12,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
 from rtamt import InputError
-from rtamt_envs import scenario_of
 from rtamt_envs.environment import box, numbers
 from rtamt_envs.lanes import Lanes
-from rtamt_envs.scenario import Bools, Declared, Floats
+from rtamt_envs.scenario import Bools, Declared, Floats, scenario_of
 
 __all__ = ["ScenarioVectorEnv"]
 

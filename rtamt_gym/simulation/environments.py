@@ -6,19 +6,24 @@ import os
 from collections.abc import Mapping
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, Final
 
 import gymnasium as gym
 
 from rtamt import InputError
+from rtamt_gym.checks.extras import EXTRAS
 
-__all__ = ["families", "import_highway", "make"]
+__all__ = ["PACKAGES", "families", "make", "register"]
+
+PACKAGES: Final[Mapping[str, str]] = {"rtamt": "rtamt_envs", "": "highway_env"}
+"""The package that registers the environments of a namespace, ``NAMESPACE/Name-v0``, when it is
+imported; those of Gymnasium are there without it."""
 
 
 def make(
     env_id: str, max_steps: int | None = None, options: Mapping[str, Any] | None = None
 ) -> gym.Env[Any, Any]:
-    """Makes the environment of an id; the user need not import highway-env or rtamt_envs first.
+    """Makes the environment of an id; the user need not import one of `PACKAGES` first.
 
     Args:
         env_id: The id that `gymnasium.make` takes.
@@ -29,10 +34,9 @@ def make(
         InputError: If there is no such environment (names the nearest), or it cannot be made.
     """
     name = env_id.rpartition(":")[2].partition("-v")[0]
-    if env_id.startswith("rtamt/"):
-        import_module("rtamt_envs")
-    elif ":" not in env_id and not _known(name) and find_spec("highway_env"):
-        import_highway()
+    package = PACKAGES.get(name.rpartition("/")[0])
+    if package and ":" not in env_id and not _known(name) and find_spec(package):
+        register(package)
     try:
         return gym.make(
             env_id, max_episode_steps=max_steps, disable_env_checker=True, **(options or {})
@@ -40,12 +44,16 @@ def make(
     except (gym.error.Error, ModuleNotFoundError) as error:
         hint = ""
         if isinstance(error, gym.error.NameNotFound):
-            import_module("rtamt_envs")
+            missing = _register_all()
             named = {spec.name: spec.id for spec in gym.registry.values() if spec.namespace}
             if name in named:
                 hint = f" Did you mean: `{named[name]}`?"
-            elif not find_spec("highway_env"):
-                hint = "; the environments of highway-env need pip install '.[highway]'"
+            elif missing:
+                hint = "".join(
+                    f"; the environments of {each.replace('_', '-')} need "
+                    f"pip install '.[{EXTRAS[each]}]'"
+                    for each in missing
+                )
         raise InputError(f"cannot make {env_id}: {error}{hint}") from error
     except Exception as error:
         if not options:
@@ -61,9 +69,7 @@ def make(
 
 def families() -> dict[str, list[str]]:
     """The ids of all registered environments, the newest of each name, by where they come from."""
-    import_module("rtamt_envs")
-    if find_spec("highway_env"):
-        import_highway()
+    _register_all()
     newest: dict[tuple[str | None, str], gym.envs.registration.EnvSpec] = {}
     for spec in gym.registry.values():
         known = newest.get((spec.namespace, spec.name))
@@ -77,11 +83,20 @@ def families() -> dict[str, list[str]]:
     return {family: sorted(ids) for family, ids in sorted(found.items())}
 
 
-def import_highway() -> None:
-    """Registers the environments of highway-env."""
-    # Without this, pygame prints a greeting on stdout.
+def register(package: str) -> None:
+    """Registers the environments of a package, one of `PACKAGES`."""
+    # Without this, pygame, which highway-env imports, prints a greeting on stdout.
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    import_module("highway_env")
+    import_module(package)
+
+
+def _register_all() -> list[str]:
+    """Registers the environments of all packages; returns those that are not installed."""
+    missing = [package for package in PACKAGES.values() if not find_spec(package)]
+    for package in PACKAGES.values():
+        if package not in missing:
+            register(package)
+    return missing
 
 
 def _known(name: str) -> bool:

@@ -15,13 +15,13 @@ import gymnasium as gym
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.simulation.environments import make
+from rtamt_gym.simulation.environments import PACKAGES, make
 from rtamt_gym.simulation.fmi import Fmus
 from rtamt_gym.simulation.imported import find_object
 
 __all__ = ["import_path", "named_object", "named_system", "system_name"]
 
-_KNOWN: Final = ("gymnasium", "rtamt_envs", "highway_env")
+_KNOWN: Final = ("gymnasium", *PACKAGES.values())
 """Packages whose environments `make` finds by their ids alone."""
 
 _WAY_OUT: Final = (
