@@ -66,7 +66,7 @@ def trained(variant: str) -> gym.Env[Any, Any]:
                 seen(variant), lambda _, ended, info: BONUS * (ended and info["stl_success"])
             )
         case _:
-            # Of progress 2 times: while windows are open only the lower bound gains.
+            # progress counts twice: while windows are open only the lower bound gains.
             weight = 2.0 if mode == "progress" else 1.0
             shaped = {"mode": mode, "weight": weight, "gamma": GAMMA, "bonus": BONUS}
     return StlReward(made(variant), **shaped, **monitored(variant))

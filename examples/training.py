@@ -55,7 +55,7 @@ class Task:
     """What is learned, and how it is judged.
 
     Attributes:
-        name: Of the file of results.
+        name: The name of the file of results.
         required: The requirements, the same for all variants.
         signals: The signals of the requirements.
         period: Time between two samples; None: the environment says it.
@@ -64,7 +64,7 @@ class Task:
         variants: Their names, in the order of the table.
         ours: The variant with which every other one is compared.
         drawn: The variants in the picture.
-        first_seed: Of the runs that were published.
+        first_seed: The seed of the first published run; each further run has one more.
         steps: Steps of the environment that every run trains.
         points: How often a run is judged, at equal distances.
         episodes: How many episodes judge.

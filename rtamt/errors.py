@@ -94,7 +94,8 @@ def is_one_of(value: object, names: Iterable[str]) -> bool:
 def brief(value: object, most: int = 60) -> str:
     """What was given, for an error: its repr in one line, cut to a length; its type if it has none.
 
-    An integer of 5,000 digits has none, and that of an object of the caller's may raise anything.
+    An integer of 5,000 digits has no repr, and an object of the caller's may raise anything in its
+    own.
     """
     try:
         text = " ".join(repr(value).split())

@@ -36,7 +36,7 @@ OPEN = "#666666"
 
 
 def check_format(path: Path) -> None:
-    """Checks that the extension of a file is that of a picture.
+    """Checks that a file has the extension of a picture.
 
     Raises:
         InputError: If it is not; names the usual ones.
@@ -64,8 +64,8 @@ def robustness_panel(
 ) -> list[NDArray[np.float64]]:
     """Names a panel, writes a formula above it in lines of a width, and draws a line at zero.
 
-    Returns the curves clipped to the range of the panel: that of their finite values and zero, with
-    room above and below, so that infinite values end at its edges.
+    Returns the curves clipped to the range of the panel, so that infinite values end at its edges.
+    The range holds their finite values and zero, with room above and below.
     """
     tidy(ax, name)
     text = "\n".join(textwrap.wrap(formula, width, max_lines=2, placeholder=" ..."))

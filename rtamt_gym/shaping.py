@@ -14,8 +14,8 @@ Let r be the environment's reward, x the robustness of the episode before the st
 
 Beside every mode, `settle` pays a bonus once all specifications are certainly satisfied, and takes
 a penalty once one is certainly violated, each once an episode, at the step that shows it or at the
-last one if only the end decides. ``potential`` then keeps the optimal policy of r with bonus and
-penalty, not that of r alone.
+last one if only the end decides. ``potential`` then keeps the policy that is optimal for r with
+bonus and penalty, not the one for r alone.
 
 ``progress`` pays what the bounds of the robustness gain, each clipped. Its sum over an episode is
 weight times their middle at the end less that at the reset, which no action changes. At the end the
@@ -311,7 +311,7 @@ class Shaping:
         bonus: float = 0.0,
         penalty: float = 0.0,
     ) -> Shaping:
-        """The shaping for the specifications named; the arguments are those of `StlReward`.
+        """The shaping for the specifications named; `StlReward` documents the arguments.
 
         Raises:
             InputError: If an argument is none of its choices, out of its range, or names a
@@ -353,9 +353,9 @@ class Shaping:
     def deciding(self, values: Sequence[Value]) -> Value:
         """The robustness that decides `robustness`, as it is before it is clipped.
 
-        It is the least of the specifications, each times its weight; of ``hierarchical`` that of
-        the level that pays. Where it is beyond the clip, no small change of any specification of
-        that level changes the reward.
+        It is the least over the specifications, each times its weight; in the mode ``hierarchical``
+        the least over the level that pays. Where it is beyond the clip, no small change of any
+        specification of that level changes the reward.
         """
         weighted = [factor * value for factor, value in zip(self.weights, values, strict=True)]
         lows = [least([weighted[i] for i in level]) for level in self.levels]
@@ -375,7 +375,7 @@ class Shaping:
 
         Args:
             reward: The reward of the environment.
-            before: `robustness` before the step; of ``progress`` the `middle`.
+            before: `robustness` before the step; in the mode ``progress`` the `middle`.
             after: The same after the step.
             terminated: Whether the episode was terminated.
             ended: Whether it was terminated or truncated.

@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs a monitor until the node is told to end; returns the exit code.
 
     Args:
-        argv: The arguments; None: those of the program.
+        argv: The arguments; None: the program's own.
 
     Returns:
         0 after SIGINT, SIGTERM or the like; 2 on bad arguments and specifications, with one message
@@ -164,8 +164,8 @@ def _parser() -> argparse.ArgumentParser:
     ros.add_argument(
         "--qos",
         choices=get_args(Qos),
-        help="of subscriptions of ROS 2: best_effort hears every publisher, reliable loses nothing "
-        f"(default: {_default('qos')}); those of ROS 1 do both",
+        help="how ROS 2 subscribes: best_effort hears every publisher, reliable loses nothing "
+        f"(default: {_default('qos')}); ROS 1 does both",
     )
     return parser
 

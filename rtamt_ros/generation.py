@@ -57,7 +57,7 @@ def open_node(asked: int | None, name: str, arguments: Sequence[str]) -> Middlew
     Args:
         asked: 1, 2, or None for the one that is installed.
         name: The name of the node.
-        arguments: Those of ROS, such as remappings.
+        arguments: The arguments of ROS, such as remappings.
 
     Raises:
         InputError: As `chosen` does.
@@ -83,10 +83,10 @@ class RosArguments(NamedTuple):
     arguments: list[str]
 
     def of(self, generation: Generation) -> list[str]:
-        """Those of a generation.
+        """The arguments that a generation of ROS understands.
 
         Raises:
-            InputError: On those of the other, which this one would ignore.
+            InputError: If there are arguments for the other one, which this one would ignore.
         """
         if generation == 1 and self.arguments:
             raise InputError(

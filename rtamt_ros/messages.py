@@ -41,7 +41,7 @@ def installed(
         raise InputError(f"{package} has no message {name}{nearest(name, vars(module))}")
     if not is_its_own(found):
         raise InputError(
-            f"expected {package} of ROS {generation}, found that of ROS {3 - generation} in "
+            f"expected {package} of ROS {generation}, found {package} of ROS {3 - generation} in "
             f"{module.__file__}: start from a terminal where only ROS {generation} is set up"
         )
     return found

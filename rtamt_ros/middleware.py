@@ -10,7 +10,7 @@ __all__ = ["Handle", "Level", "Middleware"]
 
 
 class Level(IntEnum):
-    """How bad a state is; the numbers are those of ``diagnostic_msgs/DiagnosticStatus``."""
+    """How bad a state is, with the numbers of ``diagnostic_msgs/DiagnosticStatus``."""
 
     OK = 0
     WARN = 1

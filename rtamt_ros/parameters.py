@@ -57,7 +57,7 @@ def read(
     """What the values of all parameters say to monitor, and how.
 
     Args:
-        values: Those of all `PARAMETERS`.
+        values: A value for each of `PARAMETERS`, by name.
         runnable: Whether they have to fit each other; parameters that are set one by one need not
             until there is a monitor.
 

@@ -162,7 +162,7 @@ def _now() -> int:
 
 @cache
 def _stamped(name: str) -> type:
-    """The class of a number with a header, wire-compatible to that of the package rtamt_msgs."""
+    """Makes the class of a number with a header, with the wire format of the package rtamt_msgs."""
     header = std_msgs.msg.Header
     text = f"Header header\nfloat64 value\n{'=' * 80}\nMSG: {header._type}\n{header._full_text}"  # noqa: SLF001
     made: type = genpy.dynamic.generate_dynamic(f"rtamt_msgs/{name}", text)[f"rtamt_msgs/{name}"]
@@ -174,7 +174,7 @@ class _Subscription:
     def __init__(self, topic: str, message: type, callback: Callable[[Any], None]) -> None:
         self._callback = Callback(callback, rospy.logerr)
         self._subscriber = rospy.Subscriber(topic, message, self._callback, tcp_nodelay=True)
-        # rospy has one class for a topic, that of the first, and hands its messages to all.
+        # rospy keeps the first class that a topic is asked with, and hands its messages to all.
         first = self._subscriber.impl.data_class
         if first is not message:
             self.close()

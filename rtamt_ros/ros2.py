@@ -53,8 +53,9 @@ class Ros2:
 
     Attributes:
         node: The node of rclpy.
-        qos: Of the subscriptions to come. ``"best_effort"`` hears every publisher, also those of
-            sensor data; ``"reliable"`` hears reliable ones only, which send again what was lost.
+        qos: The quality of service of the subscriptions to come. ``"best_effort"`` hears every
+            publisher, of sensor data too; ``"reliable"`` hears only reliable publishers, which send
+            again what was lost.
         depth: How many messages of a topic wait for their callback before the oldest is dropped.
     """
 
@@ -174,7 +175,7 @@ class Ros2:
                         if not self._ending.asked:
                             self.log(Level.ERROR, traceback.format_exc())
 
-            # The wait of rclpy does not return for a signal, that of an ending does.
+            # A wait of rclpy does not return for a signal; an ending's wait does.
             self._runner = threading.Thread(target=run, name=self.name)
             self._runner.start()
             self._ending.wait()

@@ -200,7 +200,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The program ``stl_monitor`` of ``ros2 run``: `run`, on parameters alone.
 
     Args:
-        arguments: Those of the command line; None: those of the program.
+        arguments: The words of a command line; None: the program's own.
     """
     shown = [
         f"  {name:<10} {meaning}" + (f" ({default})" if default not in {"", None} else "")

@@ -11,7 +11,7 @@ the left outer actuator, H2 both inner ones, H3 the right outer one, at 1000 kPa
 fails the outer actuators are active, under a PID law sampled every 0.01 s, and the inner ones stand
 by, under a proportional law. Monitors watch pressures and positions, and a mode logic
 (`aircraft_elevator_modes`) turns off or isolates what has failed and sets the other actuator of the
-side to work, and with it that of the other side.
+side to work, and with it the same actuator of the other side.
 
 Positions are in cm, pressures in kPa, times in s. The action is the pilot's command, held over the
 step; the first step starts from rest at command 0. An observation is taken at the end of a step:
@@ -19,12 +19,12 @@ step; the first step starts from rest at command 0. An observation is taken at t
 those decided at that time (0 Isolated, 1 Off, 2 Passive, 3 Standby, 4 Active), and `p1` to `p3` are
 the pressures as the monitors see them, the middle of three sensors each.
 
-A fault begins at the first sample at or after its time, and never ends. Of a lost circuit supply
-and reading fall to 0. A failed position reads 100 cm; the actuator itself still works, it is the
+A fault begins at the first sample at or after its time, and never ends. Supply and reading of a
+lost circuit fall to 0. A failed position reads 100 cm; the actuator itself still works, it is the
 monitors that rule it out.
 
-As in the source, the pressure across a piston that does not push follows the same equation as that
-of one that does. So an actuator that takes over starts from a pressure that does not fit the
+As in the source, the pressure across a piston follows the same equation whether the piston pushes
+or not. So an actuator that takes over starts from a pressure that does not fit the
 position, and the elevator jumps and swings for half a second: by 1 or 2 cm where an inner actuator
 takes over, by 5 cm and more where an outer one does that has stood by through a step of the
 command, as its law is the stronger one. Beyond 10 cm the monitors take the jump for a failure and

@@ -12,19 +12,19 @@ radius of one foot.
   gear changes when the speed was beyond its threshold in three comparisons in a row (0.08 s).
 
 Torque, K and TR are tables, linear between their points and beyond their ends. Both actions are
-held over a step. The solver is that of the original: Dormand and Prince's, of order five, in fixed
+held over a step. The original has the same solver: Dormand and Prince's, of order five, in fixed
 steps of 0.01 s. A comparison at time t uses the throttle from t on, as in the original, so it is
 made when the step from t begins, and a shift shows in the observation at t + 0.01 s. At a control
 point of an input the new throttle therefore counts already.
 
 Validated: at full throttle without the brake (three shifts up) the speed at 20 s and the greatest
-rpm equal those of Simulink to 1e-10. Numbers of Simulink are wanting for shifts down, throttles
+rpm equal Simulink's to 1e-10. Numbers of Simulink are wanting for shifts down, throttles
 between the rows of the tables, the engine at its least speed of 600 rpm, and the brake: there a
 second model, written apart from this one, agrees to 1e-10 in the same steps.
 Nothing is claimed about a real car: a standing one under the brake trembles between -0.01 and 0.02
 mph, because friction jumps with the sign of the speed; with a halved step by half as much.
 
-The requirements are those of the ARCH-COMP competition in falsification. `SCENARIO.inputs` are its
+The ARCH-COMP competition in falsification poses the requirements. `SCENARIO.inputs` are its
 instance 2: pieces of 5 s, here seven of each input, in the 35 s that AT51 to AT54 need (32.6 s of
 the 30 to 50 s that are in use). Instance 1, any piecewise continuous input, is what the other
 requirements are posed for: give a search ``Signal("throttle", 0, 100, points=...)`` of your own.

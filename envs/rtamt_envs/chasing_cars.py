@@ -33,7 +33,7 @@ to -5000, by 1.2e-10.
 Forward Euler does not do: with steps of 0.05 s 57 of 60 random inputs violate CC5, in truth one in
 forty does; with steps of 0.01 s followers are still up to 6 m from where they should be.
 
-**Not validated:** the model is that of the equations above; it was not compared with traces of the
+**Not validated:** the model solves the equations above; it was not compared with traces of the
 Simulink model. There the input of the first period goes in a line too, and guards are noticed as
 its solver steps.
 

@@ -37,8 +37,8 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
 
     Args:
         scenario: The name of the scenario; ``gym.make`` gives it.
-        parameters: Values of parameters in all episodes, by name. ``reset(options={...})`` gives
-            those of one episode.
+        parameters: Values of parameters in all episodes, by name. ``reset(options={...})`` sets
+            them for one episode.
         render_mode: ``"rgb_array"``: `render` draws the episode up to now. None: no pictures.
 
     Raises:

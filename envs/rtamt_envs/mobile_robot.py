@@ -4,13 +4,13 @@ The robot is a disc. Every 0.1 s its twist, a speed ahead and a turn rate, follo
 once, or with a first-order ``lag`` in seconds, and with Gaussian ``noise``, whose standard
 deviation is this fraction of the twist. The pose is integrated exactly for a twist that is
 constant over the step: the robot drives an arc of a circle. A step that would end within a wall
-is not taken: the pose stays, and the twist is still that of the command. Odometry is the pose and
+is not taken: the pose stays, and the twist still follows the command. Odometry is the pose and
 the twist at the end of the step. Wheels, inertia and range sensors are not modelled.
 
-This is how the simulator STDR moves a robot, and the requirement ``follows`` is that of the paper's
-first robot, driven by hand: it follows its commands within 0.5 m/s. The lag, the rooms, the
+This is how the simulator STDR moves a robot, and the paper requires ``follows`` of its first
+robot, driven by hand: it follows its commands within 0.5 m/s. The lag, the rooms, the
 other requirements and the baseline, which drives through the door to a desk and on to a dock, are
-made up here. No robot and no run of STDR were compared with it; its noise is that of the usual
+made up here. No robot and no run of STDR were compared with it; its noise is as in the usual
 velocity model (S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005) without cross terms.
 
 :func:`unicycle`, :func:`clearance`, :func:`next_point` and :func:`drive` are the model and the

@@ -149,8 +149,8 @@ class Scenario:
             base: Parameters of one lane or of many.
 
         Raises:
-            InputError: If a name is not that of a parameter, or a value does not fit the lanes or
-                is nan.
+            InputError: If no parameter has such a name, or a value does not fit the lanes or is
+                nan.
             InputTypeError: If they are no mapping, or a value is not a number.
         """
         if not isinstance(given, Mapping):

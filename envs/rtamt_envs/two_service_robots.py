@@ -304,7 +304,7 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
         """Begins an episode.
 
         Args:
-            seed: Of the noise, as for the scenario.
+            seed: The seed of the noise, as for the scenario.
             options: ``{"parameters": {"lag": 0.5}}`` sets parameters of this episode. Other
                 options are left to others: PettingZoo hands the same to every layer.
 
@@ -343,7 +343,7 @@ class ParallelRobots(ParallelEnv):  # type: ignore[misc]  # it has no types
             raise StateError("no episode runs; call reset() first")
         if set(actions) != set(here):
             raise InputError(
-                f"expected an action of {' and '.join(here)}, got those of "
+                f"expected an action of {' and '.join(here)}, got actions of "
                 f"{', '.join(map(str, actions)) or 'none'}"
             )
         action = np.concatenate([actions[agent] for agent in here])

@@ -37,7 +37,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
     Args:
         num_envs: The number of lanes.
         scenario: The name of the scenario; ``gym.make_vec`` gives it.
-        max_episode_steps: The steps of an episode; ``gym.make_vec`` gives those of the scenario.
+        max_episode_steps: The steps of an episode; ``gym.make_vec`` takes them from the scenario.
         parameters: Values of parameters in all episodes, by name.
         autoreset_mode: When a lane that was truncated begins a new episode, as in Gymnasium.
         render_mode: None; `ScenarioEnv` draws.

@@ -40,7 +40,7 @@ class AbstractSpecification:
     """A specification that is declared call by call, then parsed, then run.
 
     Attributes:
-        name: A name for the whole; that of the text once it is parsed, if it has one.
+        name: A name for the whole; after `parse` the name that the text gives it, if any.
         spec: The text.
         unit: Unit of the bounds that have none, and of the times of samples and events.
         semantics: The semantics of the robustness.
@@ -312,7 +312,7 @@ class AbstractSpecification:
         }
 
     def _source(self, variable: str) -> str:
-        """The name by which users hand in a variable: that of its declared message, or its own."""
+        """The name by which users hand in a variable: its declared message's, or its own."""
         message = str(steps(variable)[0])
         return message if message in self._types else variable
 

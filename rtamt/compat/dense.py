@@ -60,7 +60,7 @@ class _Dense(AbstractSpecification):
         return []
 
     def _read_signals(self, signals: Iterable[Signal]) -> tuple[EventLists, EventLists]:
-        """The events of all names, those of one name joined, and of the names that are needed."""
+        """Joins the events of each name; returns them for all names, and for the needed ones."""
         named: EventLists = {}
         for signal in signals:
             try:
@@ -148,12 +148,12 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         plus the horizon. As long as none is known, the one pair of a call has the robustness of the
         trace at its begin if it ends now.
 
-        Of events of a variable at one time the last counts, in whichever calls they come. A call
-        that raises an error leaves the specification as it was.
+        Where a variable has several events at one time, the last one counts, across calls too. A
+        call that raises an error leaves the specification as it was.
 
         Args:
             signals: Pairs of a name and its events. Unknown names are ignored, with a warning in
-                the log if the name is like that of a variable without events.
+                the log if the name resembles a variable without events.
 
         Raises:
             StateError: Before `parse`.
@@ -185,8 +185,8 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     def final_update(self, *signals: Signal) -> Pairs:
         """Take in the last events and give the rest of the robustness.
 
-        Every variable holds its last value to the last event of all. The errors are those of
-        `update`, and StateError if a variable has no events.
+        Every variable holds its last value to the last event of all. Raises what `update` raises,
+        and StateError if a variable has no events.
         """
         monitor = self._running()
         named, needed = self._read_signals(signals)

@@ -139,8 +139,8 @@ class StlDiscreteTimeOnlineSpecification(OnlineSpecification[Monitor], _Sampled)
         Args:
             timestamp: Time of the sample in `unit`, for `sampling_violation_counter` alone.
             dataset: Names and values. Variables that are absent keep their values, which are 0 at
-                first; unknown ones are ignored, with a warning in the log if the name is like that
-                of a variable that is absent.
+                first; unknown ones are ignored, with a warning in the log if the name resembles a
+                variable that is absent.
 
         Raises:
             StateError: Before `parse`.

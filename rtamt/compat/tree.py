@@ -46,7 +46,7 @@ class ParsedFormulas:
 
         Args:
             spec: The specification.
-            source: Gives the declared name of a variable: that of its message if it is a field.
+            source: Gives the declared name of a variable: the message's name if it is a field.
             roles: Declared name to ``"input"``, ``"output"`` (the default) or another role.
         """
         specs = []

@@ -35,10 +35,10 @@ def export_fmu(
     text. After each step its outputs are
 
     * ``robustness``, ``lower``, ``upper`` and ``verdict`` (-1 violated, 0 undecided, 1 satisfied),
-      to the bit those of `EpisodeMonitor` after the same samples;
+      to the bit what `EpisodeMonitor` says after the same samples;
     * every named formula, the result's own name too: to the bit what `Monitor` on this formula
-      says, late by its latency; of one with an unbounded future inside, for which no monitor can
-      wait, what `EpisodeMonitor` on it says: its robustness as if the run ended now.
+      says, late by its latency; where the formula has an unbounded future inside, for which no
+      monitor can wait, what `EpisodeMonitor` says: its robustness as if the run ended now.
 
     A sample is taken at every multiple of the period after the start, the first at the start: a
     step from t to t + period takes in the values that the inputs have at t. Longer steps hold
@@ -48,14 +48,14 @@ def export_fmu(
     constants that no formula uses are left out.
 
     Over dense time (``dense``) steps may have any size, and each gives every variable an event at
-    its begin. ``robustness`` and named formulas are those of `DenseMonitor`, which has to be able
-    to wait for each. ``lower`` and ``upper`` bound the robustness at the start: of ``always p`` the
-    least robustness so far is the upper bound, of ``eventually p`` the greatest is the lower; of
-    others both are the robustness at the start once it is settled. Under semantics in which
-    predicates count 0 they stay infinite.
+    its begin. ``robustness`` and named formulas are what `DenseMonitor` says, which has to be able
+    to wait for each. ``lower`` and ``upper`` bound the robustness at the start: for ``always p``
+    the least robustness so far is the upper bound, for ``eventually p`` the greatest is the lower
+    bound; for other formulas both are the robustness at the start once it is settled. Under
+    semantics in which predicates count 0 they stay infinite.
 
-    The library inside is that of the platform on which the unit is exported: Linux on x86-64. The
-    same arguments give the same bytes.
+    The unit has the library for the platform on which it is exported, Linux on x86-64. The same
+    arguments give the same bytes.
 
     Args:
         spec: Text, a formula, or a parsed specification; its result is monitored.

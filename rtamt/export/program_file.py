@@ -22,8 +22,8 @@ that is absent is ``-``. Numbers are written so that they read as the same doubl
 ``episodes READINGS``                      before them: how many episodes are of the specification;
                                            two with neutral predicates, which are -0.0 in the first
                                            and 0.0 in the second (`rtamt.machines.neutral`)
-``episode``                                an `EncodedEpisode` begins: first those, then those of
-                                           named formulas for which no monitor can wait
+``episode``                                an `EncodedEpisode` begins: the specification's, then one
+                                           for each named formula that no monitor can wait for
 ``sample-row`` and the fields of a row     `DiscreteRow`: terms of an episode, rows of a monitor
 ``formula-row`` and the fields of a row    `FormulaRow`
 ``initial R ...``, ``streams R ...``       registers of the episode
@@ -41,18 +41,18 @@ A number in a row, or an operand of ``derived``, is a literal, ``%k`` for the pa
 for a derived number before it, both counted from 0. The library computes them when initialization
 ends; a function of one operand has it twice. They come from `Traced` numbers of a program.
 
-Value references are those of `rtamt.export.variables`: from 8 on the inputs, parameters, fixed
-constants and named formulas, in the order of their records.
+`rtamt.export.variables` numbers the variables, by value reference: from 8 on the inputs,
+parameters, fixed constants and named formulas, in the order of their records.
 
 What the library does with it:
 
 - Samples are taken at the times start + k * period, the first at the start. ``doStep(t, h)`` takes
-  those of [t, t + h), which read the inputs that are set then: h = period takes the one at t, a
-  multiple takes several with inputs held, a step that is no multiple takes one when its time comes.
-  The inputs before the first step are therefore the first sample; after n steps of a period the
-  outputs are those of `EpisodeMonitor` (named formulas: of `Monitor` on each of them, or where it
-  cannot wait of `EpisodeMonitor`) after n samples. Before the first they are those of new monitors:
-  robustness and named formulas nan.
+  the samples in [t, t + h), which read the inputs that are set then: h = period takes one, at t; a
+  multiple takes several with inputs held; a step that is no multiple takes one when its time comes.
+  The inputs before the first step are therefore the first sample. After n steps of a period the
+  outputs are what `EpisodeMonitor` says after n samples; a named formula is what `Monitor` says of
+  it, or `EpisodeMonitor` where `Monitor` cannot wait. Before the first step the outputs are those
+  from a new monitor: robustness and named formulas nan.
 - Over dense time ``doStep(t, h)`` gives every variable an event at t; the outputs are what
   `DenseMonitor` has settled then. BOUNDS says what is known of the trace's begin: ``first``, its
   first robustness is both bounds as soon as it is there; ``least`` and ``greatest``, the robustness
@@ -101,7 +101,7 @@ class SampledFile:
         period: Numerator and denominator of the seconds between samples.
         readings: How many of the episodes are of the specification: one, or with neutral predicates
             two, with -0.0 first.
-        episodes: Their programs, then those of named formulas for which no monitor can wait.
+        episodes: Their programs, then the programs of named formulas for which no monitor can wait.
         monitor: The program of the other named formulas; None without any named formula. It has the
             terms of the episodes too, so that it refuses every sample that one of them refuses.
         observed: Register and latency of each of the other named formulas.

@@ -214,7 +214,7 @@ class Formula(Node):
 
 
 def variable(name: str) -> Term:
-    """The term of a variable: a name, or that of a field of a message, ``scan.ranges[0]``.
+    """The term of a variable, by its name: ``speed``, or ``scan.ranges[0]`` in a message.
 
     Raises:
         SpecificationError: If it is not such a name, or a reserved word such as ``always``. The
@@ -286,7 +286,7 @@ def make(name: str, args: tuple[Node, ...], interval: Interval | None = None) ->
     elif op.grouping == "left-flat" and args[0].op is op:
         args = args[0].args + args[1:]
     elif name == "neg" and args[0].op is None and type(args[0].leaf) is float:
-        return number(-args[0].leaf)  # that of a traced one is computed by the program
+        return number(-args[0].leaf)  # the program negates a traced number
     least, most = op.arity
     if len(args) < least or (most is not None and len(args) > most):
         expected = f"{least}" if most == least else f"{least} or more"

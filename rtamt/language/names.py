@@ -45,5 +45,5 @@ def lineage(name: str) -> Iterator[str]:
 
 
 def is_field(name: str) -> bool:
-    """Whether a name is that of a field or an element, rather than plain."""
+    """Whether a name leads into a message, to a field or an element."""
     return "." in name or "[" in name

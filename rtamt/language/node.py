@@ -35,7 +35,7 @@ MAX_SIZE = 1_000_000
 
 
 MAX_OPERANDS = 250_000
-"""The most operands of a text's operators together; ``and`` of ``and`` counts those of both."""
+"""The most operands of a text's operators together; ``a and (b and c)`` has two and three."""
 
 MAX_PARTS = 32
 """The most parts of a dotted name: the message, its fields, their fields."""

@@ -118,8 +118,8 @@ def _timed(
 def _neighbour(spellings: tuple[str, ...], doc: str, offset: int, fold: str) -> Operator:
     """The sample next to this one; outside the trace it is the identity of the fold.
 
-    The identity of min is +inf, which gives the weak operator, that of max is -inf, which gives
-    the strong one.
+    min has the identity +inf, which makes the weak operator, max has -inf, which makes the strong
+    one.
     """
 
     def meaning(b: Builder, p: int) -> int:

@@ -151,7 +151,7 @@ VOCABULARY: Final = frozenset(
 
 
 def window(name: str, begin: Fraction, end: Fraction | None, unit: str, *, at_first: bool) -> str:
-    """The phrase of a window, which is that of ``always``, ``eventually`` or one of the past.
+    """The phrase for the interval of ``always``, ``eventually``, ``historically`` or ``once``.
 
     Example:
         >>> window("once", Fraction(0), Fraction(5), "s", at_first=False)

@@ -29,8 +29,8 @@ def node_text(
     Args:
         root: The term or formula.
         names: Names of formulas.
-        runs: Those of them that are shown also where their own operands have become operands of the
-            same operator: ``p and z > 0`` is one conjunction with the operands of ``p``.
+        runs: The named formulas to show even where their operands have become operands of the same
+            operator: ``p and z > 0`` is one conjunction with the operands of ``p``.
     """
     # Operands before what uses them: no recursion, and a shared part is written once.
     texts = dict(names)

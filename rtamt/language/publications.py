@@ -24,8 +24,8 @@ class Publication:
             ``out`` of ``out.value``, else the name.
         package: The package of the message's class.
         message: The name of the class.
-        path: The fields that lead to the robustness in the message; empty where the name is that of
-            a whole message that is no number.
+        path: The fields that lead to the robustness in the message; empty where the name stands
+            for a whole message that is no number.
         topic: The topic as it is written; None if the text does not say it.
         default: The topic without one, ``rtamt/`` and the variable.
     """
@@ -46,13 +46,13 @@ def publications(
 
     The message is a ``std_msgs/Float64``, unless the name is a field of a declared message: after
     ``from rtamt_msgs.msg import FloatStamped`` and ``output FloatStamped out``, ``out.value`` is
-    the field ``value`` of ``out``. The topic is that of the text, ``@ topic(out, monitor/out)``,
-    else ``rtamt/`` and the name, with a ``/`` for a dot and a ``_`` for what names of topics
+    the field ``value`` of ``out``. The text names the topic, ``@ topic(out, monitor/out)``; else
+    it is ``rtamt/`` and the name, with a ``/`` for a dot and a ``_`` for what names of topics
     cannot have.
 
     Args:
         specification: Text, a formula, or a parsed specification.
-        name: The name of the result, for a default topic; None: that which it has, else that of the
+        name: The name of the result, for a default topic; None: its own name, else the name of the
             text, else ``"spec"``.
 
     Raises:

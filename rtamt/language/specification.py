@@ -62,8 +62,8 @@ class Specification:
         name: The name that the text gives to the whole, or None.
         formulas: The named formulas, in order; the result is among them only if it has a name.
         declarations: Variable to its declaration, used or not.
-        constants: Values of the constants: those of the text, and in their place or beside them
-            those given to `parse`.
+        constants: Values of the constants, as the text says them or as they were given to `parse`,
+            which come first and may add constants.
         topics: Variable to the path of its topic.
         imports: Imported type to its module.
         types: Imported type to its class, if the module was given and the type is a class.
@@ -99,7 +99,7 @@ class Specification:
         """Make the mappings read-only."""
         for attribute in _MAPPINGS:
             given = getattr(self, attribute)
-            if not isinstance(given, MappingProxyType):  # that of another specification
+            if not isinstance(given, MappingProxyType):  # else shared with another specification
                 object.__setattr__(self, attribute, MappingProxyType(dict(given)))
 
     @classmethod
@@ -154,7 +154,7 @@ class Specification:
 
     @cached_property
     def title(self) -> str | None:
-        """The name that the text gives to the whole, else that of the result, else None."""
+        """The name that the text gives to the whole, else the name of the result, else None."""
         return self.name or self._result_name
 
     @cached_property
@@ -167,8 +167,8 @@ class Specification:
         Each is the result of a specification of its own, with the formulas that it uses and with
         the declarations and constants of the text; its errors show their place in the whole text.
         A requirement alone is this specification, under its `title`, else ``"spec"``. One of
-        several has the name of its formula; a last formula without a name has that of the whole,
-        else ``"spec"``.
+        several has the name of its formula; a last formula without a name takes the name of the
+        whole, else ``"spec"``.
 
         A monitor of this package judges the result, which is the last formula, alone. For another
         requirement give it that specification: ``Monitor(spec.requirements["slow"])``.
@@ -214,8 +214,8 @@ class Specification:
     def defaults(self) -> Mapping[str, float]:
         """The used plain variables whose declaration gives them a value, with it.
 
-        They have it before the first sample or message with a value of theirs. Of a message it is
-        the number of its field ``data``.
+        They have it before the first sample or message with a value of theirs. Where the variable
+        is a message, it is the number in the field ``data``.
         """
         said = {v: (self._declared(v), self.declaration(v)) for v in self.variables}
         return MappingProxyType(

@@ -23,8 +23,8 @@ class SubscribedField:
     Attributes:
         variable: Its name in the specification, ``scan.ranges[0]``.
         path: The fields and elements that lead to it in the message, ``("ranges", 0)``.
-        read: Gives its value in a message with attributes and sequences, as those of ROS and
-            `rosbags` are. It raises AttributeError, IndexError or TypeError if there is none.
+        read: Gives its value in a message with attributes and sequences, such as ROS and `rosbags`
+            make. It raises AttributeError, IndexError or TypeError if there is none.
     """
 
     variable: str
@@ -60,14 +60,14 @@ class Subscription:
 def subscriptions(specification: str | Formula | Specification) -> tuple[Subscription, ...]:
     """The topics that a specification reads: one for each message, and for each plain variable.
 
-    The class of a message is that of its declaration and import: ``from geometry_msgs.msg import
-    Twist`` and ``input Twist cmd`` make ``cmd`` a ``geometry_msgs/Twist``. A plain variable is the
-    field ``data`` of the message of ``std_msgs`` that is called like its type: a ``float64`` that
-    of ``std_msgs/Float64``, and so is one that is not declared. So is a variable whose declared
-    type is such a message: after ``from std_msgs.msg import Float64`` and ``input Float64 x``, both
-    ``x`` and ``x.data`` may be written. The topic is that of the text, ``@ topic(cmd,
-    /robot0/cmd_vel)``, else ``rtamt/`` and the name of the variable. Variables that no formula uses
-    are left out; formulas are no variables.
+    Declaration and import say the class of a message: ``from geometry_msgs.msg import Twist`` and
+    ``input Twist cmd`` make ``cmd`` a ``geometry_msgs/Twist``. A plain variable reads the field
+    ``data`` of the message of ``std_msgs`` that is called like its type: a ``float64`` reads a
+    ``std_msgs/Float64``, and so does a variable that is not declared. A variable whose declared
+    type is such a message reads ``data`` too: after ``from std_msgs.msg import Float64`` and
+    ``input Float64 x``, both ``x`` and ``x.data`` may be written. The text names the topic, ``@
+    topic(cmd, /robot0/cmd_vel)``; else it is ``rtamt/`` and the name of the variable. Variables
+    that no formula uses are left out; formulas are no variables.
 
     Args:
         specification: Text, a formula, or a parsed specification.

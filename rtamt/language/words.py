@@ -56,17 +56,17 @@ def in_words(
     """The requirement in plain English, in one sentence that can be read in one way only.
 
     Two formulas have the same words only if they are the same; but a bound without a unit is said
-    as if it had that of the specification. What is nested too deep for one sentence is said in
+    in the unit of the specification. What is nested too deep for one sentence is said in
     numbered clauses behind it, and so are formulas and terms that have a name in the specification.
     "p until q" and "p ever since q" are as the operators are: at the moment of q itself p need not
     hold.
 
     Args:
-        spec: A text, a formula or a specification. Of several requirements it is the last, as for
-            monitors; `Specification.requirements` has them all.
+        spec: A text, a formula or a specification. Several requirements give the words of the last,
+            which monitors judge too; `Specification.requirements` has them all.
         names: What to write for a variable, by its name; None: the name.
         unit: The unit of bounds that have none, such as ``"steps"`` for traces without a period.
-            None: that of the specification, which is seconds unless it says otherwise.
+            None: the unit of the specification, which is seconds unless it says otherwise.
 
     Raises:
         SpecificationError: If a text is wrong.

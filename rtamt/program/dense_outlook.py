@@ -56,7 +56,7 @@ class DenseOutlook:
     """A program for one bound; its times are ticks.
 
     Attributes:
-        dense: The program. Its variables are those of the specification and then the masks.
+        dense: The program. Its variables are the specification's, then the masks.
         best: Whether the program is for the upper bound.
         cut: Whether windows without end stop at the end of the trace.
     """

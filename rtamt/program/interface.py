@@ -73,7 +73,7 @@ class Interface:
     outputs: tuple[str, ...] = ()
 
     def role(self, variable: str) -> Role | None:
-        """The role of a variable; that of a field decides before that of its message."""
+        """The role of a variable; a field's own role goes before the role of its message."""
         for name in lineage(variable):
             if name in self.inputs:
                 return "input"

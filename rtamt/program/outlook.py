@@ -1,7 +1,7 @@
 """The programs that bound the robustness of a whole trace at its first sample.
 
 They have no negations (`rtamt.program.polarity`), so every register is monotone in the predicates:
-the least (greatest) robustness is that of a trace whose unseen predicates are all -inf (+inf).
+the robustness is least (greatest) on the trace whose unseen predicates are all -inf (+inf).
 Predicates are therefore computed first, and are variables of the programs that follow.
 """
 
@@ -310,7 +310,7 @@ def reaches(program: Program, ahead: Mapping[str, int]) -> list[int]:
 
     Args:
         program: Its variables keep their values from some sample on.
-        ahead: That sample for each variable, counted likewise.
+        ahead: That sample for each variable, counted from the first unseen one.
     """
     found: list[int] = []
     for instruction in program.instructions:

@@ -210,7 +210,7 @@ class Program:
     def _is_running(self, formula: Node) -> bool:
         """Whether a formula is ``always p`` or ``eventually p`` without bounds.
 
-        The instruction does not tell: that of ``eventually[0:0](eventually p)`` is the same.
+        The instruction does not tell: ``eventually[0:0](eventually p)`` compiles to the same one.
         """
         op, (begin, end) = formula.op, self.specification.bounds(formula.interval)
         single = op is not None and op.future and len(formula.args) == 1

@@ -25,8 +25,8 @@ Scheduled = Map | Window | Delay
 def schedule(program: Program) -> Iterator[tuple[int, Scheduled]]:
     """The instructions after the terms and the slots that they write, with the delay lines.
 
-    The first slots are the program's registers; those of delay lines follow. A delay line comes
-    before the first instruction that reads it.
+    The program's registers take the first slots, delay lines the next. A delay line comes before
+    the first instruction that reads it.
     """
     slots: dict[tuple[int, int], int] = {}
     for register in range(program.terms, len(program.instructions)):

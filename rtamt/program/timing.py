@@ -232,7 +232,7 @@ def _misfit(
         bound: The bound.
         text: The bound with its unit.
         step: The time between samples, in the unit of the bound.
-        unit: That unit; None if bounds are numbers of samples.
+        unit: The unit of the bound; None if bounds are numbers of samples.
         error: Makes an error from a reason and a hint.
     """
     steps = bound / step
@@ -250,7 +250,7 @@ def _misfit(
         f"bound {text} is not a multiple of the period "
         f"{seconds_text(step * UNITS[unit])} s ({float(steps):g} steps)",
         f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
-        # Not another period=: one that is not that of the data gives wrong bounds silently.
+        # Not another period=: where the data has a different one, bounds are silently wrong.
         f"take samples {seconds_text(finer * UNITS[unit])} s apart, or let align= round it",
     )
 

@@ -24,7 +24,7 @@ class Episode:
 
     Attributes:
         number: Its number in the dataset.
-        observations: n + 1 of them, the first that of the reset: an array, or a dictionary or a
+        observations: n + 1 of them, the first from the reset: an array, or a dictionary or a
             tuple of such.
         actions: n of them.
         rewards: n numbers.
@@ -54,7 +54,7 @@ class Episode:
 class RelabelledEpisode(Episode):
     """A recorded episode with what monitors say of it.
 
-    Its attributes are those of Minari's ``EpisodeData``, and:
+    It has the attributes of Minari's ``EpisodeData``, and:
 
     Attributes:
         outcomes: For each specification ``{"robustness", "verdict", "satisfied", "decided_at"}``,
@@ -140,7 +140,7 @@ def _check(episode: Episode) -> None:
         wanted = steps + (name == "observations")
         for leaf in _leaves(getattr(episode, name)):
             if len(leaf) != wanted:
-                what = ", the first that of the reset" if name == "observations" else ""
+                what = ", the first from the reset" if name == "observations" else ""
                 raise InputError(
                     f"episode {number}: expected {wanted} {name} for {steps} rewards{what}, got "
                     f"{len(leaf)}"

@@ -30,7 +30,7 @@ class Tape:
         rewards: The rewards of each that its environment gave.
 
     Attributes:
-        starts: The rows in which episodes start; the last one is that of lanes without.
+        starts: The rows in which episodes start; last the row that lanes without an episode show.
         signals: The signals of every row.
         rewards: The rewards of every row.
         terminated: Whether the row is the last of a terminated episode.

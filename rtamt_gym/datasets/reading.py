@@ -1,6 +1,6 @@
 """The signals of recorded episodes: a table with a row for every sample.
 
-The steps of an episode are read at once, as those of many environments are: a selector is bound by
+All steps of an episode are read at once, like one step of many environments: a selector is bound by
 `rtamt_gym.signals.columns`, to the spaces of the dataset. A callable gets a `Step` for each sample.
 """
 
@@ -123,7 +123,7 @@ class SignalReader:
 
 
 def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The infos of the reset, and those of the steps; n elements are none of a reset."""
+    """Splits infos into the reset's and the steps'; n elements for n steps leave the reset none."""
     first: dict[str, Any] = {}
     later: dict[str, Any] = {}
     for key, value in infos.items():

@@ -106,8 +106,8 @@ def relabel(
     """Adds to recorded episodes what a monitored environment would have said of them.
 
     Every episode is judged as `StlMonitor` with ``on_violation="report"`` judges it while it runs,
-    to the last bit; with a ``mode`` its rewards become those of `StlReward`. Into the infos come
-    arrays with an element for every sample, the first that of the reset:
+    to the last bit; with a ``mode`` `StlReward` shapes its rewards. The infos get arrays with an
+    element for every sample, the first for the reset:
 
     * ``robustness``, ``stl_lower``, ``stl_upper``, ``stl_violated``; with ``details=True`` also
       ``stl``, ``{spec: {"robustness", "lower", "upper"}}``
@@ -241,7 +241,7 @@ def _period(
     specs: Mapping[str, Specification],
     period: float | str | None,
 ) -> float | str | None:
-    """The period that is given, or that of the environment that the dataset names, if need be."""
+    """The period: as given, else from the environment that the dataset names, if one is needed."""
     if period is not None or not any(spec.timed for spec in specs.values()):
         return period
     why = "it names no environment"
@@ -330,7 +330,7 @@ def _own_rewards(episode: Episode) -> Floats:
 
 
 def _infos(episode: Episode, judged: Judged, rows: slice) -> dict[str, Any]:
-    """The infos of an episode with those of the monitors."""
+    """The infos of an episode, and what the monitors add to them."""
     added = part(judged.columns, rows)
     if "is_success" in episode.infos:
         del added["is_success"]

@@ -52,7 +52,7 @@ def spaces_of(
     dataset: Any,  # noqa: ANN401
     episode: Episode,
 ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-    """The spaces of observations and actions: those of the dataset, or of its first episode."""
+    """The spaces of observations and actions, from the dataset or made from its first episode."""
     if is_dataset(dataset):
         return dataset.observation_space, dataset.action_space
     return space_of(episode.observations), space_of(episode.actions)

@@ -61,9 +61,9 @@ class Case(Mapping[str, float | Waveform]):
         return f"Case({self._entries!r})"
 
     def columns(self) -> dict[str, float]:
-        """The case as a row of a table: its numbers, and those of the control points.
+        """The case as a row of a table: its numbers, and the values at its control points.
 
-        The columns are those of the `Space` that the case is of.
+        The columns are named as in the `Space` from which the case comes.
         """
         columns: dict[str, float] = {}
         for name, entry in self._entries.items():

@@ -88,7 +88,7 @@ class Parameter(Entry):
         low: The least value to choose; with ``values`` the least of them.
         high: The greatest value to choose; with ``values`` the greatest of them.
         default: The value where none is chosen; it may lie outside of the range, such as a fault
-            time of ``math.inf``, which means never. None: that of the system.
+            time of ``math.inf``, which means never. None: the system's own value.
         values: The values to choose from, in place of ``low`` and ``high``.
         log: Whether the logarithm of the number is what a search spreads evenly.
         unit: The unit, for tables and pictures.
@@ -139,7 +139,7 @@ class Parameter(Entry):
         values = _values(what, self.values)
         given, ends = (self.low, self.high), (min(values), max(values))
         if not all(math.isnan(_real(what, "low and high", each)) for each in given) and (
-            given != ends  # those of another parameter, by dataclasses.replace
+            given != ends  # dataclasses.replace gives the ends that were computed before
         ):
             raise InputError(f"{what}: expected low and high, or values=, got both")
         _set(self, "values", values)

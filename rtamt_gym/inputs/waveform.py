@@ -69,8 +69,8 @@ class Waveform:
         (1.0, 2.0)
 
     Source: F. N. Fritsch, J. Butland: A method for constructing local monotone piecewise cubic
-    interpolants, SIAM J. Sci. Stat. Comput. 5(2), 1984; the slopes at both ends are those of
-    C. Moler: Numerical Computing with MATLAB, SIAM 2004, section 3.6.
+    interpolants, SIAM J. Sci. Stat. Comput. 5(2), 1984; for the slopes at both ends C. Moler:
+    Numerical Computing with MATLAB, SIAM 2004, section 3.6.
     """
 
     times: Sequence[float]
@@ -111,7 +111,7 @@ class Waveform:
         return min(max(start + x * (c1 + x * (c2 + x * c3)), low), high)
 
     def at(self, times: ArrayLike) -> Floats:
-        """The values at times in seconds, an array of their shape: those of calls, bit for bit."""
+        """The values at times in seconds, in an array of their shape; each is what a call gives."""
         knots = np.asarray(self.times)
         clipped = np.clip(np.asarray(times, np.float64), knots[0], knots[-1])
         at = knots.searchsorted(clipped, "right") - 1

@@ -49,7 +49,7 @@ def metrics_of(episodes: Sequence[Outcomes], period: float | None = None) -> dic
     * ``NAME/first_violation``: median of the times at which violations became certain, in seconds;
       absent without a violation
 
-    A quantile is one of the values: the least that this share of them does not exceed. Of no
+    A quantile is one of the values: the least that this share of them does not exceed. Without
     episodes there are no metrics.
 
     Args:
@@ -106,7 +106,7 @@ def evaluation_metrics(evaluation: Evaluation) -> dict[str, float]:
 
 
 def successes(evaluation: Evaluation) -> list[bool]:
-    """Of each episode whether it satisfied all requirements; one that failed did not."""
+    """Whether each episode satisfied all requirements; an episode that failed did not."""
     names = evaluation.requirements.keys()
     return [
         not row.error
@@ -159,7 +159,7 @@ class Satisfaction:
         """Adds an episode that has ended.
 
         Raises:
-            InputError: If its requirements are not those of the episodes before.
+            InputError: If its requirements differ from the episodes before.
         """
         if not self.episodes:
             self.violations = dict.fromkeys(episode, 0)
@@ -174,7 +174,7 @@ class Satisfaction:
         self._newest.append(episode)
 
     def metrics(self) -> dict[str, float]:
-        """Those of `metrics_of` for the newest episodes, and the counts since the first.
+        """The metrics (`metrics_of`) of the newest episodes, and counts since the first one.
 
         The counts are ``episodes`` and, for each requirement, ``NAME/violations``.
         """
@@ -187,9 +187,9 @@ def ended_episodes(infos: Mapping[str, Any], ended: ArrayLike) -> list[Outcomes]
     """The outcomes of the episodes that ended in a step of a vector environment.
 
     Args:
-        infos: Those of the step, in the form of Gymnasium. Where an environment is reset in the
+        infos: The infos of the step, in the form of Gymnasium. Where an environment is reset in the
             step that ends its episode, its last info is in ``final_info``.
-        ended: Of each environment whether its episode ended, ``terminated | truncated``.
+        ended: Whether the episode of each environment ended, ``terminated | truncated``.
 
     Raises:
         InputError: If the infos have no outcomes.

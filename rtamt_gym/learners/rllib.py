@@ -19,7 +19,7 @@ EPISODES: Final = "stl_episodes"
 class SatisfactionCallback(RLlibCallback):  # type: ignore[misc]  # it has no types here
     """Adds ``result["stl"]`` to what ``train`` returns: how often requirements are satisfied.
 
-    Its keys are those of the callback of Stable-Baselines3: over the newest ``window`` episodes of
+    The callback for Stable-Baselines3 has the same keys: over the newest ``window`` episodes of
     all env runners ``satisfied`` (all requirements), ``NAME/satisfied``, ``NAME/violated``,
     ``NAME/undecided`` (shares), ``NAME/robustness_p5``, ``_median``, ``_p95``,
     ``NAME/first_violation`` (the median, in seconds; in samples, if the period is not known); and

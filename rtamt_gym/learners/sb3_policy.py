@@ -79,8 +79,8 @@ class AsTrained:
     Attributes:
         name: The name of the algorithm, by which evaluations call it.
         policy: The network, whose weights tell models apart; None if there is none.
-        observation_space: That of an environment without the wrappers.
-        action_space: That of the model.
+        observation_space: The observations of an environment without the wrappers.
+        action_space: The actions of the model.
     """
 
     def __init__(self, model: Any, venv: VecEnv, layers: list[Layer]) -> None:  # noqa: ANN401

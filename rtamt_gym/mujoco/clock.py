@@ -40,7 +40,7 @@ class Clock:
         return abs(ahead - place) < _TOLERANCE
 
     def check(self, now: float, sample: int) -> None:
-        """Refuses a time that is not that of the sample: one is missing, or too many.
+        """Refuses a time other than the sample's: a sample is missing, or one too many.
 
         Raises:
             StateError: With what may have happened.

@@ -36,9 +36,9 @@ def evaluate_rollouts(
 ) -> dict[str, Floats]:
     """Robustness of many rollouts at every sample, offline.
 
-    Samples are the states that ``mujoco.rollout`` returns, those after each step; put the initial
-    states before them to have a sample 0 as in `StepMonitor`. Selectors are those of `StepMonitor`
-    that read what is in a rollout: ``time``, ``qpos``, ``qvel``, ``act``, ``joint:hip.qpos`` and
+    Samples are the states after each step, which ``mujoco.rollout`` returns; put the initial states
+    before them to have a sample 0 as in `StepMonitor`. Selectors are written as for `StepMonitor`
+    and read what is in a rollout: ``time``, ``qpos``, ``qvel``, ``act``, ``joint:hip.qpos`` and
     similar ones from the states, ``sensordata`` and ``sensor:imu[0]`` from the sensors, which are
     one step late. For anything else add a sensor to the model.
 
@@ -47,8 +47,8 @@ def evaluate_rollouts(
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
             or several with their names; of a text, every formula that no other formula uses.
         signals: For every variable a selector.
-        states: Of shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
-        sensordata: Of shape (rollouts, steps, sensor data); needed if a signal reads it.
+        states: The states, shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
+        sensordata: The sensors, shape (rollouts, steps, sensor data); needed if a signal reads it.
         period: Time between samples; None is ``model.opt.timestep``.
         align: How a bound that is no multiple of the period becomes samples, as for
             `rtamt.Monitor`; None refuses it.

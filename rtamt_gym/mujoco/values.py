@@ -24,7 +24,7 @@ class PanelValues:
     def robustness(self) -> float:
         """The least robustness over the specifications, if the run ended now; nan before sample 0.
 
-        With ``view="step"`` that of the newest instant whose horizon has passed.
+        With ``view="step"`` the least robustness at the newest instant whose horizon has passed.
         """
         return self.panel.robustness
 

@@ -1,6 +1,6 @@
 """Signals of a vector environment: each is a column with a number for every environment.
 
-The selectors are those of `rtamt_gym.signals.signals`. ``obs[2]`` reads column 2 of the batched
+`rtamt_gym.signals.signals` lists the selectors. ``obs[2]`` reads column 2 of the batched
 observations, ``info['speed']`` the array of that key; its mask ``_speed``, where there is one, must
 be true for every environment that takes a sample, and at a reset says which have the key, and which
 the default. A callable gets the whole batch and returns an
@@ -66,7 +66,7 @@ class SignalColumns:
     ) -> Floats:
         """Reads the signals from a step: an array with a row for every environment.
 
-        The rows of the environments ``begun``, which the step has reset, are those of a reset.
+        The step has reset the environments ``begun``: their rows hold first samples of episodes.
         """
         lanes = self._all if begun is None else ~begun
         step = Step(obs, actions, rewards, infos, self._env)

@@ -25,8 +25,8 @@ class Offer:
     """Selectors that begin with one word.
 
     Attributes:
-        common: Those that most specifications read.
-        others: The others.
+        common: The selectors that most specifications read.
+        others: The other selectors.
     """
 
     common: list[Selector] = field(default_factory=list)

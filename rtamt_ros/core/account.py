@@ -113,8 +113,8 @@ class Account:
     ) -> Report:
         """The report of a time at which the monitor has all it needs.
 
-        A robustness that may rise, as that of a goal without an end does, is no error while it is
-        negative.
+        A negative robustness is no error while it may still rise, as it may for a goal without an
+        end.
         """
         problem = ""
         for source in self.inputs:

@@ -69,7 +69,7 @@ def _is_number(value: object) -> bool:
 
 
 def _names(message: object) -> list[str]:
-    """The fields of a message; those of ROS 2 have slots with an underscore."""
+    """The fields of a message; ROS 2 writes an underscore before their slots."""
     slots: Iterable[str] = getattr(type(message), "__slots__", ())
     return [name.lstrip("_") for name in slots if not name.startswith("_check")]
 

@@ -14,14 +14,14 @@ __all__ = ["Formulas"]
 class Formulas:
     """Gives the robustness of every named formula by itself.
 
-    A formula has the robustness of `Monitor`, late by its latency; one with an unbounded future
-    inside, for which no monitor can wait, that of `EpisodeMonitor`: the robustness if the run ended
-    now.
+    `Monitor` gives it, late by the latency of the formula. Where the formula has an unbounded
+    future inside, for which no monitor can wait, `EpisodeMonitor` gives the robustness if the run
+    ended now.
 
     Args:
         specification: The requirement.
         variables: The order of the values of a sample.
-        options: Those of the monitors.
+        options: The options of the monitors.
 
     Attributes:
         values: The robustness of every named formula with the last sample.

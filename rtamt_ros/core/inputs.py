@@ -30,8 +30,8 @@ class Input:
         package: The package of the class of its messages.
         message: The name of the class.
         fields: What is read of a message; `values` has the same order.
-        values: Those of the last message, in order; before the first the default, or none.
-        time: Nanoseconds at which it came, or those of its stamp; None before the first.
+        values: The values of the last message, in order; before the first the default, or none.
+        time: Nanoseconds at which it came, or of its stamp; None before the first.
         came: Nanoseconds at which it came. Its age counts from here where its stamp is later: a
             publisher whose clock is ahead is stale as soon as another.
         taken: How many messages were taken.

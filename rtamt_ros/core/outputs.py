@@ -34,7 +34,7 @@ def outputs_of(requirements: Sequence[Requirement]) -> list[Output]:
     """The topics of requirements, and of the formulas with names that they use.
 
     Formulas that are named after fields of one message, ``out.value`` and ``out.part``, are on one
-    topic, that of ``out``. A default topic that is taken gets a number: ``rtamt/out_2``.
+    topic, which ``out`` names. A default topic that is taken gets a number: ``rtamt/out_2``.
 
     Raises:
         SpecificationError: If two results, or formulas of two texts, were given one topic, a

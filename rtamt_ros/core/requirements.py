@@ -109,7 +109,7 @@ def _default(specification: Specification, subscription: Subscription) -> float 
 
 
 def _agree(source: Input, package: str | None, message: str | None, name: str) -> None:
-    """Take a class for that of an input that has none yet; ``name`` has it too."""
+    """Give an input the class of messages that the variable ``name`` has; refuse a second one."""
     if message is None:
         return
     if source.message is None:

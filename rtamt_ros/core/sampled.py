@@ -20,10 +20,10 @@ __all__ = ["Sampled"]
 class Sampled:
     """Judges a requirement on the last values, once a period.
 
-    The n-th sample of a run is that of its begin + n periods, whatever the jitter of the looks. One
-    that comes late by several periods takes the values held then for all of them. The robustness is
-    that of `Monitor`; of a requirement for which no monitor can wait, that of `EpisodeMonitor`. So
-    is that of every named formula (`Formulas`).
+    The n-th sample of a run is at its begin + n periods, whatever the jitter of the looks. A look
+    that comes late by several periods takes the values held then for all of them. `Monitor` gives
+    the robustness, or `EpisodeMonitor` if no monitor can wait for the requirement. `Formulas` does
+    the same for every named formula.
 
     Args:
         requirement: What to judge.

@@ -1,6 +1,6 @@
 """The robot and its controller as nodes, and their command line.
 
-The robot is that of the scenario ``MobileRobot`` of `rtamt_envs`, on the topics of the simulator
+The scenario ``MobileRobot`` of `rtamt_envs` models the robot; its topics are as in the simulator
 STDR: it takes ``robot0/cmd_vel`` (``geometry_msgs/Twist``), moves ten times a second and publishes
 ``robot0/odom`` (``nav_msgs/Odometry``): the pose, and the twist with noise. The twist follows the
 command at once or with a lag; the pose stays where a wall is. The controller reads the odometry
@@ -270,7 +270,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the robot, the controller or both until the node is told to end.
 
     Args:
-        arguments: Those of the command line; None: those of the program.
+        arguments: The words of a command line; None: the program's own.
     """
     parser = _parser()
     options, of_ros = split(parser, sys.argv[1:] if arguments is None else arguments)

@@ -136,8 +136,8 @@ def test_a_message_of_another_ros_is_refused(world: World, tmp_path: Path) -> No
     (package / "msg.py").write_text("class Twist: pass\n")
     world.talker.ask("path", str(tmp_path))
     assert world.talker.ask("refusal", "other_msgs", "Twist") == (
-        f"InputError: expected other_msgs of ROS 1, found that of ROS 2 in {package}/msg.py: start "
-        "from a terminal where only ROS 1 is set up"
+        f"InputError: expected other_msgs of ROS 1, found other_msgs of ROS 2 in {package}/msg.py: "
+        "start from a terminal where only ROS 1 is set up"
     )
     assert world.talker.ask("refusal", "absent_msgs", "Twist") == (
         "InputError: the messages of absent_msgs are not installed: apt-get install "

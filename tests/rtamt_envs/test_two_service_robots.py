@@ -146,7 +146,7 @@ def test_wrong_calls_say_what_is_expected() -> None:
     env.reset(seed=0)
     with pytest.raises(
         rtamt.InputError,
-        match=r"^expected an action of robot_1 and robot_2, got those of robot_1, robot_3$",
+        match=r"^expected an action of robot_1 and robot_2, got actions of robot_1, robot_3$",
     ):
         env.step({"robot_1": np.zeros(2), "robot_3": np.zeros(2)})
     with pytest.raises(rtamt.InputError, match="has no parameter 'leg'"):

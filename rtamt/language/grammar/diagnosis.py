@@ -85,14 +85,14 @@ _INSTEAD = {
 }
 # Names of operators in other tools, each of which is more like the name of another operator here.
 _ELSEWHERE = {"globally": "always", "finally": "eventually", "future": "eventually"}
-_LENGTH = "the length of two numbers is sqrt(x * x + y * y), that of one abs(x)"
+_LENGTH = "write abs(x) for one number, sqrt(x * x + y * y) for two"
 _COMPOSED = {
     **dict.fromkeys(("norm", "hypot", "length", "dist", "distance"), _LENGTH),
     **dict.fromkeys(("square", "sq"), "write pow(x, 2) or x * x"),
     **dict.fromkeys(("clip", "clamp"), "write min(max(x, 0), 1)"),
     **dict.fromkeys(("sin", "cos", "tan"), "compute it before, and name its value as a variable"),
 }
-"""What other languages have as functions, in those of this one."""
+"""Functions of other languages, and how to write them in this one."""
 
 
 def diagnose(

@@ -38,7 +38,7 @@ def read_specification(
     chains: bool,
     traced: bool = False,
 ) -> Specification:
-    """The specification of a text; the arguments are those of `parse_as`, checked.
+    """Reads a text as a specification; `parse_as` has checked the arguments, and documents them.
 
     With ``traced``, its constants are `Traced` numbers where they stand in terms.
 

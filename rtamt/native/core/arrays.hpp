@@ -169,7 +169,7 @@ inline void windows(Elements in, std::size_t n, std::size_t width, const Element
     }
 }
 
-// One element again and again, where a loop may also take those of arrays.
+// One element again and again, for loops that take arrays of elements too.
 template <class F>
 struct Repeated {
     typename F::Element element;

@@ -68,8 +68,8 @@ private:
 //
 // The window is the end of the block before the last one (its suffix folds are in front_), the
 // whole last block (its fold is middle_) and the block being filled (its fold is prefix_). New
-// elements replace those of front_ that have left the window, and each push turns one more element
-// of back_, from its end on, into a suffix fold.
+// elements replace elements of front_ that have left the window, and each push turns one more
+// element of back_, from its end on, into a suffix fold.
 //
 // The memory is large, and a new window is full of identities: they are written a few at a time
 // ahead of the pushes of the first block, so that what no sample reaches is never touched.

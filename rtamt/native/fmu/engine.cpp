@@ -11,7 +11,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// The state of a machine inside that of an engine.
+// Reads or writes the state of a machine as a field of its engine's state.
 template <class M>
 void machine_fields(Snapshot& s, M& machine) {
     std::string state = s.reads() ? std::string() : state_of(machine);

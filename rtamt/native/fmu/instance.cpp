@@ -198,10 +198,10 @@ void Instance::restore(std::string_view state) {
     std::uint64_t fingerprint = 0;
     in(fingerprint);
     if (fingerprint != program_.fingerprint)
-        throw Refusal("expected a state of this unit, got that of another");
+        throw Refusal("expected a state of this unit, got a state of another");
     Now now = initial();
     now.fields(in);
-    // The constants of an engine are those of the start until initialization ends.
+    // Until initialization ends an engine has the constants of the start.
     const bool started = now.phase > Phase::initializing;
     auto engine = make_engine(program_, started ? now.parameters : starts(program_.parameters));
     engine->fields(in);

@@ -12,7 +12,7 @@
 
 namespace rtamt::fmu {
 
-// The value references of a unit's own variables; those of the others begin at kFirst.
+// The value references of a unit's own variables; the other variables begin at kFirst.
 // rtamt/export/variables.py lists them.
 using Reference = std::uint32_t;
 enum : Reference {

@@ -69,7 +69,7 @@ struct MonitorProgram {
     std::vector<Observed> observed;
 };
 
-// A named formula: its robustness is that of an episode, or else the value of an observed register.
+// A named formula: an episode gives its robustness, or else an observed register holds it.
 struct NamedFormula {
     std::string name;
     std::optional<std::size_t> episode;

@@ -31,7 +31,7 @@ class Unit {
 public:
     using Log = std::function<void(Status, const char* category, const std::string& text)>;
 
-    // Reads the program of a folder. Throws Refusal if it is not that of the token.
+    // Reads the program of a folder. Throws Refusal if its token is another.
     Unit(const std::string& folder, std::string_view token, Log log, bool logging);
 
     Instance instance;

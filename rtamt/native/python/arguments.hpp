@@ -1,4 +1,4 @@
-// Reads the frequent forms of the arguments of update(*args, **named): those of exact types, whose
+// Reads the frequent forms of the arguments of update(*args, **named): values of exact types, whose
 // conversion runs no code of a caller. The functions return false on other forms, which are left to
 // the reader, rtamt.inputs.samples.SampleReader, as are all errors.
 #pragma once

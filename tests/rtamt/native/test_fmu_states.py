@@ -204,7 +204,7 @@ def test_the_state_of_another_unit_is_refused(version: Version, tmp_path: Path) 
         write(folder, programs(folder.name))
     with unit(version, folders[0]) as made, unit(version, folders[1]) as other:
         assert other.read(made.written(made.take()))[0] == ERROR
-        assert other.said.endswith("expected a state of this unit, got that of another")
+        assert other.said.endswith("expected a state of this unit, got a state of another")
 
 
 @versions

@@ -46,11 +46,11 @@ def message(given: Any, spec: Any = "always(x > 0)", signals: Any = None, **opti
         ),
         (
             {"observations": np.ones((2, 2))},
-            "episode 1: expected 3 observations for 2 rewards, the first that of the reset, got 2",
+            "episode 1: expected 3 observations for 2 rewards, the first from the reset, got 2",
         ),
         (
             {"observations": {"a": np.ones((3, 2)), "b": np.ones((4, 2))}},
-            "episode 1: expected 3 observations for 2 rewards, the first that of the reset, got 4",
+            "episode 1: expected 3 observations for 2 rewards, the first from the reset, got 4",
         ),
         ({"actions": np.ones((3, 1))}, "episode 1: expected 2 actions for 2 rewards, got 3"),
         (
