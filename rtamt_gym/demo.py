@@ -21,14 +21,14 @@ from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["HIGHWAY", "PENDULUM", "Scenario", "run", "watch"]
+__all__ = ["HIGHWAY", "PENDULUM", "Demo", "run", "watch"]
 
 Driver = Callable[[gym.Env[Any, Any]], Policy]
 """Makes the policy of an episode; it may read the state of the environment."""
 
 
 @dataclass(frozen=True, slots=True)
-class Scenario:
+class Demo:
     """An environment, two specifications, and drivers.
 
     Attributes:
@@ -64,7 +64,7 @@ def _balance(leave: float = 4.0, gains: tuple[float, ...] = (1.0, 12.0, 1.0, 2.0
     return drive
 
 
-PENDULUM = Scenario(
+PENDULUM = Demo(
     env_id="InvertedPendulum-v5",
     specs={
         "upright": "always[0:40](abs(angle) < 0.1)",
@@ -115,7 +115,7 @@ def _always(action: int) -> Driver:
     return lambda _env: lambda _obs: action
 
 
-HIGHWAY = Scenario(
+HIGHWAY = Demo(
     env_id="highway-fast-v0",
     specs={
         "distance": "always[0:30](gap > 0.5 * speed)",
@@ -132,7 +132,7 @@ HIGHWAY = Scenario(
 )
 
 
-def watch(scenario: Scenario, seed: int = 0) -> list[Run]:
+def watch(scenario: Demo, seed: int = 0) -> list[Run]:
     """Runs one episode for each driver of a scenario."""
     with closing(make(scenario.env_id)) as env:
         return [

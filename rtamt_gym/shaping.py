@@ -72,11 +72,11 @@ Mode = Literal["add", "replace", "potential", "terminal", "progress", "hierarchi
 Priority = Literal["safety", "target", "comfort"]
 """The levels of ``hierarchical``, the most important first."""
 
-Value = TypeVar("Value", float, NDArray[np.float64])
+Numeric = TypeVar("Numeric", float, NDArray[np.float64])
 """A float, or an array with one float for each lane."""
 
 
-def clip(x: Value, bound: float) -> Value:
+def clip(x: Numeric, bound: float) -> Numeric:
     """``min(max(x, -bound), bound)``; infinities become finite.
 
     Example:
@@ -88,7 +88,7 @@ def clip(x: Value, bound: float) -> Value:
     return min(max(x, -bound), bound)
 
 
-def scaled(values: Sequence[Value], weights: Sequence[float], bound: float) -> list[Value]:
+def scaled(values: Sequence[Numeric], weights: Sequence[float], bound: float) -> list[Numeric]:
     """The values of the specifications, each times its weight and clipped.
 
     Example:
@@ -98,7 +98,7 @@ def scaled(values: Sequence[Value], weights: Sequence[float], bound: float) -> l
     return [clip(weight * value, bound) for weight, value in zip(weights, values, strict=True)]
 
 
-def least(values: Sequence[Value], temperature: float | None = None) -> Value:
+def least(values: Sequence[Numeric], temperature: float | None = None) -> Numeric:
     """The minimum; with a temperature T the smooth one, ``-T * log(sum(exp(-value / T)))``.
 
     The smooth minimum of n values lies between ``min - T * log(n)`` and ``min``: where it is
@@ -138,7 +138,7 @@ def least(values: Sequence[Value], temperature: float | None = None) -> Value:
     return low - temperature * math.log(sum(math.exp((low - v) / temperature) for v in values))
 
 
-def hierarchical(levels: Sequence[Value], bound: float) -> Value:
+def hierarchical(levels: Sequence[Numeric], bound: float) -> Numeric:
     """The first negative level, else the last, raised by ``bound`` for every level before it.
 
     With all levels in [-bound, bound] the ranges do not overlap: a violated level gives at most
@@ -163,7 +163,7 @@ def hierarchical(levels: Sequence[Value], bound: float) -> Value:
     return _of_first_negative(levels, raised)
 
 
-def _of_first_negative(levels: Sequence[Value], values: Sequence[Value]) -> Value:
+def _of_first_negative(levels: Sequence[Numeric], values: Sequence[Numeric]) -> Numeric:
     """The value that belongs to the first negative level, else the last value."""
     value = values[-1]
     for rank in range(len(levels) - 2, -1, -1):
@@ -175,7 +175,7 @@ def _of_first_negative(levels: Sequence[Value], values: Sequence[Value]) -> Valu
     return value
 
 
-def add(reward: Value, after: Value, weight: float) -> Value:
+def add(reward: Numeric, after: Numeric, weight: float) -> Numeric:
     """``reward + weight * after``.
 
     Example:
@@ -185,7 +185,7 @@ def add(reward: Value, after: Value, weight: float) -> Value:
     return reward + weight * after
 
 
-def replace(after: Value) -> Value:
+def replace(after: Numeric) -> Numeric:
     """``after``: the robustness is the reward.
 
     Example:
@@ -196,13 +196,13 @@ def replace(after: Value) -> Value:
 
 
 def potential(
-    reward: Value,
-    before: Value,
-    after: Value,
-    terminated: Value,
+    reward: Numeric,
+    before: Numeric,
+    after: Numeric,
+    terminated: Numeric,
     weight: float,
     gamma: float,
-) -> Value:
+) -> Numeric:
     """``reward + weight * (gamma * after - before)``, with ``after`` = 0 where terminated.
 
     Example:
@@ -214,7 +214,7 @@ def potential(
     return reward + weight * (gamma * after * (1.0 - terminated) - before)
 
 
-def terminal(reward: Value, after: Value, ended: Value, weight: float) -> Value:
+def terminal(reward: Numeric, after: Numeric, ended: Numeric, weight: float) -> Numeric:
     """``reward``, and where the episode ended ``weight * after`` more.
 
     Example:
@@ -226,7 +226,7 @@ def terminal(reward: Value, after: Value, ended: Value, weight: float) -> Value:
     return reward + weight * (after * ended)
 
 
-def progress(reward: Value, before: Value, after: Value, weight: float) -> Value:
+def progress(reward: Numeric, before: Numeric, after: Numeric, weight: float) -> Numeric:
     """``reward + weight * (after - before)``, of the middles of the bounds.
 
     Example:
@@ -236,7 +236,7 @@ def progress(reward: Value, before: Value, after: Value, weight: float) -> Value
     return reward + weight * (after - before)
 
 
-def outcome(lower: Value, upper: Value) -> Value:
+def outcome(lower: Numeric, upper: Numeric) -> Numeric:
     """1 where the bounds say that nothing can violate, -1 where nothing can satisfy, else 0.
 
     Args:
@@ -253,7 +253,7 @@ def outcome(lower: Value, upper: Value) -> Value:
     return (math.copysign(1.0, lower) + math.copysign(1.0, upper)) / 2.0
 
 
-def settle(before: Value, after: Value, bonus: float, penalty: float) -> Value:
+def settle(before: Numeric, after: Numeric, bonus: float, penalty: float) -> Numeric:
     """The bonus where an `outcome` has become 1, less the penalty where it has become -1.
 
     An outcome that is not 0 never changes. At a reset it counts as 0, whatever the first sample
@@ -342,15 +342,15 @@ class Shaping:
         """Whether a bonus or a penalty is paid."""
         return self.bonus > 0.0 or self.penalty > 0.0
 
-    def robustness(self, values: Sequence[Value]) -> Value:
+    def robustness(self, values: Sequence[Numeric]) -> Numeric:
         """Combines the robustness of the specifications into the number that the reward uses."""
         return hierarchical(self._levels_of(values), self.clip)
 
-    def middle(self, lower: Sequence[Value], upper: Sequence[Value]) -> Value:
+    def middle(self, lower: Sequence[Numeric], upper: Sequence[Numeric]) -> Numeric:
         """The middle of the bounds of the robustness, each clipped, which ``progress`` pays for."""
         return 0.5 * (self.robustness(lower) + self.robustness(upper))
 
-    def deciding(self, values: Sequence[Value]) -> Value:
+    def deciding(self, values: Sequence[Numeric]) -> Numeric:
         """The robustness that decides `robustness`, as it is before it is clipped.
 
         It is the least over the specifications, each times its weight; in the mode ``hierarchical``
@@ -361,7 +361,7 @@ class Shaping:
         lows = [least([weighted[i] for i in level]) for level in self.levels]
         return _of_first_negative(self._levels_of(values), lows)
 
-    def _levels_of(self, values: Sequence[Value]) -> list[Value]:
+    def _levels_of(self, values: Sequence[Numeric]) -> list[Numeric]:
         bounded = scaled(values, self.weights, self.clip)
         return [
             clip(least([bounded[i] for i in level], self.temperature), self.clip)
@@ -369,8 +369,8 @@ class Shaping:
         ]
 
     def reward(
-        self, reward: Value, before: Value, after: Value, terminated: Value, ended: Value
-    ) -> Value:
+        self, reward: Numeric, before: Numeric, after: Numeric, terminated: Numeric, ended: Numeric
+    ) -> Numeric:
         """The shaped reward of a step.
 
         Args:

@@ -15,11 +15,11 @@ from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.judges import Judges
 from rtamt_ros.core.outputs import bound_topics, outputs_of
 from rtamt_ros.core.publishing import BOUNDS, Diagnostics, Publishing
-from rtamt_ros.core.report import Report
+from rtamt_ros.core.report import RequirementReport
 from rtamt_ros.core.settings import Settings
 from rtamt_ros.middleware import Handle, Level, Middleware
 
-__all__ = ["MonitorNode", "Report", "Settings"]
+__all__ = ["MonitorNode", "RequirementReport", "Settings"]
 
 SOON = 3.0
 """Seconds of the wall clock after which a publisher that runs was found."""
@@ -35,7 +35,7 @@ class MonitorNode:
     of its own, latched: the one of its output variable (``@ topic(out, monitor/out)``), else
     ``rtamt/NAME``; so is every named formula that it uses. The bounds are on ``TOPIC/lower`` and
     ``TOPIC/upper``, the verdict (-1, 0 or 1) on ``TOPIC/verdict``; ``/diagnostics`` has the level
-    and the numbers of every `Report`.
+    and the numbers of every `RequirementReport`.
 
     Nothing happens before `start`. Making a node parses, compiles and finds the classes of all
     messages, so that every error of a specification comes here.
@@ -78,7 +78,7 @@ class MonitorNode:
         return self._running is not None
 
     @property
-    def reports(self) -> tuple[Report, ...]:
+    def reports(self) -> tuple[RequirementReport, ...]:
         """What it said last of every requirement; empty before the first look."""
         running = self._running
         return () if running is None else running.judges.reports
@@ -286,7 +286,7 @@ class _Running:
             self._watch = threading.Thread(target=self._watch_clock, name="clock", daemon=True)
             self._watch.start()
 
-    def _say(self, reports: Callable[[], Sequence[Report]], now: int) -> None:
+    def _say(self, reports: Callable[[], Sequence[RequirementReport]], now: int) -> None:
         with self._lock:
             if not self._closed:
                 for report in reports():

@@ -22,13 +22,13 @@ from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, read
 from rtamt_ros.ros2 import Ros2
 
-__all__ = ["StlMonitor", "main", "run"]
+__all__ = ["LifecycleMonitor", "main", "run"]
 
 
 _SEVERAL_TYPES = ("spec", "spec_file", "period", "stale")
 
 
-class StlMonitor:
+class LifecycleMonitor:
     """A monitor as a lifecycle node.
 
     To configure it reads the parameters and the specifications; active, it subscribes, samples
@@ -134,7 +134,7 @@ class _Node(LifecycleNode):  # type: ignore[misc] # rclpy has no types
 
     def __init__(
         self,
-        monitor: StlMonitor,
+        monitor: LifecycleMonitor,
         parameters: Mapping[str, object],
         name: str,
         *,
@@ -180,12 +180,12 @@ def run(
     arguments: Sequence[str] = (),
     parameters: Mapping[str, object] | None = None,
 ) -> int:
-    """Runs a `StlMonitor` until SIGINT or SIGTERM.
+    """Runs a `LifecycleMonitor` until SIGINT or SIGTERM.
 
     Returns:
         0, or 2 if the node could not start itself; the log says why.
     """
-    monitor = StlMonitor(name, arguments, parameters)
+    monitor = LifecycleMonitor(name, arguments, parameters)
     try:
         if monitor.node.get_parameter("autostart").value and not monitor.autostart():
             return 2

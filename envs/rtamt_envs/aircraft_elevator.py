@@ -55,7 +55,7 @@ from rtamt_envs.aircraft_elevator_modes import (
 )
 from rtamt_envs.aircraft_elevator_plant import PERIOD, SIDE, advance, stepping
 from rtamt_envs.compiled import compiled
-from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
@@ -201,7 +201,7 @@ isolates_left = always[0:8.9](max(p1, p2) < 500 implies
 """
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws the command with both elevators, the modes as coloured bands, and the pressures."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch

@@ -45,7 +45,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from rtamt_envs.compiled import compiled
-from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
@@ -289,7 +289,7 @@ def _baseline(time: float, observation: Floats, parameters: Floats, action: Floa
     action[1] = 0.0
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws speed, engine speed, gear and the two actions, one below the other."""
     from rtamt_gym.drawing import SIGNAL, tidy
 

@@ -60,7 +60,7 @@ import numpy as np
 
 from rtamt_envs.compiled import compiled
 from rtamt_envs.crossings import first_crossing
-from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
@@ -307,7 +307,7 @@ def _baseline(time: float, observation: Floats, parameters: Floats, action: Floa
     action[1] = 1.0
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws the gaps with their guards, and the inputs below."""
     from rtamt_gym.drawing import OPEN, SIGNAL, tidy
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_envs.lanes import Lanes
-from rtamt_envs.scenario import Declared, Episode, Floats, Quantity, Scenario, scenario_of
+from rtamt_envs.lanes import ScenarioLanes
+from rtamt_envs.scenario import Declared, EpisodeSoFar, Floats, Quantity, Scenario, scenario_of
 from rtamt_gym.checks.extras import naming_extra
 
 __all__ = ["ScenarioEnv", "box", "numbers"]
@@ -71,7 +71,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
         self.action_space = box(self.scenario.actions)
         self.observation_space = box(self.scenario.observations)
         self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
-        self._lanes = Lanes(self.scenario, self._defaults, 1)
+        self._lanes = ScenarioLanes(self.scenario, self._defaults, 1)
         self._seen: list[Floats] = []
         self._acted: list[Floats] = []
 
@@ -127,7 +127,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
             raise naming_extra(error, "render") from error
         return frame(self.scenario, self.episode())
 
-    def episode(self) -> Episode:
+    def episode(self) -> EpisodeSoFar:
         """The episode up to now, which an environment with a ``render_mode`` keeps.
 
         Raises:
@@ -138,7 +138,7 @@ class ScenarioEnv(Declared, gym.Env[Floats, Floats]):
                 "expected an episode of an environment with render_mode='rgb_array', got "
                 f"{'none' if self.render_mode else 'render_mode=None'}"
             )
-        return Episode(
+        return EpisodeSoFar(
             np.arange(len(self._seen), dtype=np.float64) * self.dt,
             np.array(self._seen),
             np.array(self._acted).reshape(-1, len(self.scenario.actions)),

@@ -1,4 +1,4 @@
-"""`Lanes`: simulations of one scenario side by side, which its environments share."""
+"""`ScenarioLanes`: simulations of one scenario side by side, which its environments share."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled, in_loops
 from rtamt_envs.scenario import Bools, Floats, Scenario
 
-__all__ = ["Lanes"]
+__all__ = ["ScenarioLanes"]
 
 _FIRST = np.ones(1, np.bool_)
 
 _Generators = Sequence[np.random.Generator]
 
 
-class Lanes:
+class ScenarioLanes:
     """Simulations of a scenario side by side: their states, parameters and observations.
 
     One lane is what an environment steps; many are what a vector environment and a search step.

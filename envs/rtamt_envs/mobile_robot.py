@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtamt_envs.compiled import compiled
-from rtamt_envs.scenario import Episode, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def _baseline(time: float, observation: Array, parameters: Array, action: Array)
     )
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws the rooms from above with the way of the robot, and commanded and true speed."""
     from matplotlib.patches import Circle, Rectangle
 

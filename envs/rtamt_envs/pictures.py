@@ -7,7 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from rtamt_envs.scenario import Episode, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
 from rtamt_gym.drawing import SIGNAL, tidy
 
 __all__ = ["draw_courses", "figure_of", "frame"]
@@ -15,7 +15,7 @@ __all__ = ["draw_courses", "figure_of", "frame"]
 _DPI = 100
 
 
-def figure_of(scenario: Scenario, episode: Episode) -> Figure:
+def figure_of(scenario: Scenario, episode: EpisodeSoFar) -> Figure:
     """Draws an episode into a new figure."""
     figure = Figure(figsize=(8.0, 6.0), dpi=_DPI, layout="constrained")
     if scenario.draw is None:
@@ -25,14 +25,14 @@ def figure_of(scenario: Scenario, episode: Episode) -> Figure:
     return figure
 
 
-def frame(scenario: Scenario, episode: Episode) -> NDArray[np.uint8]:
+def frame(scenario: Scenario, episode: EpisodeSoFar) -> NDArray[np.uint8]:
     """Draws an episode as an array of pixels, shape (600, 800, 3)."""
     canvas = FigureCanvasAgg(figure_of(scenario, episode))
     canvas.draw()  # type: ignore[no-untyped-call]
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
 
-def draw_courses(figure: Figure, episode: Episode, observations: tuple[Quantity, ...]) -> None:
+def draw_courses(figure: Figure, episode: EpisodeSoFar, observations: tuple[Quantity, ...]) -> None:
     """Draws the course of each observation, one panel below the other."""
     panels = figure.subplots(len(observations), 1, sharex=True, squeeze=False)[:, 0]
     for ax, quantity, values in zip(panels, observations, episode.observations.T, strict=True):

@@ -23,7 +23,7 @@ import math
 from typing import TYPE_CHECKING
 
 from rtamt_envs.compiled import compiled
-from rtamt_envs.scenario import Episode, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _baseline(time: float, observation: Array, parameters: Array, action: Array)
     action[0] = parameters[HEIGHT] if stands else 0.0
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws both signals as steps, and the level from which they count."""
     from rtamt_gym.drawing import SIGNAL, tidy
 

@@ -23,7 +23,7 @@ __all__ = [
     "SCENARIOS",
     "Bools",
     "Declared",
-    "Episode",
+    "EpisodeSoFar",
     "Floats",
     "Quantity",
     "Scenario",
@@ -62,7 +62,7 @@ class Quantity(NamedTuple):
     high: float = np.inf
 
 
-class Episode(NamedTuple):
+class EpisodeSoFar(NamedTuple):
     """What a picture shows: an episode from its start to the present sample.
 
     Attributes:
@@ -119,7 +119,7 @@ class Scenario:
     parameters: tuple[Parameter, ...] = ()
     inputs: tuple[Signal, ...] = ()
     noise: int = 0
-    draw: Callable[[Figure, Episode], None] | None = field(default=None, repr=False)
+    draw: Callable[[Figure, EpisodeSoFar], None] | None = field(default=None, repr=False)
 
     @property
     def id(self) -> str:

@@ -47,7 +47,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rtamt_envs.compiled import compiled
-from rtamt_envs.scenario import Episode, Floats, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Floats, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional
@@ -196,7 +196,7 @@ def _baseline(time: float, observation: Floats, parameters: Floats, action: Floa
     action[0] = 4.0
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws the pressure with its setpoint and the required band, then the flows."""
     from rtamt import Verdict
     from rtamt_gym.drawing import OPEN, SIGNAL, VERDICT_COLOURS, tidy

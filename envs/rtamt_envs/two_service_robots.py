@@ -29,7 +29,7 @@ from gymnasium import spaces
 
 from rtamt import InputError, StateError
 from rtamt_envs.compiled import compiled
-from rtamt_envs.scenario import Episode, Quantity, Scenario
+from rtamt_envs.scenario import EpisodeSoFar, Quantity, Scenario
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ def _baseline(time: float, observation: Array, parameters: Array, action: Array)
         action[2 * robot + 1] = max(-1.0, min(1.0, up))
 
 
-def _draw(figure: Figure, episode: Episode) -> None:
+def _draw(figure: Figure, episode: EpisodeSoFar) -> None:
     """Draws the room from above with the ways of both robots, and their distance over time."""
     from matplotlib.patches import Circle
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from rtamt import InputError
 from rtamt_envs.environment import box, numbers
-from rtamt_envs.lanes import Lanes
+from rtamt_envs.lanes import ScenarioLanes
 from rtamt_envs.scenario import Bools, Declared, Floats, scenario_of
 
 __all__ = ["ScenarioVectorEnv"]
@@ -72,7 +72,7 @@ class ScenarioVectorEnv(Declared, VectorEnv[Floats, Floats, Any]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._limit = max_episode_steps
         self._defaults = self.scenario.parameter_row(parameters or {}, self.scenario.defaults)
-        self._lanes = Lanes(self.scenario, self._defaults, num_envs)
+        self._lanes = ScenarioLanes(self.scenario, self._defaults, num_envs)
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
         self._all = np.ones(num_envs, np.bool_)
         self._ended = np.zeros(num_envs, np.bool_)

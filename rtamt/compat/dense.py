@@ -27,14 +27,14 @@ from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.program.dense_lowering import compile_dense
 
 __all__ = [
+    "NamedEvents",
     "Pairs",
-    "Signal",
     "StlDenseTimeOfflineSpecification",
     "StlDenseTimeOnlineSpecification",
     "StlDenseTimeSpecification",
 ]
 
-Signal = Sequence[Any]
+NamedEvents = Sequence[Any]
 """A name and its events."""
 Pairs = list[list[float]]
 """Breakpoints: the times from which on a value holds, and the values."""
@@ -59,7 +59,7 @@ class _Dense(AbstractSpecification):
     def _initial(self) -> object:
         return []
 
-    def _read_signals(self, signals: Iterable[Signal]) -> tuple[EventLists, EventLists]:
+    def _read_signals(self, signals: Iterable[NamedEvents]) -> tuple[EventLists, EventLists]:
         """Joins the events of each name; returns them for all names, and for the needed ones."""
         named: EventLists = {}
         for signal in signals:
@@ -139,7 +139,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
     """The horizon in ticks."""
 
     @own_advice()
-    def update(self, *signals: Signal) -> Pairs:
+    def update(self, *signals: NamedEvents) -> Pairs:
         """Take in events and give the robustness up to the time at which it is settled.
 
         That time is the least of the variables' last times. The pairs are the times at which the
@@ -182,7 +182,7 @@ class StlDenseTimeOnlineSpecification(OnlineSpecification[DenseMonitor], _Dense)
         return self._stamped(told)
 
     @own_advice()
-    def final_update(self, *signals: Signal) -> Pairs:
+    def final_update(self, *signals: NamedEvents) -> Pairs:
         """Take in the last events and give the rest of the robustness.
 
         Every variable holds its last value to the last event of all. Raises what `update` raises,
@@ -308,7 +308,7 @@ class StlDenseTimeOfflineSpecification(OfflineSpecification[EventLists], _Dense)
     """
 
     @own_advice()
-    def evaluate(self, *signals: Signal) -> Pairs:
+    def evaluate(self, *signals: NamedEvents) -> Pairs:
         """The breakpoints of the robustness of whole signals.
 
         Args:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rtamt.compat.declarations import AbstractSpecification
-from rtamt.compat.dense import Pairs, Signal, StlDenseTimeSpecification
+from rtamt.compat.dense import NamedEvents, Pairs, StlDenseTimeSpecification
 from rtamt.compat.discrete import StlDiscreteTimeSpecification
 from rtamt.compat.options import Language, Semantics
 from rtamt.errors import InputError, RtamtError, SpecificationError
@@ -115,11 +115,11 @@ class STLCTSpecification(_Earlier, StlDenseTimeSpecification):
         [[0.0, 2.0], [1.0, 1.0]]
     """
 
-    def offline(self, *signals: Signal) -> Pairs:
+    def offline(self, *signals: NamedEvents) -> Pairs:
         """The same as `evaluate`."""
         return self.evaluate(*signals)
 
-    def update_final(self, *signals: Signal) -> Pairs:
+    def update_final(self, *signals: NamedEvents) -> Pairs:
         """The same as `final_update`."""
         return self.final_update(*signals)
 

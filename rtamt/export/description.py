@@ -13,11 +13,11 @@ from xml.etree.ElementTree import Element, SubElement
 
 from rtamt.export import Fmi
 from rtamt.export.library import MODEL
-from rtamt.export.variables import Kind, Variable
+from rtamt.export.variables import UnitVariable, VariableType
 
 __all__ = ["Description", "description_text"]
 
-_TYPES: Final[Mapping[Fmi, Mapping[Kind, str]]] = {
+_TYPES: Final[Mapping[Fmi, Mapping[VariableType, str]]] = {
     2: {"real": "Real", "integer": "Integer", "boolean": "Boolean"},
     3: {"real": "Float64", "integer": "Int32", "boolean": "Boolean"},
 }
@@ -46,7 +46,7 @@ class Description:
     text: str
     token: str
     step: float | None
-    variables: Sequence[Variable]
+    variables: Sequence[UnitVariable]
 
 
 def description_text(description: Description, fmi: Fmi) -> bytes:
@@ -91,7 +91,7 @@ def description_text(description: Description, fmi: Fmi) -> bytes:
     return data + b"\n"
 
 
-def _variables_2(root: Element, variables: Sequence[Variable]) -> None:
+def _variables_2(root: Element, variables: Sequence[UnitVariable]) -> None:
     parent = SubElement(root, "ModelVariables")
     for each in variables:
         scalar = SubElement(parent, "ScalarVariable", _attributes(each))
@@ -105,7 +105,7 @@ def _variables_2(root: Element, variables: Sequence[Variable]) -> None:
                 SubElement(parent, "Unknown", index=place, dependencies=dependencies)
 
 
-def _variables_3(root: Element, variables: Sequence[Variable]) -> None:
+def _variables_3(root: Element, variables: Sequence[UnitVariable]) -> None:
     parent = SubElement(root, "ModelVariables")
     SubElement(
         parent,
@@ -126,7 +126,7 @@ def _variables_3(root: Element, variables: Sequence[Variable]) -> None:
                 SubElement(structure, name, valueReference=place, dependencies=dependencies)
 
 
-def _dependencies(places: Mapping[str, Variable]) -> dict[str, str]:
+def _dependencies(places: Mapping[str, UnitVariable]) -> dict[str, str]:
     """On which variables, by their places, each output depends: in the run, and before it.
 
     An output at the end of a step follows from inputs at its begin: from none at that time. Before
@@ -141,7 +141,7 @@ def _dependencies(places: Mapping[str, Variable]) -> dict[str, str]:
     return {"Output": "", "InitialUnknown": " ".join(constants)}
 
 
-def _attributes(variable: Variable) -> dict[str, str]:
+def _attributes(variable: UnitVariable) -> dict[str, str]:
     variability, initial = {
         "input": ("continuous", None),
         "output": ("discrete", "calculated"),
@@ -158,7 +158,7 @@ def _attributes(variable: Variable) -> dict[str, str]:
     return attributes if initial is None else {**attributes, "initial": initial}
 
 
-def _start(variable: Variable) -> dict[str, str]:
+def _start(variable: UnitVariable) -> dict[str, str]:
     if variable.start is None:
         return {}
     text = str(bool(variable.start)).lower() if variable.kind == "boolean" else repr(variable.start)

@@ -8,7 +8,7 @@ from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.export import Fmi
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import Options, SampleOptions, Spec
-from rtamt.program.interface import Names, Semantics
+from rtamt.program.interface import Names, SemanticsName
 from rtamt.program.timing import Align, Period
 
 __all__ = ["export_fmu"]
@@ -22,7 +22,7 @@ def export_fmu(
     dense: bool = False,
     fmi: Fmi = 2,
     stop_on_violation: bool = False,
-    semantics: Semantics = "standard",
+    semantics: SemanticsName = "standard",
     inputs: Names | None = None,
     outputs: Names | None = None,
     align: Align | None = None,

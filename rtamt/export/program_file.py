@@ -73,15 +73,15 @@ from rtamt.language.traced import Traced
 from rtamt.program.encoding import Encoded, EncodedDense, EncodedEpisode
 
 __all__ = [
-    "Bounds",
     "DenseFile",
+    "EpisodeBounds",
     "Named",
     "ProgramFile",
     "SampledFile",
     "program_text",
 ]
 
-Bounds = Literal["first", "least", "greatest", "none"]
+EpisodeBounds = Literal["first", "least", "greatest", "none"]
 """What the robustness over dense time says of the bounds of the episode."""
 
 
@@ -127,7 +127,7 @@ class DenseFile:
     """
 
     program: EncodedDense
-    bounds: Bounds
+    bounds: EpisodeBounds
     observed: Sequence[int]
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rtamt.export.program_file import (
-    Bounds,
     DenseFile,
+    EpisodeBounds,
     Named,
     ProgramFile,
     SampledFile,
@@ -149,7 +149,7 @@ def _late(time: Fraction) -> str:
     return f"late by {float(time):g} s" if time else ""
 
 
-def _bounds(program: Program) -> Bounds:
+def _bounds(program: Program) -> EpisodeBounds:
     """What the robustness over dense time says of the bounds of the episode."""
     if program.neutral:
         return "none"

@@ -27,7 +27,7 @@ from typing import Final, Literal, NamedTuple
 from rtamt.errors import SpecificationError
 from rtamt.export.program_file import DenseFile, ProgramFile
 
-__all__ = ["FIRST", "RESERVED", "Causality", "Kind", "Variable", "variables_of"]
+__all__ = ["FIRST", "RESERVED", "Causality", "UnitVariable", "VariableType", "variables_of"]
 
 RESERVED: Final = ("time", "robustness", "lower", "upper", "verdict", "stop_on_violation")
 """The names of a monitor's own variables; their value references are their places here."""
@@ -35,11 +35,11 @@ RESERVED: Final = ("time", "robustness", "lower", "upper", "verdict", "stop_on_v
 FIRST: Final = 8
 """The value reference of the first input."""
 
-Kind = Literal["real", "integer", "boolean"]
+VariableType = Literal["real", "integer", "boolean"]
 Causality = Literal["input", "output", "parameter", "local"]
 
 
-class Variable(NamedTuple):
+class UnitVariable(NamedTuple):
     """A variable of a unit.
 
     Attributes:
@@ -53,13 +53,13 @@ class Variable(NamedTuple):
 
     name: str
     reference: int
-    kind: Kind
+    kind: VariableType
     causality: Causality
     start: float | None
     meaning: str
 
 
-def variables_of(file: ProgramFile, formulas: Mapping[str, str]) -> list[Variable]:
+def variables_of(file: ProgramFile, formulas: Mapping[str, str]) -> list[UnitVariable]:
     """The variables of a unit, without ``time``, in the order of their value references.
 
     Args:
@@ -80,24 +80,24 @@ def variables_of(file: ProgramFile, formulas: Mapping[str, str]) -> list[Variabl
     return found
 
 
-def _own(file: ProgramFile) -> Iterator[Variable]:
+def _own(file: ProgramFile) -> Iterator[UnitVariable]:
     robustness = "of the episode if it ended now"
     if isinstance(file.programs, DenseFile):
         robustness = "at the last time for which it is settled"
-    meanings: Mapping[str, tuple[Kind, str]] = {
+    meanings: Mapping[str, tuple[VariableType, str]] = {
         "robustness": ("real", f"the robustness {robustness}"),
         "lower": ("real", "the least robustness over all continuations"),
         "upper": ("real", "the greatest robustness over all continuations"),
         "verdict": ("integer", "-1 violated, 0 undecided, 1 satisfied"),
     }
     for name, (kind, meaning) in meanings.items():
-        yield Variable(name, RESERVED.index(name), kind, "output", None, meaning)
+        yield UnitVariable(name, RESERVED.index(name), kind, "output", None, meaning)
     stop = "stop_on_violation"
     meaning = "whether the simulation ends when a violation is certain"
-    yield Variable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
+    yield UnitVariable(stop, RESERVED.index(stop), "boolean", "parameter", file.stop, meaning)
 
 
-def _of_text(file: ProgramFile, formulas: Mapping[str, str]) -> Iterator[Variable]:
+def _of_text(file: ProgramFile, formulas: Mapping[str, str]) -> Iterator[UnitVariable]:
     reference = count(FIRST)
     parts: tuple[tuple[Causality, str], ...] = (
         ("input", "a variable of the specification"),
@@ -108,6 +108,6 @@ def _of_text(file: ProgramFile, formulas: Mapping[str, str]) -> Iterator[Variabl
         parts, (file.inputs, file.parameters, file.fixed), strict=True
     ):
         for each in named:
-            yield Variable(each.name, next(reference), "real", causality, each.start, meaning)
+            yield UnitVariable(each.name, next(reference), "real", causality, each.start, meaning)
     for name in file.formulas:
-        yield Variable(name, next(reference), "real", "output", None, formulas[name])
+        yield UnitVariable(name, next(reference), "real", "output", None, formulas[name])

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from rtamt.errors import InputError, InputTypeError, name_text, nearest
-from rtamt.language.names import Step, is_field, joined, lineage, steps
+from rtamt.language.names import PathStep, is_field, joined, lineage, steps
 from rtamt.language.specification import Specification
 
 __all__ = ["Field", "Messages", "write_fields"]
@@ -44,7 +44,7 @@ class Field:
 
     variable: str
     message: str
-    path: tuple[Step, ...]
+    path: tuple[PathStep, ...]
     type: type | None
 
     def of(self, message: object, place: object, unit: str = "sample") -> Any:  # noqa: ANN401
@@ -90,7 +90,9 @@ class Field:
             for i, each in enumerate(column, sample)
         ]
 
-    def _follow(self, message: object, path: Iterable[Step], where: str, begin: int = 0) -> object:
+    def _follow(
+        self, message: object, path: Iterable[PathStep], where: str, begin: int = 0
+    ) -> object:
         value = message
         mapping = isinstance(value, Mapping)
         if not begin and self.type is not None and not mapping and not isinstance(value, self.type):

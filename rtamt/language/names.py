@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-__all__ = ["Step", "is_field", "is_name", "joined", "lineage", "steps"]
+__all__ = ["PathStep", "is_field", "is_name", "joined", "lineage", "steps"]
 
-Step = str | int
+PathStep = str | int
 """The name of a field, or the number of an element, from 0."""
 
 _NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[(0|[1-9]\d*)\])*", re.ASCII)
@@ -19,7 +19,7 @@ def is_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
-def steps(name: str) -> tuple[Step, ...]:
+def steps(name: str) -> tuple[PathStep, ...]:
     """The fields and elements that a name leads through, from the outermost.
 
     Example:
@@ -31,7 +31,7 @@ def steps(name: str) -> tuple[Step, ...]:
     return tuple(field or int(element) for field, element in _STEP.findall(name))
 
 
-def joined(path: Iterable[Step]) -> str:
+def joined(path: Iterable[PathStep]) -> str:
     """The name of which these are the `steps`."""
     text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
     return text.removeprefix(".")

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from rtamt.language.table import Bounds, Builder, Grouping, Meaning, Operator, Table
+from rtamt.language.table import Bounds, Builder, Grouping, Meaning, Operator, OperatorTable
 
 __all__ = ["OPERATORS"]
 
@@ -234,4 +234,4 @@ _ROWS = (
     _neighbour(("s_next", "sX"), "p(i+1); at the last sample -inf", 1, "max"),
 )
 
-OPERATORS = Table(_ROWS)
+OPERATORS = OperatorTable(_ROWS)

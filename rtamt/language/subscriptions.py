@@ -9,7 +9,7 @@ from typing import Any
 
 from rtamt.errors import SpecificationError
 from rtamt.language.formula import Formula
-from rtamt.language.names import Step, joined, lineage, steps
+from rtamt.language.names import PathStep, joined, lineage, steps
 from rtamt.language.parser import as_specification
 from rtamt.language.specification import PRIMITIVES, Specification
 
@@ -28,7 +28,7 @@ class SubscribedField:
     """
 
     variable: str
-    path: tuple[Step, ...]
+    path: tuple[PathStep, ...]
     read: Callable[[Any], Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -134,7 +134,7 @@ def declared_class(spec: Specification, name: str) -> tuple[str, str] | None:
     return spec.imports[declared.type].removesuffix(".msg"), declared.type
 
 
-def _whole(spec: Specification, name: str) -> tuple[Step, ...]:
+def _whole(spec: Specification, name: str) -> tuple[PathStep, ...]:
     """The path to the number that a name without fields stands for."""
     declared = declared_class(spec, name)
     if declared is None or (declared[0] == "std_msgs" and declared[1] in _STD.values()):
@@ -158,7 +158,7 @@ def _topic(spec: Specification, name: str) -> str:
     return spec.topics.get(name) or "/".join(map(str, ("rtamt", *steps(name))))
 
 
-def _reader(path: tuple[Step, ...]) -> Callable[[Any], Any]:
+def _reader(path: tuple[PathStep, ...]) -> Callable[[Any], Any]:
     """A function that follows a path: one call in C for fields in a row, one for each element."""
     count = 1
     first: Callable[[Any], Any] = itemgetter(path[0])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-__all__ = ["KEYWORDS", "Bounds", "Builder", "Meaning", "Notation", "Operator", "Table"]
+__all__ = ["KEYWORDS", "Bounds", "Builder", "Meaning", "Notation", "Operator", "OperatorTable"]
 
 KEYWORDS = frozenset({"inf", "const", "input", "output", "specification", "from", "import"})
 """The words of statements, which the grammar itself knows; no operator is spelt like one."""
@@ -102,7 +102,7 @@ class Operator:
         return f"<operator {self.name}>"
 
 
-class Table(Mapping[str, Operator]):
+class OperatorTable(Mapping[str, Operator]):
     """Rows by name, and what follows from all of them.
 
     Attributes:

@@ -32,7 +32,7 @@ from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import Options, Spec, compiled_dense, listed_in_signature
 from rtamt.monitors.provenance import Origin, visits
 from rtamt.program.dense_lowering import NANOSECOND, DenseProgram
-from rtamt.program.interface import Reading
+from rtamt.program.interface import PredicateValue
 from rtamt.program.timing import Period
 
 __all__ = ["DenseCause", "DenseExplanation", "DenseExplanationStep", "explain_dense"]
@@ -74,7 +74,7 @@ class DenseExplanationStep:
     value: float
     witness: float | None = None
     outside: tuple[float | None, float | None] | None = None
-    reading: Reading = "value"
+    reading: PredicateValue = "value"
 
 
 @dataclass(frozen=True)

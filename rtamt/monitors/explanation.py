@@ -34,7 +34,7 @@ from rtamt.monitors.explanation_text import as_text
 from rtamt.monitors.options import SampleOptions, Spec, compiled, listed_in_signature
 from rtamt.monitors.provenance import Origin, origin_of, visits
 from rtamt.program.instructions import Map, operands
-from rtamt.program.interface import Reading
+from rtamt.program.interface import PredicateValue
 from rtamt.program.program import Program
 from rtamt.program.timing import Align, Period, alignment, samples
 
@@ -85,7 +85,7 @@ class ExplanationStep:
     value: float
     witness: int | None = None
     outside: tuple[int | None, int | None] | None = None
-    reading: Reading = "value"
+    reading: PredicateValue = "value"
     aligned: str | None = None
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TypeVar
 
 from rtamt.monitors.holds import holds, zero_text
-from rtamt.program.interface import Reading
+from rtamt.program.interface import PredicateValue
 
 __all__ = ["as_text"]
 
@@ -29,7 +29,7 @@ class _Step(Protocol[_P_co]):
     @property
     def outside(self) -> tuple[_P_co | None, _P_co | None] | None: ...
     @property
-    def reading(self) -> Reading: ...
+    def reading(self) -> PredicateValue: ...
 
 
 def as_text(

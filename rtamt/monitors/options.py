@@ -15,7 +15,7 @@ from rtamt.language.specification import Specification
 from rtamt.machines.backend import Backend, BackendName, choose
 from rtamt.machines.protocols import End
 from rtamt.program.dense_lowering import DenseProgram, as_resolution, compile_dense
-from rtamt.program.interface import Interface, Names, Semantics, as_interface
+from rtamt.program.interface import Interface, Names, SemanticsName, as_interface
 from rtamt.program.lowering import compile_program
 from rtamt.program.program import Program
 from rtamt.program.timing import Align, Period, as_align, as_period
@@ -37,7 +37,7 @@ Spec = str | Formula | Specification
 class Options(TypedDict, total=False):
     """The options of every monitor and evaluation; `rtamt.Monitor` says what they mean."""
 
-    semantics: Semantics
+    semantics: SemanticsName
     inputs: Names | None
     outputs: Names | None
     backend: Backend

@@ -22,7 +22,7 @@ from rtamt.language.printing import node_text
 from rtamt.language.specification import Specification
 from rtamt.language.table import Bounds, Operator
 from rtamt.program.algebra import FOLDS, FUNCTIONS, ordered
-from rtamt.program.interface import Interface, Reading
+from rtamt.program.interface import Interface, PredicateValue
 
 __all__ = ["FIRST_BEST", "Definition", "Finding", "Origin", "Value", "Visit", "origin_of", "visits"]
 
@@ -65,7 +65,7 @@ class Visit(NamedTuple):
     text: str
     place: int
     origin: Origin
-    reading: Reading
+    reading: PredicateValue
 
 
 def visits(

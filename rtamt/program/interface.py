@@ -33,9 +33,9 @@ from rtamt.language.names import lineage
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
 
-__all__ = ["STANDARD", "Interface", "Names", "Reading", "Semantics", "as_interface"]
+__all__ = ["STANDARD", "Interface", "Names", "PredicateValue", "SemanticsName", "as_interface"]
 
-Semantics = Literal[
+SemanticsName = Literal[
     "standard",
     "boolean",
     "output-robustness",
@@ -44,12 +44,12 @@ Semantics = Literal[
     "output-vacuity",
 ]
 Names = Iterable[str]
-Reading = Literal["value", "sign", "zero"]
+PredicateValue = Literal["value", "sign", "zero"]
 """The usual value of a predicate, +inf or -inf by whether it holds, or a neutral 0."""
 
 Role = Literal["input", "output"]
 
-_MEANINGS: Mapping[Semantics, tuple[Role, bool]] = {
+_MEANINGS: Mapping[SemanticsName, tuple[Role, bool]] = {
     "output-robustness": ("output", True),
     "input-vacuity": ("input", False),
     "input-robustness": ("input", True),
@@ -68,7 +68,7 @@ class Interface:
         outputs: Variables that the system sets; the name of a message means all its fields.
     """
 
-    semantics: Semantics = "standard"
+    semantics: SemanticsName = "standard"
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
 
@@ -81,7 +81,7 @@ class Interface:
                 return "output"
         return None
 
-    def reading(self, predicate: Node) -> Reading:
+    def reading(self, predicate: Node) -> PredicateValue:
         """Tell which value a predicate gives; the roles of its variables decide."""
         if self.semantics == "standard":
             return "value"
@@ -100,7 +100,7 @@ STANDARD = Interface()
 
 def as_interface(
     spec: Specification,
-    semantics: Semantics = "standard",
+    semantics: SemanticsName = "standard",
     inputs: Names | None = None,
     outputs: Names | None = None,
 ) -> Interface:
@@ -126,7 +126,7 @@ def as_interface(
     """
     if is_one_of(semantics, ("standard",)) and inputs is None and outputs is None:
         return STANDARD  # most monitors; some are made at every episode
-    known = get_args(Semantics)
+    known = get_args(SemanticsName)
     if not is_one_of(semantics, known):
         msg = f"expected semantics={alternatives(known)}, got {brief(semantics)}"
         raise InputError(msg + nearest(brief(semantics), known))

@@ -172,7 +172,7 @@ class _Reader:
 
     def __call__(self, selector: Selector) -> str:
         """The value of a selector as text; "-" if it has none."""
-        from rtamt_gym.signals.signals import Reading
+        from rtamt_gym.signals.signals import ParsedSignal
         from rtamt_gym.signals.sources import SOURCES
 
         _, action, reward, _ = self._step
@@ -181,7 +181,7 @@ class _Reader:
             selector.source == "reward" and reward is None
         ):
             return "-"
-        signal = Reading(str(selector), selector, None, row)
+        signal = ParsedSignal(str(selector), selector, None, row)
         try:
             return number(signal.bind(self._env)(*self._step))
         except (InputError, InputTypeError):  # the info has no such key, or it is no number

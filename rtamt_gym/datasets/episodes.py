@@ -14,11 +14,11 @@ from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.signals.columns import Lanes
 
-__all__ = ["Episode", "RelabelledEpisode", "part", "read_episode", "size_of", "space_of"]
+__all__ = ["RecordedEpisode", "RelabelledEpisode", "part", "read_episode", "size_of", "space_of"]
 
 
 @dataclass(frozen=True, slots=True)
-class Episode:
+class RecordedEpisode:
     """A recorded episode of n steps; an entry of ``infos`` has n + 1 elements, or n if the reset
     had none.
 
@@ -51,7 +51,7 @@ class Episode:
 
 
 @dataclass(frozen=True, slots=True)
-class RelabelledEpisode(Episode):
+class RelabelledEpisode(RecordedEpisode):
     """A recorded episode with what monitors say of it.
 
     It has the attributes of Minari's ``EpisodeData``, and:
@@ -81,7 +81,11 @@ class RelabelledEpisode(Episode):
 _FIELDS = ("observations", "actions", "rewards", "terminations", "truncations")
 
 
-def read_episode(given: Any, number: int, metadata: Mapping[str, Any] | None = None) -> Episode:  # noqa: ANN401 - whatever is given
+def read_episode(
+    given: Any,  # noqa: ANN401 - whatever is given
+    number: int,
+    metadata: Mapping[str, Any] | None = None,
+) -> RecordedEpisode:
     """Reads an episode of a dataset, and checks that its parts belong together.
 
     Args:
@@ -117,7 +121,7 @@ def read_episode(given: Any, number: int, metadata: Mapping[str, Any] | None = N
             f"{type(known['infos']).__name__}"
         )
     said = known if metadata is None else metadata
-    episode = Episode(
+    episode = RecordedEpisode(
         number,
         _arrays(known["observations"]),
         _arrays(known["actions"]),
@@ -132,7 +136,7 @@ def read_episode(given: Any, number: int, metadata: Mapping[str, Any] | None = N
     return episode
 
 
-def _check(episode: Episode) -> None:
+def _check(episode: RecordedEpisode) -> None:
     number, steps = episode.number, len(episode)
     if steps == 0:
         raise InputError(f"episode {number} has no steps; leave it out")
@@ -169,7 +173,7 @@ def _leaves(tree: Any) -> list[NDArray[Any]]:  # noqa: ANN401 - of observations 
     return [tree]
 
 
-def size_of(episode: Episode) -> int:
+def size_of(episode: RecordedEpisode) -> int:
     """The bytes of the observations and actions."""
     trees = episode.observations, episode.actions
     return sum(leaf.nbytes for tree in trees for leaf in _leaves(tree))

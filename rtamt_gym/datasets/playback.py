@@ -15,10 +15,10 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from rtamt_gym.datasets.episodes import Episode
+from rtamt_gym.datasets.episodes import RecordedEpisode
 from rtamt_gym.signals.columns import Batch, Floats, Lanes
 
-__all__ = ["Judged", "Playback", "Tape", "play"]
+__all__ = ["JudgedTape", "Playback", "Tape", "play"]
 
 
 class Tape:
@@ -38,7 +38,10 @@ class Tape:
     """
 
     def __init__(
-        self, episodes: Sequence[Episode], tables: Sequence[Floats], rewards: Sequence[Floats]
+        self,
+        episodes: Sequence[RecordedEpisode],
+        tables: Sequence[Floats],
+        rewards: Sequence[Floats],
     ) -> None:
         self.starts = np.cumsum([0, *(len(table) for table in tables)])
         self.signals = np.concatenate([*tables, tables[-1][:1]])  # which is never nan
@@ -110,7 +113,7 @@ class Playback(VectorEnv[Any, Any, Any]):
             self._next = min(self._next + 1, len(self.tape.starts) - 1)
 
 
-class Judged:
+class JudgedTape:
     """What the wrappers say of the samples and the ends of a tape's episodes.
 
     Attributes:
@@ -167,9 +170,9 @@ def _keep(
             columns[key][rows] = value
 
 
-def play(envs: Batch, playback: Playback) -> Judged:
+def play(envs: Batch, playback: Playback) -> JudgedTape:
     """Plays the tape of a playback through the wrappers around it."""
-    judged = Judged(len(playback.tape.rewards))
+    judged = JudgedTape(len(playback.tape.rewards))
     actions = np.zeros(playback.num_envs, np.int64)
     _, infos = envs.reset()
     judged.keep(playback.rows, np.zeros(playback.num_envs), infos)

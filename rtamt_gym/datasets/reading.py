@@ -14,10 +14,10 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError, RtamtError
-from rtamt_gym.datasets.episodes import Episode, part
+from rtamt_gym.datasets.episodes import RecordedEpisode, part
 from rtamt_gym.judging.specs import Nan
 from rtamt_gym.signals.columns import Floats, SignalColumns
-from rtamt_gym.signals.signals import Reading, Step
+from rtamt_gym.signals.signals import ParsedSignal, Step
 
 __all__ = ["SignalReader"]
 
@@ -37,7 +37,7 @@ class SignalReader:
 
     def __init__(
         self,
-        signals: Sequence[Reading],
+        signals: Sequence[ParsedSignal],
         observations: spaces.Space[Any],
         actions: spaces.Space[Any],
         nan: Nan,
@@ -49,7 +49,7 @@ class SignalReader:
         self._nan = nan
         self._columns(1)  # so that a selector that does not fit is refused now
 
-    def table(self, episode: Episode, rewards: Floats) -> Floats:
+    def table(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
         """Reads an episode: a row for the reset, and one for every step.
 
         Args:
@@ -81,7 +81,7 @@ class SignalReader:
         lanes: Any = SimpleNamespace(num_envs=num, **self._spaces)
         return SignalColumns(signals, lanes, same_step=False)
 
-    def _read(self, episode: Episode, rewards: Floats) -> Floats:
+    def _read(self, episode: RecordedEpisode, rewards: Floats) -> Floats:
         table = np.empty((len(episode) + 1, len(self._signals)))
         first, later = _split(episode.infos, len(episode))
         obs, actions = episode.observations, episode.actions

@@ -10,8 +10,8 @@ import numpy as np
 
 from rtamt import InputError, InputTypeError, Specification
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.datasets.episodes import Episode, RelabelledEpisode, part, size_of
-from rtamt_gym.datasets.playback import Judged, Playback, Tape, play
+from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, part, size_of
+from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
@@ -35,9 +35,9 @@ from rtamt_gym.wrappers.rewarding import ShapingOptions
 from rtamt_gym.wrappers.vector_monitor import VectorStlMonitor
 from rtamt_gym.wrappers.vector_reward import VectorStlReward
 
-__all__ = ["Keep", "RelabelOptions", "relabel"]
+__all__ = ["KeepEpisodes", "RelabelOptions", "relabel"]
 
-Keep = Literal["all", "satisfied"] | Callable[[RelabelledEpisode], bool]
+KeepEpisodes = Literal["all", "satisfied"] | Callable[[RelabelledEpisode], bool]
 """Which episodes are kept."""
 
 LANES = 256
@@ -78,7 +78,7 @@ def relabel(
     signals: Mapping[str, SignalLike],
     *,
     dataset_id: None = None,
-    keep: Keep = "all",
+    keep: KeepEpisodes = "all",
     mode: Mode | None = None,
     **options: Unpack[RelabelOptions],
 ) -> list[RelabelledEpisode]: ...
@@ -89,7 +89,7 @@ def relabel(
     signals: Mapping[str, SignalLike],
     *,
     dataset_id: str,
-    keep: Keep = "all",
+    keep: KeepEpisodes = "all",
     mode: Mode | None = None,
     **options: Unpack[RelabelOptions],
 ) -> Any: ...  # noqa: ANN401
@@ -99,7 +99,7 @@ def relabel(
     signals: Mapping[str, SignalLike],
     *,
     dataset_id: str | None = None,
-    keep: Keep = "all",
+    keep: KeepEpisodes = "all",
     mode: Mode | None = None,
     **options: Unpack[RelabelOptions],
 ) -> Any:
@@ -230,7 +230,7 @@ def check_options(mode: Mode | None, keep: object, options: Mapping[str, object]
         )
 
 
-def _keeps(keep: Keep, episode: RelabelledEpisode) -> bool:
+def _keeps(keep: KeepEpisodes, episode: RelabelledEpisode) -> bool:
     if callable(keep):
         return keep(episode)
     return keep == "all" or episode.satisfied
@@ -273,9 +273,9 @@ def _judge(
     return VectorStlReward(playback, dict(specs), signals, mode=mode, **asked)
 
 
-def _parts(episodes: Iterable[Episode]) -> Iterator[list[Episode]]:
+def _parts(episodes: Iterable[RecordedEpisode]) -> Iterator[list[RecordedEpisode]]:
     """The episodes in lists that fit into memory."""
-    held: list[Episode] = []
+    held: list[RecordedEpisode] = []
     samples = size = 0
     for episode in episodes:
         held.append(episode)
@@ -288,7 +288,7 @@ def _parts(episodes: Iterable[Episode]) -> Iterator[list[Episode]]:
 
 
 def _judged(
-    episodes: Sequence[Episode],
+    episodes: Sequence[RecordedEpisode],
     reader: SignalReader,
     playback: Playback,
     judge: Batch,
@@ -321,7 +321,7 @@ def _judged(
         )
 
 
-def _own_rewards(episode: Episode) -> Floats:
+def _own_rewards(episode: RecordedEpisode) -> Floats:
     """The rewards of the environment itself, also if they were shaped before."""
     infos = episode.infos
     if "stl_lower" in infos and len(infos.get("reward", ())) == len(episode) + 1:
@@ -329,7 +329,7 @@ def _own_rewards(episode: Episode) -> Floats:
     return np.asarray(episode.rewards, np.float64)
 
 
-def _infos(episode: Episode, judged: Judged, rows: slice) -> dict[str, Any]:
+def _infos(episode: RecordedEpisode, judged: JudgedTape, rows: slice) -> dict[str, Any]:
     """The infos of an episode, and what the monitors add to them."""
     added = part(judged.columns, rows)
     if "is_success" in episode.infos:

@@ -14,8 +14,8 @@ from gymnasium import spaces
 
 from rtamt import InputError, InputTypeError, Specification
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.datasets.episodes import Episode, RelabelledEpisode, read_episode, space_of
-from rtamt_gym.signals.signals import Reading
+from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, read_episode, space_of
+from rtamt_gym.signals.signals import ParsedSignal
 
 __all__ = ["Store", "described", "episodes_of", "is_dataset", "spaces_of"]
 
@@ -26,7 +26,7 @@ def is_dataset(given: object) -> bool:
     return minari is not None and isinstance(given, minari.MinariDataset)
 
 
-def episodes_of(dataset: Any) -> Iterator[Episode]:  # noqa: ANN401 - Minari is not typed
+def episodes_of(dataset: Any) -> Iterator[RecordedEpisode]:  # noqa: ANN401 - Minari is not typed
     """Reads the episodes of a dataset, or of any iterable, one by one.
 
     Raises:
@@ -50,7 +50,7 @@ def episodes_of(dataset: Any) -> Iterator[Episode]:  # noqa: ANN401 - Minari is 
 
 def spaces_of(
     dataset: Any,  # noqa: ANN401
-    episode: Episode,
+    episode: RecordedEpisode,
 ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     """The spaces of observations and actions, from the dataset or made from its first episode."""
     if is_dataset(dataset):
@@ -60,7 +60,7 @@ def spaces_of(
 
 def described(
     specs: Mapping[str, Specification],
-    signals: Sequence[Reading],
+    signals: Sequence[ParsedSignal],
     mode: str | None,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
@@ -144,7 +144,7 @@ class Store:
         else:
             self._dataset.update_dataset_from_buffer(buffers)
 
-    def _made(self, first: Episode, buffers: Sequence[Any]) -> Any:  # noqa: ANN401
+    def _made(self, first: RecordedEpisode, buffers: Sequence[Any]) -> Any:  # noqa: ANN401
         import minari
 
         old = self._old

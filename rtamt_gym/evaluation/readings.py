@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError
-from rtamt_gym.signals.signals import Reading, own_signals
+from rtamt_gym.signals.signals import ParsedSignal, own_signals
 from rtamt_gym.signals.sources import SOURCES
 from rtamt_gym.simulation.monitors import DEFAULTS
 
@@ -39,7 +39,7 @@ def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
     }
     variables = {name for spec in runner.requirements.values() for name in spec.variables}
     found["signals"] = {
-        name: _text(Reading.parse(name, signals[name], SOURCES))
+        name: _text(ParsedSignal.parse(name, signals[name], SOURCES))
         for name in sorted(variables)
         if name in signals
     }
@@ -67,7 +67,7 @@ def _pairs(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, An
             yield f"the signal {name}", one[name], two[name]
 
 
-def _text(signal: Reading) -> str | None:
+def _text(signal: ParsedSignal) -> str | None:
     """What a signal reads, and its value at reset if it was given one."""
     if signal.source is None:
         return None

@@ -17,7 +17,7 @@ from rtamt_gym.judging.specs import autoreset_mode
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.signals.columns import SignalColumns
-from rtamt_gym.simulation.models import Batch, Model
+from rtamt_gym.simulation.models import Model, PolicyBatch
 from rtamt_gym.simulation.policies import SeededPolicy
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Policy
@@ -156,7 +156,7 @@ class _Acting:
         self._make = make
         self._observations, self._space = env.observation_space, env.single_action_space
         self._policies: list[Policy | None] = [None] * env.num_envs
-        self._batch: Batch | None = None
+        self._batch: PolicyBatch | None = None
         if isinstance(make, Model) and make.deterministic:
             self._batch = make.batch(env.single_observation_space, env.num_envs)
 

@@ -11,9 +11,9 @@ from typing import Any, Final, Literal, get_args
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice, check_number
 
-__all__ = ["LEAST_POINTS", "Entry", "Interpolation", "Parameter", "Signal"]
+__all__ = ["LEAST_POINTS", "Entry", "Parameter", "Signal", "WaveformInterpolation"]
 
-Interpolation = Literal["hold", "linear", "pchip"]
+WaveformInterpolation = Literal["hold", "linear", "pchip"]
 """How a waveform goes from one control point to the next: it keeps the value, or it runs along a
 straight line, or along a cubic that is monotone between the points."""
 
@@ -61,7 +61,7 @@ class Signal(Entry):
     high: float
     _: KW_ONLY
     points: int
-    interpolation: Interpolation = "hold"
+    interpolation: WaveformInterpolation = "hold"
     duration: float | None = None
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ class Parameter(Entry):
 
 def _check_points(what: str, points: object, interpolation: object) -> None:
     """Refuses a number of control points that is no whole number, or too small."""
-    check_choice("interpolation", interpolation, get_args(Interpolation))
+    check_choice("interpolation", interpolation, get_args(WaveformInterpolation))
     least = LEAST_POINTS[str(interpolation)]
     if isinstance(points, bool) or not isinstance(points, int):
         raise InputTypeError(f"{what}: expected points= as a whole number, got {points!r}")

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.numbers import exact
-from rtamt_gym.inputs.ranges import LEAST_POINTS, Interpolation
+from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
 
 __all__ = ["Waveform"]
 
@@ -75,11 +75,11 @@ class Waveform:
 
     times: Sequence[float]
     values: Sequence[float]
-    interpolation: Interpolation = "hold"
+    interpolation: WaveformInterpolation = "hold"
     _pieces: tuple[_Piece, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        check_choice("interpolation", self.interpolation, get_args(Interpolation))
+        check_choice("interpolation", self.interpolation, get_args(WaveformInterpolation))
         times = tuple(float(exact(time)) for time in _numbers("times", self.times))
         values = tuple(value + 0.0 for value in _numbers("values", self.values))  # no -0.0
         if len(times) != len(values):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from operator import itemgetter
 from typing import Any
 
-from rtamt_gym.signals.signals import Element, Read
+from rtamt_gym.signals.signals import ElementRead, Read
 
 __all__ = ["pick", "picked", "split", "together"]
 
@@ -17,8 +17,10 @@ _See = Callable[[Sequence[float]], None]
 def split(reads: Sequence[Read]) -> tuple[list[tuple[int, Any]], list[tuple[int, Read]]]:
     """The places of what reads an element of the observation, and of all else."""
     numbered = list(enumerate(reads))
-    elements = [(place, read.index) for place, read in numbered if isinstance(read, Element)]
-    return elements, [(place, read) for place, read in numbered if not isinstance(read, Element)]
+    elements = [(place, read.index) for place, read in numbered if isinstance(read, ElementRead)]
+    return elements, [
+        (place, read) for place, read in numbered if not isinstance(read, ElementRead)
+    ]
 
 
 def picked(

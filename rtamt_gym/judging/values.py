@@ -7,12 +7,12 @@ from typing import Any, Generic, NamedTuple
 
 from rtamt_gym.judging.clocks import Owed
 from rtamt_gym.judging.infos import Lanewise
-from rtamt_gym.shaping import Value
+from rtamt_gym.shaping import Numeric
 
 __all__ = ["MonitorValues", "read_values"]
 
 
-class MonitorValues(NamedTuple, Generic[Value]):
+class MonitorValues(NamedTuple, Generic[Numeric]):
     """The values of the monitors after a sample: for each specification a float or an array.
 
     Attributes:
@@ -24,20 +24,20 @@ class MonitorValues(NamedTuple, Generic[Value]):
         owed: For each specification what its temporal operators owe; None if that is not followed.
     """
 
-    robustness: list[Value]
-    judged: list[Value]
-    lower: list[Value]
-    upper: list[Value]
+    robustness: list[Numeric]
+    judged: list[Numeric]
+    lower: list[Numeric]
+    upper: list[Numeric]
     samples: Lanewise
     owed: list[list[Owed]] | None = None
 
 
 def read_values(
     monitors: Iterable[tuple[Any, Any]],
-    upper: list[Value],
+    upper: list[Numeric],
     samples: Lanewise,
     owed: list[list[Owed]] | None,
-) -> MonitorValues[Value]:
+) -> MonitorValues[Numeric]:
     """Reads the values of monitors, which are pairs ``(robustness source, judge)``.
 
     The upper bounds are given: what the end of an episode alone violates is not known to a monitor.

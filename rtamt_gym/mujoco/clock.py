@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from rtamt import StateError
 
-__all__ = ["Clock"]
+__all__ = ["StepClock"]
 
 _TOLERANCE = 0.01
 """In timesteps; the time of a simulation is a sum of timesteps, which rounding changes by less."""
 
 
 @dataclass(slots=True)
-class Clock:
+class StepClock:
     """The times of samples, counted from the last sample whose time was checked.
 
     Attributes:

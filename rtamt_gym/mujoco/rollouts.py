@@ -15,7 +15,7 @@ from rtamt_gym.judging.interface import Interface, InterfaceOptions
 from rtamt_gym.judging.specs import Align, SpecsLike, load_specs
 from rtamt_gym.signals.mujoco import bind_signal
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Reading, SignalLike, parse_signals
+from rtamt_gym.signals.signals import ParsedSignal, SignalLike, parse_signals
 from rtamt_gym.signals.sources import MUJOCO
 
 __all__ = ["evaluate_rollouts"]
@@ -108,7 +108,7 @@ def evaluate_rollouts(
 
 
 def _places(
-    model: mujoco.MjModel, signals: tuple[Reading, ...], sensordata: ArrayLike | None
+    model: mujoco.MjModel, signals: tuple[ParsedSignal, ...], sensordata: ArrayLike | None
 ) -> dict[str, int]:
     """Finds the place of every signal in a row of states and sensor data.
 

@@ -15,7 +15,7 @@ from rtamt_gym.judging.interface import Interface, Names, Semantics
 from rtamt_gym.judging.panel import Assessment, Feed, Panel
 from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, load_specs
 from rtamt_gym.mujoco.callback import attached
-from rtamt_gym.mujoco.clock import Clock
+from rtamt_gym.mujoco.clock import StepClock
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.signals.mujoco import StepSignal, bind_signal, check_pair, derive
 from rtamt_gym.signals.signals import parse_signals
@@ -141,7 +141,7 @@ class StepMonitor(PanelValues):
         )
         self.forward = forward
         self._bind_signals()
-        self._clock = Clock()
+        self._clock = StepClock()
         self._unchecked = 0
         self._tries = False
         self._running = False

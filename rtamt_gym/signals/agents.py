@@ -12,7 +12,7 @@ from gymnasium import spaces
 
 from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import AbsentError, Read, Reading, Source
+from rtamt_gym.signals.signals import AbsentError, ParsedSignal, Read, Source
 from rtamt_gym.signals.sources import STEP
 
 __all__ = ["agent_sources"]
@@ -48,7 +48,7 @@ def _bind(  # a function of the module, for pickle
     row: Source,
     place: int,
     agents: Mapping[str, Hashable],
-    signal: Reading,
+    signal: ParsedSignal,
     env: Any,  # noqa: ANN401 - environments of two forms
     *,
     hold: bool,
@@ -59,7 +59,7 @@ def _bind(  # a function of the module, for pickle
     return _of_agent(agent, place, signal, row.bind(signal, seat), hold=hold)
 
 
-def _of_agent(agent: Hashable, place: int, signal: Reading, read: Read, *, hold: bool) -> Read:
+def _of_agent(agent: Hashable, place: int, signal: ParsedSignal, read: Read, *, hold: bool) -> Read:
     """Reads an agent's part of observations, actions, rewards or infos, by its place among them."""
 
     def read_part(*parts: Any) -> float:  # noqa: ANN401

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.signals.signals import Reading, Step
+from rtamt_gym.signals.signals import ParsedSignal, Step
 from rtamt_gym.signals.spaces import fit
 
 __all__ = ["Batch", "Floats", "Lanes", "SignalColumns"]
@@ -46,7 +46,7 @@ class SignalColumns:
         InputError: If a selector does not fit the environment.
     """
 
-    def __init__(self, signals: Sequence[Reading], env: Batch, *, same_step: bool) -> None:
+    def __init__(self, signals: Sequence[ParsedSignal], env: Batch, *, same_step: bool) -> None:
         self._signals = signals
         self._env = env
         self._all: Lanes = np.ones(env.num_envs, np.bool_)
@@ -115,7 +115,7 @@ class SignalColumns:
             )
 
 
-def _at_reset(signal: Reading, read: _Read, step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
+def _at_reset(signal: ParsedSignal, read: _Read, step: Step, lanes: Lanes) -> Any:  # noqa: ANN401
     """The column of a reset: what is read, or the default where there is one."""
     if signal.default is None:
         return read(step, lanes)
@@ -127,7 +127,7 @@ def _at_reset(signal: Reading, read: _Read, step: Step, lanes: Lanes) -> Any:  #
     return column
 
 
-def _bind(signal: Reading, env: Batch, *, same_step: bool) -> _Read:
+def _bind(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
     match signal.source:
         case "obs":
             space = env.single_observation_space
@@ -166,7 +166,7 @@ def _picker(space: spaces.Space[Any], path: tuple[Any, ...]) -> Callable[[Any], 
     return pick
 
 
-def _bind_simulations(signal: Reading, env: Batch, *, same_step: bool) -> _Read:
+def _bind_simulations(signal: ParsedSignal, env: Batch, *, same_step: bool) -> _Read:
     way_out = (
         "read obs[...], or wrap each environment: "
         "gym.make_vec(..., vectorization_mode='sync', wrappers=[...]) with StlMonitor"
@@ -186,7 +186,7 @@ def _bind_simulations(signal: Reading, env: Batch, *, same_step: bool) -> _Read:
     return lambda *_: np.array([read(None, None, None, {}) for read in reads])
 
 
-def _present(signal: Reading, infos: dict[str, Any], lanes: Lanes) -> Lanes:
+def _present(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Lanes:
     """The environments of the mask whose info has all keys of the selector."""
     values: Any = infos
     for part in signal.path:
@@ -199,7 +199,7 @@ def _present(signal: Reading, infos: dict[str, Any], lanes: Lanes) -> Lanes:
     return lanes
 
 
-def _from_infos(signal: Reading, infos: dict[str, Any], lanes: Lanes) -> Any:  # noqa: ANN401
+def _from_infos(signal: ParsedSignal, infos: dict[str, Any], lanes: Lanes) -> Any:  # noqa: ANN401
     values: Any = infos
     path = list(signal.path)
     while path and isinstance(values, Mapping):
@@ -231,7 +231,7 @@ def _from_infos(signal: Reading, infos: dict[str, Any], lanes: Lanes) -> Any:  #
     return _numbers(signal, found, len(lanes))
 
 
-def _numbers(signal: Reading, found: NDArray[Any], num: int) -> NDArray[Any]:
+def _numbers(signal: ParsedSignal, found: NDArray[Any], num: int) -> NDArray[Any]:
     if found.shape != (num,) or found.dtype.kind not in "biuf":
         raise InputTypeError(
             f"signal {signal.name!r}: expected {num} numbers from {signal}, one for every "

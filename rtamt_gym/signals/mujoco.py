@@ -15,7 +15,7 @@ import numpy as np
 from rtamt import InputError, InputTypeError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Number, Reading
+from rtamt_gym.signals.signals import Number, ParsedSignal
 
 __all__ = [
     "StepSignal",
@@ -41,7 +41,7 @@ def check_pair(model: object, data: object) -> None:
         )
 
 
-def bind_signal(signal: Reading, model: Any, data: Any) -> Number:  # noqa: ANN401
+def bind_signal(signal: ParsedSignal, model: Any, data: Any) -> Number:  # noqa: ANN401
     """Makes the function that reads a signal, a selector or a callable, from ``data``.
 
     Raises:
@@ -53,7 +53,7 @@ def bind_signal(signal: Reading, model: Any, data: Any) -> Number:  # noqa: ANN4
     return lambda *_: signal.number(signal.call(model, data))
 
 
-def bind_simulation(signal: Reading, simulation: Any) -> Number:  # noqa: ANN401
+def bind_simulation(signal: ParsedSignal, simulation: Any) -> Number:  # noqa: ANN401
     """Makes the function that reads a signal from ``simulation.data``, also if that is built anew.
 
     Raises:

@@ -36,11 +36,11 @@ from rtamt_gym.signals.selectors import Selector, Syntax, hint, parse_selector
 
 __all__ = [
     "AbsentError",
-    "Element",
+    "ElementRead",
     "Env",
     "Number",
+    "ParsedSignal",
     "Read",
-    "Reading",
     "SignalLike",
     "Source",
     "Step",
@@ -57,7 +57,7 @@ Read = Callable[[Any, Any, Any, dict[str, Any]], float]
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
+class ElementRead:
     """The `Read` of an element of the observation; who knows it reads without a call.
 
     Attributes:
@@ -106,7 +106,7 @@ class Source(Syntax):
         at_reset: Whether there is a value at reset; ``"maybe"``: it raises `AbsentError` where not.
     """
 
-    bind: Callable[[Reading, Env], Read]
+    bind: Callable[[ParsedSignal, Env], Read]
     at_reset: bool | Literal["maybe"] = True
 
 
@@ -115,7 +115,7 @@ class AbsentError(InputError):
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ParsedSignal:
     """One named number of a simulation.
 
     Attributes:
@@ -137,7 +137,7 @@ class Reading:
         value: SignalLike,
         sources: Mapping[str, Source],
         agents: Collection[str] = (),
-    ) -> Reading:
+    ) -> ParsedSignal:
         """Parses one entry of ``signals=``; ``sources`` are the words selectors may begin with.
 
         Where there are agents, one of them stands in front of a selector.
@@ -276,7 +276,7 @@ def parse_signals(
     agents: Collection[str] = (),
     extra: bool = False,
     own: Mapping[str, Any] | None = None,
-) -> tuple[Reading, ...]:
+) -> tuple[ParsedSignal, ...]:
     """Parses ``signals=``: the signals of the variables in their order, then all others.
 
     Args:
@@ -315,7 +315,7 @@ def parse_signals(
         )
     if extra:
         names += others
-    return tuple(Reading.parse(name, known[name], sources, agents) for name in names)
+    return tuple(ParsedSignal.parse(name, known[name], sources, agents) for name in names)
 
 
 def own_signals(env: Any) -> Mapping[str, Any]:  # noqa: ANN401 - an environment, or many

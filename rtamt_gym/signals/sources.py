@@ -12,21 +12,29 @@ from typing import Any, Final
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.signals.signals import AbsentError, Element, Env, Number, Read, Reading, Source
+from rtamt_gym.signals.signals import (
+    AbsentError,
+    ElementRead,
+    Env,
+    Number,
+    ParsedSignal,
+    Read,
+    Source,
+)
 from rtamt_gym.signals.spaces import fit
 from rtamt_gym.signals.vehicle import bind_vehicle
 
 __all__ = ["MUJOCO", "SOURCES", "STEP"]
 
 
-def _bind_obs(signal: Reading, env: Env) -> Read:
+def _bind_obs(signal: ParsedSignal, env: Env) -> Read:
     path = fit(signal, env.observation_space, "the observation space")
     if len(path) == 1:  # most signals are obs[i]
-        return Element(*path)
+        return ElementRead(*path)
     return lambda obs, _action, _reward, _info: _number_at(obs, path)
 
 
-def _bind_action(signal: Reading, env: Env) -> Read:
+def _bind_action(signal: ParsedSignal, env: Env) -> Read:
     path = fit(signal, env.action_space, "the action space")
     return lambda _obs, action, _reward, _info: _number_at(action, path)
 
@@ -37,11 +45,11 @@ def _number_at(value: Any, path: tuple[Any, ...]) -> float:  # noqa: ANN401
     return float(value)
 
 
-def _bind_reward(signal: Reading, _env: Env) -> Read:
+def _bind_reward(signal: ParsedSignal, _env: Env) -> Read:
     return lambda _obs, _action, reward, _info: signal.number(reward)
 
 
-def _bind_info(signal: Reading, _env: Env) -> Read:
+def _bind_info(signal: ParsedSignal, _env: Env) -> Read:
     """Binds to the info; each reading is checked, for no space describes it."""
 
     def read(_obs: object, _action: object, _reward: object, info: dict[str, Any]) -> float:
@@ -62,7 +70,7 @@ def _bind_info(signal: Reading, _env: Env) -> Read:
     return read
 
 
-def _bind_mujoco(signal: Reading, env: Env) -> Number:
+def _bind_mujoco(signal: ParsedSignal, env: Env) -> Number:
     simulation: Any = env.unwrapped
     mujoco = sys.modules.get("mujoco")  # a simulation of it has loaded it
     if mujoco is None or not isinstance(getattr(simulation, "data", None), mujoco.MjData):

@@ -10,14 +10,14 @@ from gymnasium import spaces
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.signals.signals import Reading
+from rtamt_gym.signals.signals import ParsedSignal
 
 __all__ = ["described", "fit"]
 
 AnySpace = spaces.Space[Any]
 
 
-def fit(signal: Reading, space: AnySpace, what: str) -> tuple[Any, ...]:
+def fit(signal: ParsedSignal, space: AnySpace, what: str) -> tuple[Any, ...]:
     """Turns the path of a selector into the indices of one number in the values of a space.
 
     Args:
@@ -61,7 +61,7 @@ def _check_range(part: int | str, size: int, refuse: Callable[[str], NoReturn]) 
 
 
 def _refuse(
-    signal: Reading, space: AnySpace, what: str, reason: str, way_out: str = ""
+    signal: ParsedSignal, space: AnySpace, what: str, reason: str, way_out: str = ""
 ) -> NoReturn:
     raise InputError(
         f"signal {signal.name!r}: {signal} does not fit: {what} {reason}; it is "

@@ -7,12 +7,12 @@ from typing import Any
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
 from rtamt_gym.signals.selectors import Selector
-from rtamt_gym.signals.signals import Env, Number, Reading
+from rtamt_gym.signals.signals import Env, Number, ParsedSignal
 
 __all__ = ["bind_vehicle"]
 
 
-def bind_vehicle(signal: Reading, env: Env) -> Number:
+def bind_vehicle(signal: ParsedSignal, env: Env) -> Number:
     """Makes the function that reads a signal from ``env.unwrapped.vehicle``, and tries it.
 
     Raises:

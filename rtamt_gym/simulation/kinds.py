@@ -105,11 +105,11 @@ def _of_mujoco(
     if start is not None:
         raise InputError(f"start= is for a StepMonitor, got start={start!r} for {system!r}")
     if isinstance(system, tuple | list) and {type(part).__name__ for part in system} == _MUJOCO:
-        from rtamt_gym.simulation.mujoco import Model
+        from rtamt_gym.simulation.mujoco import MujocoModel
 
         _refuse_seed(seed, system)
         model, data = system
-        return Model(model, data, policy)
+        return MujocoModel(model, data, policy)
     return None
 
 

@@ -19,7 +19,7 @@ from rtamt import InputError
 from rtamt_gym.signals.spaces import described
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["WITHOUT_TRAINING", "Batch", "Model", "Statistics", "check_spaces"]
+__all__ = ["WITHOUT_TRAINING", "Model", "PolicyBatch", "Statistics", "check_spaces"]
 
 WITHOUT_TRAINING: Final[Mapping[str, Any]] = {
     "buffer_size": 1,
@@ -83,9 +83,9 @@ class Model:
 
         return act
 
-    def batch(self, space: spaces.Space[Any], count: int) -> Batch:
+    def batch(self, space: spaces.Space[Any], count: int) -> PolicyBatch:
         """The policy of so many episodes that run side by side; of a deterministic model alone."""
-        return Batch(self._predict, space, count)
+        return PolicyBatch(self._predict, space, count)
 
     @property
     def fingerprint(self) -> str:
@@ -121,7 +121,7 @@ class Model:
             self._model = self._model.load()
 
 
-class Batch:
+class PolicyBatch:
     """The policy of episodes that run side by side.
 
     Args:

@@ -17,13 +17,13 @@ from rtamt_gym.signals.sources import MUJOCO
 from rtamt_gym.simulation.mujoco_case import Driven, drive
 from rtamt_gym.simulation.systems import Policy, Signals, System, whole_steps
 
-__all__ = ["Model", "check_policy", "check_time", "model_name"]
+__all__ = ["MujocoModel", "check_policy", "check_time", "model_name"]
 
 _STATE = frozenset({"time", "qpos", "qvel", "act", "ctrl"})
 """What `mj_step` updates last; it derives everything else from the state before the step."""
 
 
-class Model(System):
+class MujocoModel(System):
     """A model, its data, and the policy that sets ``data.ctrl`` before every ``mj_step``."""
 
     needs_period = True
@@ -46,10 +46,10 @@ class Model(System):
         self._driven = driven
         self._set_inputs: Callable[[], None] | None = None
 
-    def driven(self, case: Case) -> Model:
+    def driven(self, case: Case) -> MujocoModel:
         """A copy of model and data with what a case says of them."""
         driven = drive(self._model, self._data, case, self.name)
-        return Model(driven.model, driven.data, self._policy, driven)
+        return MujocoModel(driven.model, driven.data, self._policy, driven)
 
     def bind(self, variables: Sequence[str], signals: Signals, period: Fraction | None) -> None:
         """Binds the selectors and counts the steps in a period."""

@@ -12,7 +12,7 @@ from rtamt_gym.judging.episodes import record
 from rtamt_gym.judging.explanations import chosen, titled
 from rtamt_gym.judging.infos import last_info, present
 from rtamt_gym.judging.panel import Feed, Monitors, Panel
-from rtamt_gym.signals.signals import Env, Read, Reading
+from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.wrappers.monitoring import Monitoring
 
 __all__ = ["EpisodeMonitoring"]
@@ -113,7 +113,7 @@ class EpisodeMonitoring(Monitoring):
         self._feed: Feed = self._panel.feeder(names, reads)
         self._feed_reset: Feed = self._panel.feeder(names, reset_reads)
 
-    def _readings(self) -> Sequence[Reading]:
+    def _readings(self) -> Sequence[ParsedSignal]:
         """The signals; where somebody wants to see them, such that their values are kept."""
         newest = self._newest
         if newest is None:
@@ -173,16 +173,16 @@ class EpisodeMonitoring(Monitoring):
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept(Reading):
+class _Kept(ParsedSignal):
     """A signal whose newest value is kept: read once, for the monitors and for who looks on."""
 
     newest: dict[str, float] = field(default_factory=dict)
 
     def bind(self, env: Env) -> Read:
-        return self._keeping(Reading.bind(self, env))
+        return self._keeping(ParsedSignal.bind(self, env))
 
     def bind_reset(self, env: Env) -> Read:
-        return self._keeping(Reading.bind_reset(self, env))
+        return self._keeping(ParsedSignal.bind_reset(self, env))
 
     def _keeping(self, read: Read) -> Read:
         newest, name = self.newest, self.name

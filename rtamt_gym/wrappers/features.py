@@ -29,7 +29,7 @@ from rtamt import InputError
 from rtamt_gym.judging.clocks import Owed
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.values import MonitorValues
-from rtamt_gym.shaping import Value, scaled
+from rtamt_gym.shaping import Numeric, scaled
 
 __all__ = ["KEY", "StateFeatures", "append", "appended_space", "time_left"]
 
@@ -81,7 +81,7 @@ class StateFeatures:
                 found += [f"{name}: margin of {operand}" for operand in operator.operands]
         return found
 
-    def read(self, values: MonitorValues[Value]) -> NDArray[np.float32]:
+    def read(self, values: MonitorValues[Numeric]) -> NDArray[np.float32]:
         """The features of all specifications."""
         robustness = values.judged if self.whole else values.robustness
         numbers = [
@@ -107,7 +107,7 @@ class StateFeatures:
         return rows
 
 
-def time_left(sample: Value, horizon: int | None) -> Value:
+def time_left(sample: Numeric, horizon: int | None) -> Numeric:
     """``1 - sample / horizon``, 0 from the horizon on; 1 without a horizon.
 
     Args:

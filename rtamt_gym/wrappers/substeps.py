@@ -16,7 +16,7 @@ from rtamt import InputError, Specification, SpecificationError, StateError
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.panel import Assessment, Panel
 from rtamt_gym.judging.specs import View
-from rtamt_gym.signals.signals import Env, Read, Reading
+from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.sources import STEP
 
 __all__ = ["Inside", "SubSteps", "fits", "read_substep_period"]
@@ -34,7 +34,7 @@ class Inside:
             what only a whole step gives.
     """
 
-    def __init__(self, env: Env, signals: Sequence[Reading]) -> None:
+    def __init__(self, env: Env, signals: Sequence[ParsedSignal]) -> None:
         self.env = env
         self._follow = _follower(env.unwrapped)
         self.reads = [self._bind(signal) for signal in signals]
@@ -68,7 +68,7 @@ class Inside:
             )
         return result
 
-    def _bind(self, signal: Reading) -> Read:
+    def _bind(self, signal: ParsedSignal) -> Read:
         if signal.source in STEP and signal.source != "action":
             raise InputError(
                 f"signal {signal.name!r}: {signal} is not known inside of a step, and "
@@ -85,7 +85,7 @@ class SubSteps:
         InputError: As `Inside` does.
     """
 
-    def __init__(self, env: Env, signals: Sequence[Reading], panel: Panel) -> None:
+    def __init__(self, env: Env, signals: Sequence[ParsedSignal], panel: Panel) -> None:
         self._panel = panel
         self.inside = Inside(env, signals)
         names = [signal.name for signal in signals]

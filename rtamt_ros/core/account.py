@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from rtamt import Verdict
-from rtamt_ros.core.record import Record
-from rtamt_ros.core.report import Report, holds, seconds
-from rtamt_ros.core.requirements import Requirement
+from rtamt_ros.core.record import CsvRecord
+from rtamt_ros.core.report import RequirementReport, holds, seconds
+from rtamt_ros.core.requirements import SubscribedRequirement
 from rtamt_ros.middleware import Level
 
 __all__ = ["Account"]
@@ -32,14 +32,14 @@ class Account:
 
     Attributes:
         last: The last report.
-        missed: As in `Report`.
-        restarts: As in `Report`.
+        missed: As in `RequirementReport`.
+        restarts: As in `RequirementReport`.
     """
 
-    def __init__(self, requirement: Requirement, record: Record | None = None) -> None:
+    def __init__(self, requirement: SubscribedRequirement, record: CsvRecord | None = None) -> None:
         self.name = requirement.name
         self.inputs = requirement.inputs
-        self.last: Report | None = None
+        self.last: RequirementReport | None = None
         self.missed = self.restarts = 0
         self._record = record
         self._began = False
@@ -67,17 +67,17 @@ class Account:
         if self._violated_at is None:
             self._violated_at = time
 
-    def without_clock(self) -> Report:
+    def without_clock(self) -> RequirementReport:
         """The report before a simulated clock has begun."""
         return self._report(0, Level.WARN, "waiting for the clock")
 
-    def standing(self) -> Report:
+    def standing(self) -> RequirementReport:
         """The report while a simulated clock stands still: nothing is known of the time since."""
         time = self.last.time if self.last is not None else 0
         unknown = _UNKNOWN if self._began else {}
         return self._report(time, Level.STALE, "the clock stands still", **unknown)
 
-    def without(self, now: int) -> tuple[Report, str]:
+    def without(self, now: int) -> tuple[RequirementReport, str]:
         """The report while inputs have not come or are stale, and why a run ends."""
         waiting = [each for each in self.inputs if each.is_awaited()]
         stale = [each for each in self.inputs if each.is_stale(now)]
@@ -96,7 +96,7 @@ class Account:
         )
         return report, f"{', '.join(gone)} {'was' if len(gone) == 1 else 'were'} stale"
 
-    def failed(self, time: int, reason: str) -> Report:
+    def failed(self, time: int, reason: str) -> RequirementReport:
         """The report of values that have no robustness, such as ``sqrt(-1)``."""
         return self._report(time, Level.ERROR, reason, **_UNKNOWN)
 
@@ -110,7 +110,7 @@ class Account:
         values: Mapping[str, float],
         *,
         may_rise: bool,
-    ) -> Report:
+    ) -> RequirementReport:
         """The report of a time at which the monitor has all it needs.
 
         A negative robustness is no error while it may still rise, as it may for a goal without an
@@ -137,13 +137,13 @@ class Account:
             values=values,
         )
 
-    def _report(self, time: int, level: Level, problem: str, **found: Any) -> Report:  # noqa: ANN401
+    def _report(self, time: int, level: Level, problem: str, **found: Any) -> RequirementReport:  # noqa: ANN401
         out_of_order = errors = 0
         for source in self.inputs:
             out_of_order += source.out_of_order
             errors += source.errors
         unrecorded = "" if self._record is None else self._record.error
-        self.last = Report(
+        self.last = RequirementReport(
             self.name,
             time,
             max(level, Level.WARN) if unrecorded else level,

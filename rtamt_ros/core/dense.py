@@ -9,19 +9,19 @@ from typing import Any
 from rtamt import DenseMonitor, InputError, Verdict
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.inputs import Input
-from rtamt_ros.core.record import Record
-from rtamt_ros.core.report import Report, holds, seconds
-from rtamt_ros.core.requirements import Requirement, unbounded
+from rtamt_ros.core.record import CsvRecord
+from rtamt_ros.core.report import RequirementReport, holds, seconds
+from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
-__all__ = ["Dense"]
+__all__ = ["DenseJudge"]
 
 _Events = dict[str, list[tuple[float, float]]]
 
 _UNKNOWN = (-math.inf, math.inf)
 
 
-class Dense:
+class DenseJudge:
     """Judges a requirement on events: a value lasts until the next message of its topic.
 
     A run begins when every input has come and none is stale. The robustness of a time is reported
@@ -39,7 +39,10 @@ class Dense:
     """
 
     def __init__(
-        self, requirement: Requirement, settings: Settings, record: Record | None = None
+        self,
+        requirement: SubscribedRequirement,
+        settings: Settings,
+        record: CsvRecord | None = None,
     ) -> None:
         spec = requirement.specification
         options: Any = {"semantics": settings.semantics}
@@ -70,7 +73,7 @@ class Dense:
             self._why = why
             self._origin = None
 
-    def event(self, source: Input, now: int) -> Sequence[Report]:
+    def event(self, source: Input, now: int) -> Sequence[RequirementReport]:
         """The reports of what a message that was taken makes known."""
         if self._origin is None:
             return self._begin(now)
@@ -79,7 +82,7 @@ class Dense:
             return self._begin(now)
         return self._feed([source], now)
 
-    def look(self, now: int) -> Sequence[Report]:
+    def look(self, now: int) -> Sequence[RequirementReport]:
         """The reports of a time at which no message came."""
         if self._is_absent(now):
             report, why = self.account.without(now)
@@ -89,7 +92,7 @@ class Dense:
             return self._begin(now)
         return self._feed([], now)
 
-    def _begin(self, now: int) -> Sequence[Report]:
+    def _begin(self, now: int) -> Sequence[RequirementReport]:
         if self._is_absent(now):
             return []
         self._monitor.reset()
@@ -108,7 +111,7 @@ class Dense:
         before, self._jumps = self._jumps, sum(each.jumps for each in self.inputs)
         return before != self._jumps
 
-    def _feed(self, sources: Sequence[Input], now: int) -> Sequence[Report]:
+    def _feed(self, sources: Sequence[Input], now: int) -> Sequence[RequirementReport]:
         origin = self._origin or 0
         events: _Events = {}
         rows: list[tuple[int, dict[str, float]]] = []
@@ -165,7 +168,7 @@ class Dense:
                     same = ((until - (self._origin or 0)) / 1e9, source.values[place])
                     events.setdefault(name, []).append(same)
 
-    def _judged(self, found: Sequence[tuple[float, float]]) -> Sequence[Report]:
+    def _judged(self, found: Sequence[tuple[float, float]]) -> Sequence[RequirementReport]:
         settled = self._monitor.settled
         if math.isinf(settled):
             return []
@@ -202,7 +205,7 @@ class Dense:
     def _time(self, time: float) -> int:
         return (self._origin or 0) + round(time * 1e9)
 
-    def _report(self, time: int) -> Report:
+    def _report(self, time: int) -> RequirementReport:
         robustness, about = self._robustness or (None, None)
         return self.account.judged(
             time,

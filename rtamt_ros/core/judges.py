@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from rtamt import Specification
-from rtamt_ros.core.dense import Dense
+from rtamt_ros.core.dense import DenseJudge
 from rtamt_ros.core.inputs import Input
-from rtamt_ros.core.record import Record
-from rtamt_ros.core.report import Report, seconds
-from rtamt_ros.core.requirements import Requirement, requirements_of
-from rtamt_ros.core.sampled import Sampled
+from rtamt_ros.core.record import CsvRecord
+from rtamt_ros.core.report import RequirementReport, seconds
+from rtamt_ros.core.requirements import SubscribedRequirement, requirements_of
+from rtamt_ros.core.sampled import SampledJudge
 from rtamt_ros.core.settings import Settings
 
 __all__ = ["Judges"]
@@ -47,7 +47,7 @@ class Judges:
         for source in self.inputs:
             self.topics.setdefault(source.topic, []).append(source)
         self._records = [self._record(each) for each in self.requirements]
-        make: type[Sampled | Dense] = Dense if settings.dense else Sampled
+        make: type[SampledJudge | DenseJudge] = DenseJudge if settings.dense else SampledJudge
         self._judges = [
             make(each, settings, record)
             for each, record in zip(self.requirements, self._records, strict=True)
@@ -60,38 +60,38 @@ class Judges:
         return [record.path for record in self._records if record is not None]
 
     @property
-    def reports(self) -> tuple[Report, ...]:
+    def reports(self) -> tuple[RequirementReport, ...]:
         """The last report of every requirement of which there is one."""
         last = (each.account.last for each in self._judges)
         return tuple(each for each in last if each is not None)
 
-    def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[Report]:  # noqa: ANN401
+    def take(self, topic: str, message: Any, time: int, now: int) -> Sequence[RequirementReport]:  # noqa: ANN401
         """Take a message, at the time that counts; in dense time, the reports that it brings."""
         if self.settings.dense and now > 0:
             self._follow_clock(now)
         taken = {each for each in self.topics[topic] if each.take(message, time, now)}
-        reports: list[Report] = []
+        reports: list[RequirementReport] = []
         for judge in self._judges if taken and self.settings.dense else ():
             for source in judge.inputs:
-                if source in taken and isinstance(judge, Dense):
+                if source in taken and isinstance(judge, DenseJudge):
                     reports += judge.event(source, now)
         return reports
 
-    def look(self, now: int) -> Sequence[Report]:
+    def look(self, now: int) -> Sequence[RequirementReport]:
         """The reports of a time: on samples, those that are due."""
         if now <= 0:
             return [each.account.without_clock() for each in self._judges]
         self._follow_clock(now)
-        reports: list[Report] = []
+        reports: list[RequirementReport] = []
         for judge in self._judges:
             found = judge.look(now)
-            if isinstance(found, Report):
+            if isinstance(found, RequirementReport):
                 reports.append(found)
             elif found is not None:
                 reports += found
         return reports
 
-    def standing(self) -> Sequence[Report]:
+    def standing(self) -> Sequence[RequirementReport]:
         """The reports while a simulated clock stands still; the monitors go on when it does."""
         return [each.account.standing() for each in self._judges]
 
@@ -120,13 +120,13 @@ class Judges:
             if record is not None:
                 record.close()
 
-    def _record(self, requirement: Requirement) -> Record | None:
+    def _record(self, requirement: SubscribedRequirement) -> CsvRecord | None:
         path = self.settings.record
         if path is None:
             return None
         if len(self.requirements) > 1:
             path = path.with_stem(f"{path.stem}-{requirement.name}")
         if self.settings.dense:
-            return Record(path, ("variable", "value"))
+            return CsvRecord(path, ("variable", "value"))
         columns = (*requirement.specification.variables, "robustness")
-        return Record(path, columns)
+        return CsvRecord(path, columns)

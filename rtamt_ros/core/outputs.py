@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from rtamt import Publication, SpecificationError, publications
-from rtamt_ros.core.requirements import Requirement
+from rtamt_ros.core.requirements import SubscribedRequirement
 
 __all__ = ["Output", "bound_topics", "outputs_of"]
 
@@ -30,7 +30,7 @@ class Output:
     formulas: dict[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
 
 
-def outputs_of(requirements: Sequence[Requirement]) -> list[Output]:
+def outputs_of(requirements: Sequence[SubscribedRequirement]) -> list[Output]:
     """The topics of requirements, and of the formulas with names that they use.
 
     Formulas that are named after fields of one message, ``out.value`` and ``out.part``, are on one
@@ -98,7 +98,7 @@ def _refuse_twice(topic: str, made: Iterable[Output], name: str) -> None:
             )
 
 
-def _refuse_loop(topic: str, requirement: Requirement, name: str) -> None:
+def _refuse_loop(topic: str, requirement: SubscribedRequirement, name: str) -> None:
     for source in requirement.inputs:
         if source.topic == topic:
             raise SpecificationError(

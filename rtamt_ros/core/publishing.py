@@ -9,7 +9,7 @@ from typing import Any
 
 from rtamt import InputError, Verdict
 from rtamt_ros.core.outputs import Output
-from rtamt_ros.core.report import Report, seconds
+from rtamt_ros.core.report import RequirementReport, seconds
 from rtamt_ros.middleware import Level, Middleware, Publisher
 
 __all__ = ["BOUNDS", "Diagnostics", "Publishing"]
@@ -58,7 +58,7 @@ class Publishing:
             self.close()
             raise
 
-    def publish(self, report: Report) -> None:
+    def publish(self, report: RequirementReport) -> None:
         """Publish what is known; of the bounds and the verdict, what is new."""
         for outgoing in self._of[report.name]:
             outgoing.publish(report)
@@ -87,7 +87,7 @@ class _Bound:
         self._publisher = publisher
         self._last = ""
 
-    def publish(self, report: Report) -> None:
+    def publish(self, report: RequirementReport) -> None:
         value = self._of(report)
         if value is None:
             return
@@ -108,7 +108,7 @@ class _Outgoing:
         self._formulas = output.formulas
         self._values: dict[tuple[str, str], float | None] = dict.fromkeys(output.formulas)
 
-    def publish(self, report: Report) -> None:
+    def publish(self, report: RequirementReport) -> None:
         gone = report.robustness is not None and math.isnan(report.robustness)
         for name, formula in self._formulas:
             if name == report.name:
@@ -155,7 +155,7 @@ class Diagnostics:
         else:
             self._publisher = middleware.publisher("/diagnostics", array, latched=False)
 
-    def tell(self, reports: Sequence[Report], now: int) -> bool:
+    def tell(self, reports: Sequence[RequirementReport], now: int) -> bool:
         """Publish and log what is new; whether it was time to."""
         states = {each.name: (each.level, each.unrecorded) for each in reports}
         changed = [each for each in reports if self._states.get(each.name) != states[each.name]]
@@ -176,7 +176,7 @@ class Diagnostics:
         if self._publisher is not None:
             self._publisher.close()
 
-    def _status_of(self, report: Report) -> object:
+    def _status_of(self, report: RequirementReport) -> object:
         status = self._status()
         level = int(report.level)
         # A byte is a number in ROS 1, and bytes in ROS 2.
@@ -191,7 +191,7 @@ class Diagnostics:
         return status
 
 
-def _told(report: Report, formula: str) -> dict[str, str]:
+def _told(report: RequirementReport, formula: str) -> dict[str, str]:
     """The numbers of a report for a reader."""
     return {
         "formula": formula,

@@ -13,10 +13,10 @@ import numpy as np
 
 from rtamt import InputError
 
-__all__ = ["Record"]
+__all__ = ["CsvRecord"]
 
 
-class Record:
+class CsvRecord:
     """Writes a file for each run of a monitor: ``run.csv``, ``run-2.csv``, ``run-3.csv``.
 
     A file that is there stays as it is, and the next number is taken.

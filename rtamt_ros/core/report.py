@@ -10,12 +10,12 @@ from typing import NamedTuple
 from rtamt import Verdict
 from rtamt_ros.middleware import Level
 
-__all__ = ["Report", "holds", "seconds"]
+__all__ = ["RequirementReport", "holds", "seconds"]
 
 _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
 
-class Report(NamedTuple):
+class RequirementReport(NamedTuple):
     """What a monitor says of a requirement at one time.
 
     Attributes:

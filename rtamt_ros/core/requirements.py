@@ -11,11 +11,11 @@ from rtamt.errors import nearest
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.settings import Settings
 
-__all__ = ["Requirement", "requirements_of", "unbounded"]
+__all__ = ["SubscribedRequirement", "requirements_of", "unbounded"]
 
 
 @dataclass(frozen=True, slots=True)
-class Requirement:
+class SubscribedRequirement:
     """A requirement of a specification, and where its variables come from.
 
     Attributes:
@@ -35,7 +35,7 @@ class Requirement:
 
 def requirements_of(
     specifications: Iterable[Specification], settings: Settings
-) -> tuple[Requirement, ...]:
+) -> tuple[SubscribedRequirement, ...]:
     """What specifications require.
 
     Each requirement has inputs of its own: a field that one cannot read concerns no other.
@@ -45,7 +45,7 @@ def requirements_of(
         SpecificationError: If a topic is read as messages of two classes, or of none.
         InputError: If the settings speak of a topic that is not read.
     """
-    requirements: dict[str, Requirement] = {}
+    requirements: dict[str, SubscribedRequirement] = {}
     for origin, specification in enumerate(specifications):
         for title, part in specification.requirements.items():
             numbered = (f"{title}_{count}" for count in itertools.count(2))
@@ -53,7 +53,7 @@ def requirements_of(
             name = next(each for each in candidates if each not in requirements)
             cells = _cells(part, settings)
             read = tuple(dict.fromkeys(source for source, _ in cells.values()))
-            requirements[name] = Requirement(name, part, cells, read, origin)
+            requirements[name] = SubscribedRequirement(name, part, cells, read, origin)
     _check([source for each in requirements.values() for source in each.inputs], settings)
     return tuple(requirements.values())
 

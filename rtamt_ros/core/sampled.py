@@ -9,15 +9,15 @@ from typing import Any
 from rtamt import EpisodeMonitor, InputError, Monitor, SpecificationError, Verdict
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.formulas import Formulas
-from rtamt_ros.core.record import Record
-from rtamt_ros.core.report import Report, seconds
-from rtamt_ros.core.requirements import Requirement, unbounded
+from rtamt_ros.core.record import CsvRecord
+from rtamt_ros.core.report import RequirementReport, seconds
+from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
-__all__ = ["Sampled"]
+__all__ = ["SampledJudge"]
 
 
-class Sampled:
+class SampledJudge:
     """Judges a requirement on the last values, once a period.
 
     The n-th sample of a run is at its begin + n periods, whatever the jitter of the looks. A look
@@ -35,7 +35,10 @@ class Sampled:
     """
 
     def __init__(
-        self, requirement: Requirement, settings: Settings, record: Record | None = None
+        self,
+        requirement: SubscribedRequirement,
+        settings: Settings,
+        record: CsvRecord | None = None,
     ) -> None:
         self.account = Account(requirement, record)
         self.inputs = requirement.inputs
@@ -78,7 +81,7 @@ class Sampled:
             self._why = why
             self._start = None
 
-    def look(self, now: int) -> Report | None:
+    def look(self, now: int) -> RequirementReport | None:
         """The report of a time; None if no sample is due."""
         jumps = 0
         for source in self.inputs:
@@ -105,7 +108,7 @@ class Sampled:
         self.account.missed += late
         return self._feed(late + 1)
 
-    def _begin(self, now: int) -> Report:
+    def _begin(self, now: int) -> RequirementReport:
         self._episode.reset()
         for each in (self._monitor, self._formulas):
             if each is not None:
@@ -113,7 +116,7 @@ class Sampled:
         self._start, self._count, self._decided = now, 0, False
         return self._feed(1)
 
-    def _feed(self, count: int) -> Report:
+    def _feed(self, count: int) -> RequirementReport:
         held = [source.values for source in self.inputs]
         sample = [held[at][place] for at, place in self._places]
         time = about = 0

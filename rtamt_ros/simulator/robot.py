@@ -24,7 +24,7 @@ from rtamt import InputError
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.middleware import Level, Middleware
 
-__all__ = ["Controller", "Robot", "Stuck", "Surge"]
+__all__ = ["Robot", "RobotController", "Stuck", "Surge"]
 
 PERIOD = round(SCENARIO.period * 1e9)
 """Nanoseconds between odometry, and between commands."""
@@ -152,7 +152,7 @@ class Robot:
         self._odometry.publish(message)
 
 
-class Controller:
+class RobotController:
     """A controller that subscribes to ``NAME/odom`` and publishes ``NAME/cmd_vel``.
 
     It commands ten times a second from its first odometry on, also when no more odometry comes.
@@ -282,7 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if options.only != "controller":
             Robot(node, options.name, parameters=parameters, seed=options.seed, stuck=options.stuck)
         if options.only != "robot":
-            Controller(node, options.name, surge=options.surge)
+            RobotController(node, options.name, surge=options.surge)
     except InputError as error:
         parser.error(str(error))
     node.spin()

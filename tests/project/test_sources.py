@@ -7,7 +7,6 @@ from pathlib import Path
 from paths import ROOT
 
 CLOCKS = {"time", "timeit", "datetime"}
-SUFFIXES = {".py", ".pyi", ".hpp", ".cpp", ".c", ".html", ".css", ".js"}
 
 
 def imported(path: Path) -> set[str]:
@@ -26,15 +25,3 @@ def test_no_test_reads_a_clock() -> None:
     tests = [path for path in (ROOT / "tests").rglob("*.py") if "bench" not in path.parts]
     assert tests
     assert [path for path in tests if CLOCKS & imported(path)] == []
-
-
-def test_no_file_written_by_hand_has_more_than_400_lines() -> None:
-    written = [
-        path
-        for folder in ("rtamt", "rtamt_gym", "rtamt_ros", "envs", "examples", "tests")
-        for path in (ROOT / folder).rglob("*")
-        if path.suffix in SUFFIXES and "generated" not in path.parts
-    ]
-    assert written
-    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in written}
-    assert {path: length for path, length in lengths.items() if length > 400} == {}

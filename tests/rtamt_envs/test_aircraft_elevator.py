@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from rtamt_envs import aircraft_elevator
 from rtamt_envs.aircraft_elevator import SCENARIO
 from rtamt_envs.aircraft_elevator_modes import ACTIVE, ISOLATED, OFF, STANDBY
-from rtamt_envs.scenario import Episode, Floats
+from rtamt_envs.scenario import EpisodeSoFar, Floats
 
 import rtamt
 
@@ -224,7 +224,7 @@ def test_a_picture_has_courses_bands_of_modes_and_pressures() -> None:
     seen = _fly(H1=4.0)[:, 0]
     assert SCENARIO.draw is not None
     figure = Figure()
-    episode = Episode(np.arange(1001) / 100, seen, seen[1:, :1], {})
+    episode = EpisodeSoFar(np.arange(1001) / 100, seen, seen[1:, :1], {})
     SCENARIO.draw(figure, episode)
     top, bands, bottom = figure.axes
     assert [len(ax.lines) for ax in (top, bands, bottom)] == [3, 0, 3]

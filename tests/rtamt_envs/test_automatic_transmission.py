@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.lib.stride_tricks import sliding_window_view
 from rtamt_envs import automatic_transmission as transmission
 from rtamt_envs.automatic_transmission import SCENARIO
-from rtamt_envs.scenario import Episode, Floats
+from rtamt_envs.scenario import EpisodeSoFar, Floats
 
 import rtamt
 
@@ -233,7 +233,7 @@ def test_the_picture_shows_what_was_observed_and_done() -> None:
     figure = Figure()
     times = np.linspace(0.0, 35.0, _STEPS + 1)
     assert SCENARIO.draw is not None
-    SCENARIO.draw(figure, Episode(times, courses, actions[:, 0], {}))
+    SCENARIO.draw(figure, EpisodeSoFar(times, courses, actions[:, 0], {}))
     names = ["speed [mph]", "rpm", "gear", "throttle [%]", "brake [lb ft]"]
     assert [ax.get_ylabel() for ax in figure.axes] == names
     for ax, values in zip(figure.axes[:3], courses.T, strict=True):
@@ -243,5 +243,5 @@ def test_the_picture_shows_what_was_observed_and_done() -> None:
         np.testing.assert_array_equal(data.values, values)
         np.testing.assert_array_equal(data.edges, times)
     begun = Figure()
-    SCENARIO.draw(begun, Episode(times[:1], courses[:1], actions[:0, 0], {}))
+    SCENARIO.draw(begun, EpisodeSoFar(times[:1], courses[:1], actions[:0, 0], {}))
     assert len(begun.axes) == 5

@@ -13,7 +13,7 @@ from memory_middleware import SECOND, MemoryMiddleware, message
 
 import rtamt
 from rtamt import EpisodeMonitor, evaluate
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 from rtamt_ros.node import MonitorNode, Settings
 
 MS = 1_000_000
@@ -185,7 +185,7 @@ def test_times_of_samples_increase_by_one_period() -> None:
 
 
 @pytest.mark.parametrize("semantics", ["standard", "boolean", "output-robustness"])
-def test_semantics_are_those_of_the_monitors(semantics: Semantics) -> None:
+def test_semantics_are_those_of_the_monitors(semantics: SemanticsName) -> None:
     text = "input float64 x; output float64 y; x > 1 and y > 0"
     ros = MemoryMiddleware(time=START)
     node = MonitorNode(ros, [text], Settings(semantics=semantics))

@@ -11,7 +11,7 @@ from rtamt_envs.mobile_robot import ROUTE, SCENARIO
 from scenario_courses import course, made, random_actions
 
 from rtamt import InputError
-from rtamt_ros.simulator.robot import Controller, Robot, Stuck, Surge, main
+from rtamt_ros.simulator.robot import Robot, RobotController, Stuck, Surge, main
 
 ODOM, CMD = "robot0/odom", "robot0/cmd_vel"
 
@@ -106,7 +106,7 @@ def together(steps: int, surge: Surge | None = None) -> tuple[MemoryMiddleware, 
     """A robot and its controller, which commands after every step."""
     robot, controller = MemoryMiddleware(), MemoryMiddleware()
     Robot(robot, parameters={"noise": 0.0})
-    Controller(controller, surge=surge)
+    RobotController(controller, surge=surge)
     controller.tick()
     assert controller.published == []
     for _ in range(steps):

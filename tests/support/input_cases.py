@@ -7,11 +7,11 @@ from fractions import Fraction
 from hypothesis import strategies as st
 
 from rtamt_gym import Waveform
-from rtamt_gym.inputs.ranges import LEAST_POINTS, Interpolation
+from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
 
 __all__ = ["of_step", "waveforms"]
 
-INTERPOLATIONS: tuple[Interpolation, ...] = ("hold", "linear", "pchip")
+INTERPOLATIONS: tuple[WaveformInterpolation, ...] = ("hold", "linear", "pchip")
 
 
 @st.composite

@@ -9,12 +9,14 @@ from strategies import VARIABLES, formulas
 
 import rtamt
 from rtamt import Specification
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 
-Case = tuple[Specification, Semantics]
-AWARE: st.SearchStrategy[Semantics] = st.sampled_from(SEMANTICS[1:])
-RELATIVE: st.SearchStrategy[Semantics] = st.sampled_from(("output-robustness", "input-robustness"))
-VACUITY: st.SearchStrategy[Semantics] = st.sampled_from(("input-vacuity", "output-vacuity"))
+Case = tuple[Specification, SemanticsName]
+AWARE: st.SearchStrategy[SemanticsName] = st.sampled_from(SEMANTICS[1:])
+RELATIVE: st.SearchStrategy[SemanticsName] = st.sampled_from(
+    ("output-robustness", "input-robustness")
+)
+VACUITY: st.SearchStrategy[SemanticsName] = st.sampled_from(("input-vacuity", "output-vacuity"))
 NEUTRAL = frozenset(SEMANTICS) - {"standard", "boolean"}
 """Semantics under which a predicate may count 0 and neither hold nor fail."""
 ROLES = st.permutations(["input", "output", "input", "output", ""]).map(
@@ -25,7 +27,7 @@ ROLES = st.permutations(["input", "output", "input", "output", ""]).map(
 @st.composite
 def cases(
     draw: st.DrawFn,
-    semantics: st.SearchStrategy[Semantics] = AWARE,
+    semantics: st.SearchStrategy[SemanticsName] = AWARE,
     *,
     endless: bool = False,
     total: bool = True,

@@ -8,9 +8,9 @@ from __future__ import annotations
 from oracle import INF, Read, Trace, Value, holds, predicate
 
 from rtamt.language.node import Node
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 
-SEMANTICS: tuple[Semantics, ...] = (
+SEMANTICS: tuple[SemanticsName, ...] = (
     "standard",
     "boolean",
     "output-robustness",

@@ -17,7 +17,7 @@ from rtamt.language.grammar.diagnosis import (
     similar_name,
 )
 from rtamt.language.grammar.expressions import TreeBuilder
-from rtamt.language.grammar.tokens import Part, Statement, Statements, read
+from rtamt.language.grammar.tokens import Span, Statement, Statements, read
 from rtamt.language.names import lineage
 from rtamt.language.node import Node, interned
 from rtamt.language.operators import OPERATORS
@@ -148,7 +148,7 @@ class _Reader:
 
     def _constant(self, statement: Statement) -> None:
         name = self._new(statement, PRIMITIVES, self.defined)
-        value = self._value(cast("Part", statement.default))
+        value = self._value(cast("Span", statement.default))
         self.constants[name] = self.given.get(name, value)
         self.defined.add(name)
 
@@ -171,7 +171,7 @@ class _Reader:
             raise self._fail(token, f"'{token.text}' is already {by}", "choose another name")
         return token.text
 
-    def _value(self, part: Part) -> Fraction:
+    def _value(self, part: Span) -> Fraction:
         value = self.tokens[part.start.tokenIndex : part.stop.tokenIndex + 1]
         digits = "".join(token.text for token in value)
         return exact_number(self.text, part.start, digits, "number")

@@ -26,10 +26,10 @@ from rtamt.language.node import MAX_DEPTH, too_deep, too_long
 from rtamt.language.operators import OPERATORS
 from rtamt.language.table import Notation
 
-__all__ = ["Part", "Statement", "Statements", "read"]
+__all__ = ["Span", "Statement", "Statements", "read"]
 
 
-class Part(Protocol):
+class Span(Protocol):
     """The first and the last token that a rule of the grammar has read."""
 
     start: Token
@@ -41,12 +41,12 @@ class Statement(Protocol):
 
     kind: Token
     variable: Token
-    location: Part
+    location: Span
     module: Token
     io: Token | None
     name: Token | None
-    default: Part | None
-    formula: Part
+    default: Span | None
+    formula: Span
 
 
 class Statements(Protocol):

@@ -14,7 +14,7 @@ from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.inputs.ranges import Interpolation, Parameter, Signal
+from rtamt_gym.inputs.ranges import Parameter, Signal, WaveformInterpolation
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.search.runs.requirements import Requirements
@@ -343,7 +343,7 @@ class _Driven:
         return list(map(float, entry.at(times)))
 
 
-_KINDS: Final[Mapping[Any, Interpolation]] = {
+_KINDS: Final[Mapping[Any, WaveformInterpolation]] = {
     piecewise_constant: "hold",
     piecewise_linear: "linear",
     pchip: "pchip",

@@ -13,7 +13,7 @@ from rtamt_gym.checks.numbers import exact
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.specs import read_period
 from rtamt_gym.search.runs.lanes import Judging, Lanes
-from rtamt_gym.signals.signals import Element, SignalLike, own_signals, parse_signals
+from rtamt_gym.signals.signals import ElementRead, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
 __all__ = ["lanes_of"]
@@ -62,6 +62,6 @@ def _elements(
         bound = [each.bind(env) for each in parse_signals(texts, variables, SOURCES)]
     except rtamt.RtamtError:  # which the first simulation raises, in words of its own
         return None
-    if not all(isinstance(read, Element) for read in bound):
+    if not all(isinstance(read, ElementRead) for read in bound):
         return None
-    return dict(zip(variables, (cast("Element", read).index for read in bound), strict=True))
+    return dict(zip(variables, (cast("ElementRead", read).index for read in bound), strict=True))

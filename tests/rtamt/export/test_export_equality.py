@@ -21,7 +21,7 @@ from rtamt import (
     parse,
 )
 from rtamt.export import Fmi
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 
 OUTPUTS = ("robustness", "lower", "upper", "verdict", "part", "whole")
 
@@ -31,7 +31,7 @@ def monitors(
     constants: Mapping[str, float] | None = None,
     *,
     period: float = 1,
-    semantics: Semantics = "standard",
+    semantics: SemanticsName = "standard",
 ) -> Expected:
     """The monitors of a drawn specification."""
     whole, part = (parse(text, constants=constants) for text in (drawn.text, drawn.part))
@@ -93,10 +93,10 @@ def test_a_parameter_is_the_constant_of_a_text_that_is_compiled_anew(
         check_steps(unit, expected, trace, 1)
 
 
-@pytest.mark.parametrize("semantics", get_args(Semantics)[1:])
+@pytest.mark.parametrize("semantics", get_args(SemanticsName)[1:])
 @settings(max_examples=10)
 @given(drawn=texts(), trace=traces())
-def test_every_semantics_is_exported(semantics: Semantics, drawn: Drawn, trace: Trace) -> None:
+def test_every_semantics_is_exported(semantics: SemanticsName, drawn: Drawn, trace: Trace) -> None:
     try:
         expected = monitors(drawn, semantics=semantics)
     except SpecificationError:  # a term of constants is no number

@@ -13,7 +13,7 @@ from interface_oracle import SEMANTICS
 from strategies import DENSE, formulas, rooted
 
 from rtamt import DenseMonitor, Events, Formula, evaluate_dense
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 
 Backend = Literal["native", "python"]
 any_formula = formulas(endless=True, dense=True).filter(lambda f: f.variables)
@@ -75,7 +75,7 @@ def test_chunks_do_not_change_a_sign(
 @settings(max_examples=12)
 @given(formula=bounded.filter(lambda f: len(f.variables) > 1), whole=zeros, shares=chunks(2))
 def test_back_ends_give_the_same_bits_under_every_semantics(
-    semantics: Semantics, formula: Formula, whole: Signals, shares: list[list[float]]
+    semantics: SemanticsName, formula: Formula, whole: Signals, shares: list[list[float]]
 ) -> None:
     first, *_, last = formula.variables
     plain = semantics in ("standard", "boolean")

@@ -33,7 +33,7 @@ from rtamt import (
     VectorMonitor,
     evaluate,
 )
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 
 Backend = Literal["native", "python"]
 INF = math.inf
@@ -198,7 +198,7 @@ SIGNALS = {
     "b": {"req": [0.0, 2, 2, 0, 1, 0, 0, 0, 0, 0], "gnt": [0.0] * 10},
     "d": {"req": [0.0, 4, 0, 0, 0, 0, 0, 0, 0, 0], "gnt": [0.0, 0, 0, 0, 1, 0, 0, 0, 4, 0]},
 }
-FIGURES: list[tuple[str, Semantics, float]] = [
+FIGURES: list[tuple[str, SemanticsName, float]] = [
     ("b", "standard", 1),
     ("b", "output-robustness", INF),
     ("b", "input-vacuity", 1),
@@ -214,7 +214,7 @@ FIGURES: list[tuple[str, Semantics, float]] = [
 
 @pytest.mark.parametrize(("signal", "semantics", "expected"), FIGURES)
 def test_request_and_grant_of_the_paper(
-    signal: str, semantics: Semantics, expected: float, backend: Backend
+    signal: str, semantics: SemanticsName, expected: float, backend: Backend
 ) -> None:
     trace = SIGNALS[signal]
     declared = f"input float req; output float gnt; {GRANTED}"

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from interface_cases import Case, cases, read
 
 from rtamt import DenseMonitor, evaluate_dense
-from rtamt.program.interface import Semantics
+from rtamt.program.interface import SemanticsName
 
 Backend = Literal["native", "python"]
 Breakpoints = list[tuple[float, float]]
@@ -80,7 +80,7 @@ SIGNALS = {
     "b": {"req": [(0, 0), (1, 2), (3, 0), (9, 0)], "gnt": [(0, 0), (9, 0)]},
     "d": {"req": [(0, 0), (1, 4), (2, 0), (9, 0)], "gnt": [(0, 0), (4, 1), (5, 0), (9, 0)]},
 }
-FIGURES: list[tuple[str, Semantics, float]] = [
+FIGURES: list[tuple[str, SemanticsName, float]] = [
     ("b", "standard", 1),
     ("b", "output-robustness", INF),
     ("b", "input-vacuity", 1),
@@ -92,7 +92,7 @@ FIGURES: list[tuple[str, Semantics, float]] = [
 
 @pytest.mark.parametrize(("signal", "semantics", "robustness"), FIGURES)
 def test_request_and_grant_of_the_paper(
-    signal: str, semantics: Semantics, robustness: float, backend: Backend
+    signal: str, semantics: SemanticsName, robustness: float, backend: Backend
 ) -> None:
     events, req, gnt = SIGNALS[signal], ("req",), ("gnt",)
     whole = evaluate_dense(

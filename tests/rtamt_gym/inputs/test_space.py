@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Case, Parameter, Signal, Space, Waveform
-from rtamt_gym.inputs.ranges import LEAST_POINTS, Interpolation
+from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
 
 lows = st.floats(-1e6, 1e6)
 ranges = st.tuples(lows, st.just(0.0) | st.floats(1e-6, 1e6)).map(lambda r: (r[0], r[0] + r[1]))
@@ -25,7 +25,7 @@ def spaces(draw: st.DrawFn) -> Space:
     entries: list[Signal | Parameter] = []
     for i in range(draw(st.integers(1, 4))):
         low, high = draw(ranges)
-        match draw(st.sampled_from([*get_args(Interpolation), "number", "log", "values"])):
+        match draw(st.sampled_from([*get_args(WaveformInterpolation), "number", "log", "values"])):
             case "number":
                 entries.append(Parameter(f"x{i}", low, high))
             case "log":

@@ -14,15 +14,17 @@ from scipy.interpolate import PchipInterpolator
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym import Signal, Space, Waveform
-from rtamt_gym.inputs.ranges import LEAST_POINTS, Interpolation
+from rtamt_gym.inputs.ranges import LEAST_POINTS, WaveformInterpolation
 
-INTERPOLATIONS: tuple[Interpolation, ...] = ("hold", "linear", "pchip")
+INTERPOLATIONS: tuple[WaveformInterpolation, ...] = ("hold", "linear", "pchip")
 
 numbers = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.0, 1.0, 1e-300, -1e300])
 
 
 @st.composite
-def waveforms(draw: st.DrawFn, kinds: tuple[Interpolation, ...] = INTERPOLATIONS) -> Waveform:
+def waveforms(
+    draw: st.DrawFn, kinds: tuple[WaveformInterpolation, ...] = INTERPOLATIONS
+) -> Waveform:
     """Waveforms with uneven times."""
     kind = draw(st.sampled_from(kinds))
     values = draw(st.lists(numbers, min_size=LEAST_POINTS[kind], max_size=6))
@@ -58,7 +60,7 @@ REFERENCES: dict[str, Callable[[Waveform, list[float]], Any]] = {
 @pytest.mark.parametrize("kind", INTERPOLATIONS)
 @given(data=st.data(), shares=st.lists(st.floats(0, 1), min_size=1, max_size=20))
 def test_waveforms_are_those_of_numpy_and_scipy(
-    kind: Interpolation, data: st.DataObject, shares: list[float]
+    kind: WaveformInterpolation, data: st.DataObject, shares: list[float]
 ) -> None:
     small = st.floats(-100, 100).filter(lambda v: v == 0 or abs(v) > 1e-9)
     drawn = data.draw(waveforms((kind,)))

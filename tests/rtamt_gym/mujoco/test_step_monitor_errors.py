@@ -12,7 +12,7 @@ from mujoco_models import INTEGRATORS, arm
 import rtamt
 from rtamt.errors import InputError, InputTypeError, RtamtError, SpecificationError, StateError
 from rtamt_gym import StepMonitor
-from rtamt_gym.mujoco.clock import Clock
+from rtamt_gym.mujoco.clock import StepClock
 
 X = {"x": "qpos[0]"}
 
@@ -139,7 +139,7 @@ def test_the_message_says_what_may_have_happened() -> None:
 
 
 def test_rounding_of_the_time_does_not_add_up() -> None:
-    clock = Clock()
+    clock = StepClock()
     clock.start(5.0, 0.1)
     for sample in range(0, 10_000, 16):
         clock.check(5.0 + 0.1 * sample * (1 + 5e-4), sample)

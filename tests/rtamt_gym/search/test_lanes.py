@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rtamt_gym import Case, Parameter, Runner, Signal, Waveform, sweep
-from rtamt_gym.inputs.ranges import Interpolation
+from rtamt_gym.inputs.ranges import WaveformInterpolation
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.simulation.environments import make
@@ -37,7 +37,7 @@ def spaces(env: gym.Env[Any, Any]) -> st.SearchStrategy[Space]:
     def drawn(draw: st.DrawFn) -> Space:
         entries: list[Signal | Parameter] = draw(chosen) if scenario.parameters else []
         if not entries or draw(st.booleans()):
-            how = draw(st.sampled_from(get_args(Interpolation)))
+            how = draw(st.sampled_from(get_args(WaveformInterpolation)))
             entries += [
                 Signal(
                     each.name, low[i], high[i], points=draw(st.integers(2, 4)), interpolation=how

@@ -13,7 +13,7 @@ from parallel_environments import Crew
 
 from rtamt.errors import InputError
 from rtamt_gym.signals.agents import agent_sources
-from rtamt_gym.signals.signals import Read, Reading, SignalLike, Step, parse_signals
+from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike, Step, parse_signals
 
 AGENTS = ["scout_0", "scout_1", "'s:2"]
 CREW = Crew(dict.fromkeys(AGENTS, (1.0, 2.0)))
@@ -21,8 +21,8 @@ NAMES = {agent: agent for agent in AGENTS}
 HINT = "  hint: write scout_0: obs[2], scout_0: action[0], scout_0: reward or scout_0: info['key']"
 
 
-def parse(value: SignalLike, *, hold: bool = False) -> Reading:
-    return Reading.parse("x", value, agent_sources(NAMES, hold=hold), NAMES)
+def parse(value: SignalLike, *, hold: bool = False) -> ParsedSignal:
+    return ParsedSignal.parse("x", value, agent_sources(NAMES, hold=hold), NAMES)
 
 
 def bind(value: SignalLike, *, hold: bool = False) -> Read:
@@ -64,7 +64,7 @@ def test_a_selector_reads_the_part_of_its_agent(reading: Any, number: float, at:
 def test_agents_need_not_be_texts() -> None:
     crew = Crew({7: (1.0, 2.0), 8: (3.0, 4.0)})  # type: ignore[dict-item]  # as said
     names = {str(agent): agent for agent in crew.possible_agents}
-    signal = Reading.parse("x", "8: obs[0]", agent_sources(names, hold=False), names)
+    signal = ParsedSignal.parse("x", "8: obs[0]", agent_sources(names, hold=False), names)
     assert signal.bind(crew)(*crew.reset()[:1], None, None, {}) == 3.0  # type: ignore[arg-type]  # see above
 
 

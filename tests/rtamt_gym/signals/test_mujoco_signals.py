@@ -17,12 +17,12 @@ from rtamt import InputError
 from rtamt_gym import StlMonitor
 from rtamt_gym.signals.mujoco import bind_signal, derive
 from rtamt_gym.signals.selectors import Selector, parse_selector
-from rtamt_gym.signals.signals import Reading
+from rtamt_gym.signals.signals import ParsedSignal
 from rtamt_gym.signals.sources import MUJOCO
 
 
 def reader(selector: str, model: Any, data: Any) -> Callable[[], float]:  # noqa: ANN401
-    return bind_signal(Reading.parse("x", selector, MUJOCO), model, data)
+    return bind_signal(ParsedSignal.parse("x", selector, MUJOCO), model, data)
 
 
 READS: list[tuple[str, Callable[[Any], float]]] = [

@@ -11,7 +11,7 @@ import pytest
 from gymnasium import spaces
 
 from rtamt.errors import InputError, InputTypeError
-from rtamt_gym.signals.signals import Reading, SignalLike, parse_signals
+from rtamt_gym.signals.signals import ParsedSignal, SignalLike, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
 
@@ -124,7 +124,7 @@ def test_a_selector_that_does_not_fit_says_what_the_space_is(
     value: SignalLike, space: spaces.Space[Any], message: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        Reading.parse("x", value, SOURCES).bind(Simulation(space))
+        ParsedSignal.parse("x", value, SOURCES).bind(Simulation(space))
     assert str(caught.value) == message
 
 
@@ -141,7 +141,7 @@ def test_a_mujoco_selector_that_does_not_fit_says_what_there_is(
 ) -> None:
     env = gym.make("HalfCheetah-v5")
     with pytest.raises(InputError) as caught:
-        Reading.parse("x", selector, SOURCES).bind(env)
+        ParsedSignal.parse("x", selector, SOURCES).bind(env)
     assert str(caught.value) == message
     env.close()
 
@@ -177,7 +177,7 @@ def test_a_selector_that_cannot_be_read_gets_a_caret(
     selector: str, column: int, wrong: str
 ) -> None:
     with pytest.raises(InputError) as caught:
-        Reading.parse("x", selector, SOURCES)
+        ParsedSignal.parse("x", selector, SOURCES)
     caret = " " * (column - 1) + "^"
     expected = f"signal 'x', column {column}: {wrong}\n  {selector}\n  {caret}\n{HINT}"
     assert str(caught.value) == expected
@@ -235,7 +235,7 @@ def test_a_signal_that_is_none_says_what_is_one(
     value: SignalLike, error: type[Exception], message: str
 ) -> None:
     with pytest.raises(error) as caught:
-        Reading.parse("x", value, SOURCES)
+        ParsedSignal.parse("x", value, SOURCES)
     assert str(caught.value) == message
 
 
@@ -283,7 +283,7 @@ def test_a_signal_that_is_none_says_what_is_one(
 def test_an_info_without_the_number_says_what_it_has(
     selector: str, info: dict[str, Any], error: type[Exception], message: str
 ) -> None:
-    bound = Reading.parse("x", (selector, 0.0), SOURCES).bind(Simulation(VECTOR))
+    bound = ParsedSignal.parse("x", (selector, 0.0), SOURCES).bind(Simulation(VECTOR))
     with pytest.raises(error) as caught:
         bound(None, None, 0.0, info)
     assert str(caught.value) == message

@@ -13,7 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rtamt.errors import InputError
-from rtamt_gym.signals.signals import Read, Reading, SignalLike, Source, Step, parse_signals
+from rtamt_gym.signals.signals import ParsedSignal, Read, SignalLike, Source, Step, parse_signals
 from rtamt_gym.signals.sources import SOURCES
 
 
@@ -48,7 +48,7 @@ INFO = {"speed": 25, "crashed": np.bool_(1), "rewards": {"lane": np.float32(0.5)
 def read(
     value: SignalLike, env: gym.Env[Any, Any], obs: object, *, action: object = ACTION
 ) -> float:
-    return Reading.parse("x", value, SOURCES).bind(env)(obs, action, -1.5, INFO)
+    return ParsedSignal.parse("x", value, SOURCES).bind(env)(obs, action, -1.5, INFO)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_an_observation_selector_reads_one_number(
 )
 def test_what_reset_does_not_give_is_its_default_there(selector: str, expected: float) -> None:
     env = Simulation(VECTOR)
-    signal = Reading.parse("x", (selector, 7), SOURCES)
+    signal = ParsedSignal.parse("x", (selector, 7), SOURCES)
     assert signal.bind_reset(env)(VECTOR_OBS, None, None, {}) == 7.0
     value = signal.bind(env)(VECTOR_OBS, ACTION, -1.5, INFO)
     assert value == expected
@@ -102,7 +102,7 @@ def test_a_discrete_action_needs_no_index() -> None:
 
 
 def test_a_pair_may_be_a_list_as_json_gives_it() -> None:
-    assert Reading.parse("x", ["action[0]", 0.5], SOURCES) == Reading.parse(
+    assert ParsedSignal.parse("x", ["action[0]", 0.5], SOURCES) == ParsedSignal.parse(
         "x", ("action[0]", 0.5), SOURCES
     )
 
@@ -129,7 +129,9 @@ def test_a_callable_with_a_default_is_not_called_at_reset() -> None:
         raise AssertionError
 
     assert (
-        Reading.parse("x", (fail, 2), SOURCES).bind_reset(Simulation(VECTOR))(0, None, None, {})
+        ParsedSignal.parse("x", (fail, 2), SOURCES).bind_reset(Simulation(VECTOR))(
+            0, None, None, {}
+        )
         == 2.0
     )
 
@@ -147,7 +149,7 @@ def test_mujoco_selectors_read_the_state_of_the_simulation() -> None:
 def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
     env = gym.make("InvertedPendulum-v5")
     simulation: Any = env.unwrapped
-    position = Reading.parse("x", "qpos[0]", SOURCES).bind(env)
+    position = ParsedSignal.parse("x", "qpos[0]", SOURCES).bind(env)
     simulation.model, simulation.data = simulation._initialize_simulation()
     simulation.data.qpos[0] = 0.125
     assert position(None, None, None, {}) == 0.125
@@ -157,7 +159,7 @@ def test_mujoco_selectors_follow_a_simulation_that_is_built_anew() -> None:
 def test_vehicle_selectors_follow_the_vehicle_that_every_reset_makes() -> None:
     env = gym.make("highway_env:parking-v0")
     signals = [
-        Reading.parse("x", text, SOURCES).bind(env)
+        ParsedSignal.parse("x", text, SOURCES).bind(env)
         for text in ("vehicle.speed", "vehicle.position[1]", "vehicle.crashed")
     ]
     simulation: Any = env.unwrapped
@@ -175,15 +177,15 @@ def test_vehicle_selectors_follow_the_vehicle_that_every_reset_makes() -> None:
 
 
 def test_a_kind_of_selector_is_a_row() -> None:
-    def bind(signal: Reading, env: gym.Env[Any, Any]) -> Read:
+    def bind(signal: ParsedSignal, env: gym.Env[Any, Any]) -> Read:
         depths = {"bow": 2.0, "stern": 3.0}
         return lambda *_: depths[str(signal.path[0])] + len(env.observation_space.shape or ())
 
     sources = SOURCES | {"sonar": Source(example="sonar['bow']", brackets="key", bind=bind)}
-    signal = Reading.parse("x", "sonar['stern']", sources)
+    signal = ParsedSignal.parse("x", "sonar['stern']", sources)
     assert signal.bind(Simulation(VECTOR))(VECTOR_OBS, None, None, {}) == 4.0
     with pytest.raises(InputError, match=re.escape("expected a key in quotes, sonar['bow']")):
-        Reading.parse("x", "sonar", sources)
+        ParsedSignal.parse("x", "sonar", sources)
 
 
 def test_signals_come_in_the_order_of_the_variables() -> None:
@@ -197,8 +199,8 @@ def test_signals_come_in_the_order_of_the_variables() -> None:
 def test_any_text_is_a_selector_that_prints_itself_or_an_input_error(text: str) -> None:
     default = () if not text.lstrip().startswith(("action", "reward", "info")) else (0.0,)
     try:
-        signal = Reading.parse("x", (text, *default) if default else text, SOURCES)
+        signal = ParsedSignal.parse("x", (text, *default) if default else text, SOURCES)
     except InputError:
         return
     again = (str(signal), *default) if default else str(signal)
-    assert Reading.parse("x", again, SOURCES) == signal
+    assert ParsedSignal.parse("x", again, SOURCES) == signal

@@ -61,7 +61,7 @@ def infos(env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
 
 
 def test_the_wrappers_offer_what_monitors_offer() -> None:
-    assert get_args(interface.Semantics) == SEMANTICS
+    assert get_args(interface.SemanticsName) == SEMANTICS
 
 
 @pytest.mark.parametrize("view", ["episode", "step"])

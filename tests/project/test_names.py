@@ -1,0 +1,80 @@
+"""A public name of a class or of a type means one thing in the whole house."""
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from paths import ROOT
+
+ALTERNATIVES = {"SatisfactionCallback"}
+"""Names that users import from the module of their learner, one callback for each."""
+
+OPEN = {
+    "Asked",
+    "Backend",
+    "Columns",
+    "Entry",
+    "Env",
+    "Found",
+    "Frame",
+    "Interface",
+    "Judged",
+    "Judgement",
+    "Kind",
+    "Lanes",
+    "MakeMachine",
+    "Map",
+    "Mask",
+    "Matrix",
+    "Names",
+    "Options",
+    "Outcome",
+    "Panel",
+    "Period",
+    "Place",
+    "Played",
+    "Read",
+    "Reading",
+    "Row",
+    "Rows",
+    "Samples",
+    "Semantics",
+    "Series",
+    "Signal",
+    "Snapshot",
+    "Steps",
+    "Stream",
+    "Table",
+    "Task",
+    "Times",
+    "Trace",
+    "Values",
+}
+"""Names that still mean two things."""
+
+
+def definitions(path: Path) -> Iterator[tuple[str, str]]:
+    """The public classes and type aliases of a file: the name, and the type that an alias names."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        match node:
+            case ast.ClassDef(name=name):
+                found = name, f"a class of {path}"
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                found = name, ast.unparse(value)
+            case _:
+                continue
+        if name[0].isupper() and not name.isupper():
+            yield found
+
+
+def test_a_name_is_one_class_or_one_type() -> None:
+    known: defaultdict[str, set[str]] = defaultdict(set)
+    for room in ("rtamt", "rtamt_gym", "rtamt_ros", "envs"):
+        for path in (ROOT / room).rglob("*.py"):
+            if "generated" not in path.parts:
+                for name, what in definitions(path):
+                    known[name].add(what)
+    assert len(known) > 300
+    twice = {name for name, meanings in known.items() if len(meanings) > 1}
+    assert twice - ALTERNATIVES - OPEN == set()
