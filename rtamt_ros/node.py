@@ -64,12 +64,12 @@ class MonitorNode:
 
     @property
     def settings(self) -> Settings:
-        """How it samples."""
+        """The settings: how the node samples, and when an input is stale."""
         return self._plan.settings
 
     @property
     def specifications(self) -> tuple[Specification, ...]:
-        """What it monitors, parsed."""
+        """The specifications that the node monitors, parsed."""
         return self._plan.specifications
 
     @property
@@ -79,7 +79,7 @@ class MonitorNode:
 
     @property
     def reports(self) -> tuple[RequirementReport, ...]:
-        """What it said last of every requirement; empty before the first look."""
+        """The last report on every requirement; empty before the first look."""
         running = self._running
         return () if running is None else running.judges.reports
 
@@ -131,7 +131,7 @@ class MonitorNode:
 
 
 class _Plan:
-    """What a node needs before it starts, found and checked."""
+    """Finds and checks everything that a node needs before it starts."""
 
     def __init__(
         self,
@@ -258,7 +258,7 @@ class _Running:
                 self._middleware.log(Level.WARN, f"nobody publishes {whole}{hint}")
 
     def _callback(self, topic: str) -> Callable[[Any], None]:
-        """What a message of a topic does."""
+        """The callback for messages of a topic: it hands them to the judges."""
         settings, now, stamp = self._plan.settings, self._middleware.now, self._middleware.stamp
         take = self.judges.take
 

@@ -51,7 +51,7 @@ DELAY, LIMIT, NOISE, HEIGHT, ONSET, LENGTH = range(6)
 
 @compiled
 def _grant(request: float, parameters: Array, noise: Array) -> float:
-    """What the server grants of a request."""
+    """The level that the server grants a request: limited, with noise, and not negative."""
     level: float = min(request, parameters[LIMIT]) + parameters[NOISE] * noise[0]
     return max(level, 0.0)
 

@@ -133,7 +133,7 @@ class Scenario:
 
     @cached_property
     def signals(self) -> Mapping[str, str]:
-        """What the names of the observation read, as wrappers and `simulate` take it."""
+        """The selector of each name of the observation, as wrappers and `simulate` take it."""
         return {each.name: f"obs[{i}]" for i, each in enumerate(self.observations)}
 
     @cached_property
@@ -205,7 +205,7 @@ def scenario_of(name: str) -> Scenario:
 
 
 class Declared:
-    """What an environment and its vector twin have of their scenario.
+    """The attributes that an environment and its vector twin take from their scenario.
 
     Attributes:
         scenario: The declaration, with units and source.
@@ -225,7 +225,7 @@ class Declared:
 
     @property
     def signals(self) -> Mapping[str, str]:
-        """What the names of the observation read, for wrappers and `simulate`."""
+        """The selector of each name of the observation, for wrappers and `simulate`."""
         return self.scenario.signals
 
     @property

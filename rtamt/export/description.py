@@ -32,7 +32,7 @@ _CATEGORIES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What a model description says.
+    """The content of a model description.
 
     Attributes:
         name: The name of the model.

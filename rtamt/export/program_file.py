@@ -133,7 +133,7 @@ class DenseFile:
 
 @dataclass(frozen=True, slots=True)
 class ProgramFile:
-    """What the file says.
+    """The content of the file.
 
     Attributes:
         token: The guid or instantiation token.

@@ -29,7 +29,7 @@ __all__ = ["Programs", "dense_programs", "sampled_programs"]
 
 @dataclass(frozen=True)
 class Programs:
-    """What a unit runs, and what of it is said in a model description.
+    """The programs that a unit runs, and what its model description says of them.
 
     Attributes:
         written: The programs as the file of a unit has them.
@@ -150,7 +150,7 @@ def _late(time: Fraction) -> str:
 
 
 def _bounds(program: Program) -> EpisodeBounds:
-    """What the robustness over dense time says of the bounds of the episode."""
+    """How the robustness over dense time bounds the robustness of the whole episode."""
     if program.neutral:
         return "none"
     root = program.instructions[program.result]

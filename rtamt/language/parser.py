@@ -128,7 +128,7 @@ def _parsed(
     *,
     chains: bool,
 ) -> Specification:
-    """What `parse_as` gives; a pickle of what was made in Python may be longer than a text."""
+    """Parses a text of any length: a pickle of a formula made in Python may exceed the limit."""
     if not is_one_of(unit, UNITS):
         raise SpecificationError(no_unit(unit))
     for name in constants:

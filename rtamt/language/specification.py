@@ -195,7 +195,7 @@ class Specification:
 
     @cached_property
     def variables(self) -> tuple[str, ...]:
-        """Names used in any formula, in the order of declaration, else of first appearance."""
+        """Names used in any formula: the declared ones in order of declaration, then the others."""
         used = [n.leaf for n in self.nodes() if n.op is None and isinstance(n.leaf, str)]
         order = {name: rank for rank, name in enumerate(self.declarations)}
         return tuple(sorted(used, key=lambda v: order.get(self._declared(v), len(order))))

@@ -304,7 +304,7 @@ class _Writer:
         return held._replace(pieces=(before, *held.pieces)) if held.bracketed else held
 
     def _behind(self, before: _Pieces, body: Node, *, first: bool = False) -> _Clause:
-        """What reaches up to the end of the sentence, behind a phrase with a comma."""
+        """A clause behind a phrase with a comma; it reaches up to the end of the sentence."""
         clause = self._clauses[body][first]
         if clause.phrases >= _PHRASES:
             clause = _Clause((body, " holds"))
@@ -325,7 +325,7 @@ class _Writer:
         return _Clause(("(", *clause.pieces, ")"), bracketed=True)
 
     def _holder(self, node: Node) -> _Pieces:
-        """What "holds": a name, or true and false; nothing of other formulas."""
+        """The subject of "holds": the name of a formula, or true or false; empty for others."""
         if node in self._names:
             return (self._names[node],)
         return (_name(node),) if _name(node) in CONSTANTS else ()

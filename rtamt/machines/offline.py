@@ -121,7 +121,7 @@ def without_nan(
 def run_outputs(
     program: Program, reader: SampleReader, machine: MakeMachine, columns: Sequence[Array], n: int
 ) -> dict[str, Array]:
-    """The named formulas at every sample of a trace; the arguments are those of `run_offline`."""
+    """The named formulas at every sample of a trace; `run_offline` describes the arguments."""
     return Passes(program, reader, machine, n).run(columns, n)
 
 

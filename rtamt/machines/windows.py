@@ -79,7 +79,7 @@ class SlidingWindow(FoldedWindow):
 
     The window covers the end of the block before the last one, the whole last block and the block
     that is being filled. ``_front`` has the suffix folds of the first, ``_middle`` is the fold of
-    the second and ``_prefix`` that of the third. New elements are written into the places of
+    the second, ``_prefix`` the fold of the third. New elements are written into the places of
     ``_front`` that are used up; meanwhile the last block, in ``_back``, is turned into suffix folds
     from its end, one a push. A block that is not there yet is empty and stands for identities, so
     that a window takes memory for the elements that it has seen.
@@ -170,12 +170,12 @@ def slide(fold: LatticeFold, elements: Arrays, width: int) -> Arrays:
 
 
 def fold_all(fold: LatticeFold, elements: Arrays) -> Arrays:
-    """The fold of all elements, as arrays of one."""
+    """Folds all elements into one, along the last axis, which then has the length 1."""
     return slide(fold, elements, elements[0].shape[-1])
 
 
 def padded(fold: LatticeFold, elements: Arrays, before: int, after: int) -> Arrays:
-    """The elements with identities before and after them."""
+    """The elements along the last axis, with identities of the fold before and after them."""
     padding = [(0, 0)] * (elements[0].ndim - 1) + [(before, after)]
     return tuple(
         np.pad(a, padding, constant_values=e) for a, e in zip(elements, fold.identity, strict=True)

@@ -96,9 +96,9 @@ class Explanation:
     ``str`` gives a table of at most 80 columns.
 
     Attributes:
-        steps: From the specification down; each value is that of the step below it, or its
-            opposite. The last step is the predicate that decided, ``true`` or ``false``, or a
-            temporal operator whose window lies outside the trace.
+        steps: From the specification down; each step takes its value, or the opposite, from the
+            step below it. The last step is the predicate that decided, ``true`` or ``false``, or
+            a temporal operator whose window lies outside the trace.
         causes: The variables of that predicate with their values at the sample of the last step;
             empty if a window outside the trace decided.
         period: Seconds between samples, or None.

@@ -157,7 +157,7 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
                 n messages, and of nothing else; or an array of shape (n, variables).
 
         Returns:
-            n values; those of the first ``latency`` samples since the reset are nan.
+            n values; nan for the first ``latency`` samples since the reset.
 
         Raises:
             InputError: As `update` does, and on columns of different length.
@@ -283,7 +283,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
             end: The reading of the end.
 
         Returns:
-            ``robustness``, which is that of the complete trace under every reading.
+            ``robustness``; under every reading it judges the complete trace.
 
         Raises:
             InputError: On another reading; then the episode goes on.
@@ -336,7 +336,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         state = self._machine.state()
         return state if self._history is None else (state, self._history.tobytes())
 
-    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - that of the machine is its own
+    def __setstate__(self, state: Any) -> None:  # noqa: ANN401 - each machine has its own
         if self._history is None:
             super().__setstate__(state)
             return

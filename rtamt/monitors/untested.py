@@ -21,7 +21,7 @@ class Untested:
     Attributes:
         formula: The formula as text.
         at: The time at which its value is needed, in seconds; in samples without a period.
-        begin: Begin of the interval that was not recorded, likewise.
+        begin: Begin of the interval that was not recorded, in the same unit.
         end: End of that interval; None: it has none.
         unit: ``"s"`` or ``"samples"``.
     """

@@ -1,4 +1,4 @@
-"""Monitors of many signals in lockstep, such as those of vectorised environments."""
+"""Monitors of many signals in lockstep, such as vectorised environments give."""
 
 from __future__ import annotations
 

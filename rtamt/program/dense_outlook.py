@@ -175,7 +175,7 @@ class _Writer:
     def _until_lasting(
         self, window: Window, args: tuple[int, ...], masks: tuple[int, int], source: Node
     ) -> tuple[int, ...]:
-        """The operands of a window without end, in place of which its identity comes at last."""
+        """Masks the operands of a window without end: in the end they are its fold's identity."""
         to_least, to_greatest = masks
         return tuple(
             self._emit(

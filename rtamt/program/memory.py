@@ -64,7 +64,7 @@ def limit_beyond(program: Program, n: int) -> None:
 
 
 def discrete_numbers(program: Program) -> Counter[int]:
-    """How many doubles each register keeps while the program runs sample by sample."""
+    """Counts the doubles that each register keeps while the program runs sample by sample."""
     numbers = Counter[int]()
     for slot, scheduled in schedule(program):
         match scheduled:
@@ -81,7 +81,7 @@ def discrete_numbers(program: Program) -> Counter[int]:
 
 
 def episode_numbers(placement: Placement) -> Counter[int]:
-    """How many doubles each register keeps, at most, while an episode is bounded.
+    """Counts the doubles that each register keeps, at most, while a machine bounds an episode.
 
     A stream keeps the settled values that windows read, at every corner of the unknowns that it
     depends on, and its open values in each world; see `rtamt.machines.episode.machine`.

@@ -90,7 +90,7 @@ def look_out(program: Program, n: int, *, best: bool) -> Outlook:
 
 @functools.lru_cache(maxsize=512)
 def _memory_and_bound(program: Program) -> tuple[int, int]:
-    """For how long unseen samples may differ from one another at most, and the greatest bound."""
+    """After how many unseen samples all later ones are equal at most; the greatest window bound."""
     windows = [i for i in program.instructions if isinstance(i, Window)]
     before = [max(0, -_begin(window)) for window in windows]
     if not any(window.hi is None for window in windows):
@@ -223,7 +223,7 @@ def together(program: Program) -> Program | None:
 
 
 def _with_end(window: Window, end: float, register: int, emit: Callable[[Instruction], int]) -> int:
-    """What a window over recorded samples, in a register, becomes with an end behind them."""
+    """Extends a window over recorded samples by the value that its operand keeps behind them."""
     identity = FOLDS[window.fold].identity
     empty = identity[-1]
     if end == empty:
@@ -273,7 +273,7 @@ def past(program: Program) -> int | None:
 
 
 def throughout(program: Program, register: int) -> Program:
-    """What a window without end makes of the whole trace, from columns of its operands.
+    """A program that evaluates a window without end on a whole trace, given its operands' columns.
 
     The outputs are the numbers of the fold's element for all samples.
     """
@@ -300,7 +300,7 @@ def throughout(program: Program, register: int) -> Program:
 
 @functools.lru_cache(maxsize=512)
 def planned(program: Program, registers: tuple[int, ...]) -> tuple[tuple[Folded, ...], Program]:
-    """What `folded_apart` makes of the part that computes some registers, its outputs in order."""
+    """Applies `folded_apart` to the part that computes some registers, its outputs in order."""
     outputs = {str(i): register for i, register in enumerate(registers)}
     return folded_apart(replace(program, result=registers[0], outputs=outputs).pruned())
 

@@ -114,14 +114,14 @@ class Playback(VectorEnv[Any, Any, Any]):
 
 
 class JudgedTape:
-    """What the wrappers say of the samples and the ends of a tape's episodes.
+    """The results of the wrappers for every sample of a tape, and for the ends of its episodes.
 
     Attributes:
         columns: By key of the infos, a value for every row, 0 where there is none; a dictionary
             where the infos have one.
         rewards: The shaped rewards of every row.
-        outcomes: By the row in which an episode ends, its outcomes.
-        violations: By that row the specification that was violated first, and the sample.
+        outcomes: The outcomes of each episode, by the row in which it ends.
+        violations: The specification that was violated first and the sample, by the same row.
     """
 
     def __init__(self, rows: int) -> None:

@@ -64,7 +64,7 @@ def described(
     mode: str | None,
     options: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """How a dataset was relabelled, fit for JSON."""
+    """Describes how a dataset was relabelled, in values that JSON has."""
     return {
         "specs": {name: str(spec) for name, spec in specs.items()},
         "signals": {signal.name: str(signal) for signal in signals},

@@ -22,7 +22,7 @@ LEAST_POINTS: Final[Mapping[str, int]] = {"hold": 1, "linear": 2, "pchip": 2}
 
 
 class Entry:
-    """What a search chooses a value of: a `Signal` or a `Parameter`; a `Space` has several."""
+    """A range from which a search chooses: a `Signal` or a `Parameter`; a `Space` has several."""
 
     __slots__ = ()
 

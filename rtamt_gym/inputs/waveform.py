@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 
 class _Piece(NamedTuple):
-    """What runs from one control point to the next: a cubic of the share of the way gone.
+    """A piece of a waveform from one control point to the next: a cubic of the share gone.
 
     Its value at the share x is ``start + x (c1 + x (c2 + x c3))``, kept between low and high, which
     rounding might leave.
@@ -148,7 +148,7 @@ class Waveform:
 
     @property
     def _lead(self) -> int:
-        """How many steps ahead of its start a step looks."""
+        """By how many steps the time at which a step reads the waveform is after its start."""
         return 0 if self.interpolation == "hold" else 1
 
 

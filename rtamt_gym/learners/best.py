@@ -1,4 +1,4 @@
-"""Which of several evaluations is the best: by satisfaction, ties by return."""
+"""Chooses the best of several evaluations: by satisfaction, among equals by return."""
 
 from __future__ import annotations
 

@@ -87,6 +87,6 @@ def _evaluated(results: dict[str, Any]) -> None:
 
 
 def _taken(results: Mapping[str, Any]) -> list[Any]:
-    """Takes the outcomes, and the periods, of the episodes out of results."""
+    """Removes the episodes from results; returns the outcomes and the period of each."""
     found = results.get("env_runners", {}).pop(EPISODES, [])
     return found if isinstance(found, list) else []  # RLlib puts nan where there are none

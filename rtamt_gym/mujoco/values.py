@@ -1,4 +1,4 @@
-"""What a `StepMonitor` tells about its monitors: robustness, bounds, verdicts."""
+"""The robustness, bounds and verdicts of a `StepMonitor`, over all of its specifications."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _ACTION = 1
 
 
 class _Seat(NamedTuple):
-    """What one agent sees of an environment, as the selectors of one agent are bound to it."""
+    """The spaces of one agent, to which the selectors behind its name are bound."""
 
     observation_space: spaces.Space[Any]
     action_space: spaces.Space[Any]

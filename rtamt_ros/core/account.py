@@ -1,4 +1,4 @@
-"""What was found of a requirement since the node was started."""
+"""The history of a requirement since the node was started, from which its reports are made."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Judges:
 
     @property
     def files(self) -> list[Path]:
-        """Where the next samples are recorded."""
+        """The files that the next samples are written to."""
         return [record.path for record in self._records if record is not None]
 
     @property

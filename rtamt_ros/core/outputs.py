@@ -61,7 +61,7 @@ def outputs_of(requirements: Sequence[SubscribedRequirement]) -> list[Output]:
 
 
 def bound_topics(outputs: Sequence[Output]) -> dict[str, str]:
-    """For each requirement the topic below which its bounds and its verdict are."""
+    """The topic of each requirement below which its bounds and its verdict are published."""
     topics = {}
     for output in outputs:
         results = {name: path for (name, formula), path in output.formulas.items() if not formula}

@@ -108,7 +108,7 @@ class RequirementReport(NamedTuple):
 
 
 def holds(robustness: float) -> bool:
-    """What `rtamt.holds` says of one number, in a hundredth of the time."""
+    """`rtamt.holds` for one number, in a hundredth of the time."""
     return copysign(1.0, robustness) > 0
 
 

@@ -1,4 +1,4 @@
-"""Which requirements a node judges, and which topics they read."""
+"""The requirements that a node judges, and the topics that they read."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class SubscribedRequirement:
 
     Attributes:
         name: Its name, which no other requirement of the node has.
-        specification: It alone, with the formulas that it uses.
+        specification: The requirement alone, with the formulas that it uses.
         cells: For each variable an input and the place in its values.
         inputs: The inputs that it reads.
-        origin: The number of the specification that it is of.
+        origin: The number of its specification among those given, from 0.
     """
 
     name: str
@@ -36,7 +36,7 @@ class SubscribedRequirement:
 def requirements_of(
     specifications: Iterable[Specification], settings: Settings
 ) -> tuple[SubscribedRequirement, ...]:
-    """What specifications require.
+    """The requirements of specifications, with the inputs that they read.
 
     Each requirement has inputs of its own: a field that one cannot read concerns no other.
     Requirements of one name are told apart by a number: ``out``, ``out_2``.
@@ -59,7 +59,7 @@ def requirements_of(
 
 
 def _cells(specification: Specification, settings: Settings) -> dict[str, tuple[Input, int]]:
-    """For each variable a new input and the place in its values."""
+    """Makes the inputs; maps each variable to its input and its place among the input's values."""
     inputs: dict[tuple[str, float | None], Input] = {}
     cells = {}
     for each in subscriptions(specification):

@@ -111,7 +111,7 @@ def _float(ordinal: int) -> float:
 
 
 def values_between(low: float, high: float, tolerance: float | None) -> Values:
-    """The values between which a constant is sought.
+    """The values from which a constant is chosen: steps of a tolerance, or all floats of a range.
 
     Args:
         low: The least value.
