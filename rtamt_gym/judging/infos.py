@@ -46,8 +46,8 @@ def step_info(
 ) -> dict[str, Any]:
     """The info of an environment with the keys that every info has.
 
-    ``violated`` says whether a specification is; ``states`` are those of the specifications, by
-    `spec_state`; they and the costs, with their keys, are optional.
+    ``violated`` says whether a specification is violated; ``states`` has a `spec_state` for each
+    specification. States and costs, with their keys, are optional.
     """
     made = {
         "robustness": robustness,
@@ -93,7 +93,7 @@ def last_info(
     """The keys that only the last info of an episode has.
 
     Args:
-        outcomes: That of every specification, by `outcome`.
+        outcomes: An `outcome` for each specification.
         violated_by: The specification that was violated first.
         violated_at: The sample that showed it; -1 if none was violated.
         success: Whether all specifications are satisfied.

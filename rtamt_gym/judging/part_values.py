@@ -35,7 +35,7 @@ class PartValues:
 
 
 class Aligned:
-    """The values of a part late by ``more`` samples more, so that they go with those of another."""
+    """Delays the values of a part by ``more`` samples, so that they fit the values of another."""
 
     def __init__(self, part: PartValues, more: int, num: int) -> None:
         self._part = part

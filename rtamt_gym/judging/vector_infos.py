@@ -1,6 +1,6 @@
 """Infos of vector environments: an array for every key, and a mask ``_key`` of those that have it.
 
-The form is that of Gymnasium's `SyncVectorEnv`: where an environment has no value the array holds
+Gymnasium's `SyncVectorEnv` has the same form: where an environment has no value the array holds
 zero, or None if it is an array of objects; a key that no environment has is absent; a dictionary of
 infos becomes a dictionary of arrays.
 """

@@ -68,10 +68,10 @@ def read_text(text: Text, wanted: Wanted) -> Read | None:
 
 
 def _table(text: Text, wanted: Wanted) -> pa.Table | None:
-    """The wanted columns, that of times as what it looks like; None if a cell is wrong."""
+    """The wanted columns; times have the type that they look like. None if a cell is wrong."""
     time = [] if wanted.time is None else [wanted.time]
     names = list(dict.fromkeys([*wanted.numbers, *wanted.texts, *time])) or text.names[:1]
-    # Those of the file may have blanks around them, or come twice.
+    # Names in the file may have blanks around them, or come twice.
     places = [str(text.names.index(name)) for name in names]
     types = dict.fromkeys(wanted.numbers, pa.float64()) | dict.fromkeys(wanted.texts, pa.string())
     try:

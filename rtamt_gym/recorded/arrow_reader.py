@@ -63,7 +63,7 @@ def of_table(table: pa.Table, source: str) -> ArrowRecording:
 
 
 def _fields(fields: Iterable[pa.Field]) -> list[pa.Field]:
-    """The fields, with those of structures in place of the structures."""
+    """The fields; a structure is replaced by its own fields, at any depth."""
     flat = []
     for field in fields:
         flat += _fields(field.flatten()) if pa.types.is_struct(field.type) else [field]

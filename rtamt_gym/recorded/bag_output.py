@@ -73,8 +73,8 @@ def write_mcap(
     The robustness of a requirement is on the topic of its output variable, else on
     ``/rtamt/NAME``, and its verdict so far (-1, 0 or 1) on that topic with ``/verdict``; named
     formulas have topics of their own. Where the bag has such a topic already, ours ends in
-    ``/offline``. Messages of ROS 1 become those of ROS 2 with the same fields, but for the ``seq``
-    of headers.
+    ``/offline``. Messages of ROS 1 become messages of ROS 2 with the same fields, but for the
+    ``seq`` of headers.
 
     Args:
         trace: What was read of the bag, whose name is its source.
@@ -165,7 +165,7 @@ _HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 
 
 def _store(bag: Bag) -> Typestore:
-    """The classes of the copy: those of the bag, of ROS 2, and those of our topics."""
+    """The classes of the copy: from the bag, from ROS 2, and for our topics."""
     ours = get_typestore(Stores.ROS2_JAZZY).fielddefs
     known = bag.reader.typestore.fielddefs
     store = get_typestore(Stores.EMPTY)
@@ -198,7 +198,7 @@ def _added(
     specs: Mapping[str, rtamt.Specification],
     bag: Bag,
 ) -> dict[str, _Topic]:
-    """The topics of all formulas, and those of the verdicts."""
+    """The topics of all formulas, and the topics of the verdicts."""
     added: dict[str, _Topic] = {}
     for name, judgement in judgements.items():
         found = rtamt.publications(specs[name], name)
@@ -207,7 +207,7 @@ def _added(
             kind, topic = _placed(each, found)
             made = _Topic(kind, series.times, series.values)
             topic = _free(topic, bag)
-            if topic in added and not _same(added[topic], made):  # that of another requirement
+            if topic in added and not _same(added[topic], made):  # another requirement has it
                 stem = [found[-1].default]
                 stem += [] if each is found[-1] else [each.default.removeprefix("rtamt/")]
                 topic = _free("/".join(stem), bag)

@@ -82,7 +82,7 @@ class Grid:
     def odd(self) -> int:
         """The place of the first step that two samples near to the grid do not explain.
 
-        If there is none, that of the step which is farthest from the usual.
+        If there is none, the place of the step that is farthest from the usual.
         """
         if self.usual <= 0:
             return int((self.steps <= 0).argmax())

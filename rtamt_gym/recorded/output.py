@@ -56,7 +56,7 @@ def save(judgements: Mapping[str, Judgement], path: Path, *, dense: bool) -> Non
 
     Args:
         judgements: The judgements by name of the specification. If there are several, the name
-            precedes that of each formula.
+            precedes the names of its formulas.
         path: The file, whose name ends as one of `WRITERS` does.
         dense: Whether the robustness consists of events in dense time.
 

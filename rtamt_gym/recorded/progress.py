@@ -31,7 +31,7 @@ def silence() -> None:
 def progress(what: str, total: int, unit: str) -> Iterator[Advance]:
     """Shows a bar on stderr after a second, if stderr is a terminal and tqdm is installed.
 
-    Of bars inside each other the outermost is shown.
+    Where bars are inside each other, only the outermost is shown.
 
     Args:
         what: Names the work.

@@ -31,7 +31,7 @@ class Format:
         name: What it is called.
         extensions: The ends of the names of such files, in lower case.
         module: The module that reads them. Its function ``open_file(path, columns)`` is a context
-            manager that gives a `Recording`; that of a bag is ``read_bag``.
+            manager that gives a `Recording`; a module for bags has ``read_bag``.
         bag: Whether they are bags, whose topics have times of their own.
     """
 
@@ -74,7 +74,7 @@ def format_of(path: str) -> Format:
     A folder with the file ``metadata.yaml`` is a bag of rosbag2.
 
     Raises:
-        InputError: If the extension is that of no format.
+        InputError: If no format has the extension.
     """
     name = ".db3" if is_bag_folder(path) else Path(path).name.lower()
     for row in FORMATS:
@@ -89,7 +89,7 @@ def format_of(path: str) -> Format:
 
 
 def is_bag(path: str) -> bool:
-    """Whether a name is that of a bag."""
+    """Whether a path names a bag."""
     try:
         return format_of(path).bag
     except InputError:
@@ -108,8 +108,8 @@ def open_recording(path: str, columns: Columns | None = None) -> Iterator[Record
 
     Raises:
         OSError: If there is no such file.
-        InputError: If the extension is that of no format or of bags, or if the file is not in the
-            format of its reader.
+        InputError: If no format has the extension or a format of bags has it, or if the file is not
+            in the format of its reader.
         ModuleNotFoundError: If the reader needs a package that is not installed.
     """
     row = format_of(path)

@@ -37,14 +37,14 @@ def points_of(room: int, episodes: int, series: int) -> int:
 def shown(series: Iterable[Floats], count: int, keep: Iterable[int], most: int) -> NDArray[np.intp]:
     """The samples of a long episode that are shown, increasing.
 
-    They are all, if there are no more than ``most``. Else they are the first and the last, those
-    to keep, where each series is least and where it is greatest; and of each of about ``most / 2``
-    equal parts the first sample, and that at which the series whose turn it is is farthest from the
-    line between the ends of the part. The series take turns.
+    All are shown if there are no more than ``most``. Else the first and the last, those to keep,
+    where each series is least and where it is greatest are shown; and from each of about
+    ``most / 2`` equal parts two samples: the first, and the one at which a series is farthest from
+    the line between the ends of the part. The series take turns, part by part.
 
     Args:
         series: Series of one length.
-        count: That length.
+        count: The number of samples in each.
         keep: Samples that must be shown.
         most: How many samples are shown, but for those that must be.
 

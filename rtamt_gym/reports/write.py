@@ -21,9 +21,10 @@ def write_report(path: str | os.PathLike[str], *results: Result, title: str | No
 
     Each result is a section, in their order: every requirement in words, what became of it, the
     worst episodes as plots. The simulation that a search has found, and the worst of a sweep, run
-    again for that; a case or an evaluation in a file has all that is shown. Of episodes with more
-    than 600 samples some are left out, of many episodes more: never the first, the last, the
-    extremes of a series or those that decided. Needs the extra ``report``.
+    again for that; a case or an evaluation in a file has all that is shown. Episodes with more than
+    600 samples are shown without some of them, with fewer where episodes are many: never without
+    the first, the last, the extremes of a series or the samples that decided. Needs the extra
+    ``report``.
 
     Args:
         path: The name of the page, which ends in ``.html``.

@@ -58,7 +58,7 @@ class Monitored(System):
             self._set_aside()
             self._start.restore(monitor)
             if not monitor.forward:
-                derive(monitor.model, monitor.data)  # else it were that of another branch
+                derive(monitor.model, monitor.data)  # they still come from another branch
             # As they were: `derive` makes those new that `mj_step` leaves a step behind.
             known = self._start.values
         self._ends.enter_context(monitor.recorded(self._keep))

@@ -19,7 +19,7 @@ class CostEnv(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructor
 
     :meth:`step` returns six values, ``obs, reward, cost, terminated, truncated, info``; the cost is
     ``info["cost"]``, which stays there. Every other method is as it was. Place it outermost: the
-    wrappers of Gymnasium expect five values, those of Safety-Gymnasium six.
+    wrappers of Gymnasium expect five values, the wrappers of Safety-Gymnasium six.
 
     Example:
         >>> import gymnasium as gym

@@ -51,7 +51,7 @@ class Observing:
             monitors: The monitors of each specification: ``(robustness source, judge)``.
             track: Makes the monitors follow what temporal operators owe.
             weights: A factor of the robustness of each specification; None: 1.
-            whole: Whether the robustness shown is that of the whole episode in every view.
+            whole: Whether the robustness shown judges the whole episode in every view.
 
         Raises:
             InputError: If ``observe`` or ``clip`` is not what it can be, if nothing can be

@@ -76,8 +76,8 @@ class Panel:
     Args:
         specs: The names of the specifications.
         signals: The names of the signals.
-        width: Of the frames, in pixels.
-        height: Of the frames, in pixels.
+        width: The width of the frames, in pixels.
+        height: The height of the frames, in pixels.
         place: Where the panel is.
     """
 

@@ -29,13 +29,14 @@ Keep = Literal["violation"] | Callable[[dict[str, Any]], bool]
 
 
 class RecordViolations(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordConstructorArgs):
-    """Writes a video of every episode that violates a specification, once it is known.
+    """Writes a video of every episode that violates a specification, when the episode has ended.
 
     Gymnasium's ``RecordVideo`` decides at the start of an episode. This wrapper renders every step
     and holds the newest frames, at most :attr:`capacity` of them: when the episode ends they are
-    written or forgotten. Of a violated episode they are those from ``before`` seconds before the
-    sample that showed the violation to ``after`` seconds after it; of another that ``keep`` chooses
-    the last ones. An episode that goes on at :meth:`reset` or :meth:`close` ends there.
+    written or forgotten. The video of a violated episode begins ``before`` seconds before the
+    sample that showed the violation and ends ``after`` seconds after it; the video of another
+    episode that ``keep`` chooses has its last frames. An episode that goes on at :meth:`reset` or
+    :meth:`close` ends there.
 
     A video is an MP4, written as ``RecordVideo`` writes it, with moviepy (the extra ``video``). Its
     name has the prefix, the seed, the specification that was violated first and the number of the

@@ -43,8 +43,8 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     Where a wrapper inside counts episodes, such as the ``Monitor`` of Stable-Baselines3 or the
     ``RecordEpisodeStatistics`` of Gymnasium, ``info["episode"]["r"]`` becomes the sum of the
     rewards that the learner was paid, and so does the return of the episode in the wrapper;
-    ``info["episode"]["r_env"]`` is that of the environment's. A file that the ``Monitor`` writes
-    holds the environment's.
+    ``info["episode"]["r_env"]`` is the sum of the environment's own. A file that the ``Monitor``
+    writes holds the environment's own.
 
     Let r be that reward, x' the robustness of the episode so far, ``info["robustness"]``, clipped
     to [-clip, clip], and x the same before the step. The new reward is
@@ -83,7 +83,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     horizon). A ``Box`` of one dimension grows by them; a ``Dict`` gets the key ``"stl"``.
 
     With ``view="step"`` x is the robustness of the newest instant whose horizon has passed, but
-    ``mode="terminal"`` pays that of the whole episode, ``always(formula)``.
+    ``mode="terminal"`` pays the robustness of the whole episode, ``always(formula)``.
 
     The ``compute_reward`` of a goal environment is not shaped: goals cannot be exchanged in
     hindsight where the reward depends on the whole past.
@@ -169,7 +169,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
                 in different units compare
             priorities: For ``"hierarchical"``, which needs them: ``"safety"``, ``"target"`` or
                 ``"comfort"`` of every specification, such as ``{"upright": "safety", "near":
-                "target"}``; those of one level count as their minimum
+                "target"}``; a level counts as the minimum over its specifications
             bonus: Paid once an episode, beside the reward of every mode, when all specifications
                 are certainly satisfied: at the step that shows it, or at the last one if only the
                 end decides, as ``at_termination`` and ``at_truncation`` read it; 0 or more. What
@@ -213,7 +213,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets the environment; the potential of the first state is that of its observation."""
+        """Resets the environment; the sample of the reset gives the first potential."""
         obs, info = self.env.reset(seed=seed, options=options)
         values = self._values()
         self._robustness = self._potential(values)
@@ -249,7 +249,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
     @property
     def samples(self) -> int:
-        """Samples fed since :meth:`reset`, that of the reset included."""
+        """Samples fed since :meth:`reset`, counting the sample of the reset."""
         return self._monitor.samples
 
     def explain(self, name: str | None = None) -> Explanation:
@@ -274,5 +274,5 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
 
 
 def _lane(values: list[float]) -> list[Floats]:
-    """The values as those of many environments that are one."""
+    """The values as those from a vector of one environment."""
     return [np.array([value]) for value in values]

@@ -28,9 +28,9 @@ __all__ = ["VectorStlReward"]
 class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     """Shapes the rewards of all environments with the robustness of specifications.
 
-    Each reward is that of :class:`StlReward` around the environment. The wrapper takes the
-    arguments of :class:`VectorStlMonitor` and contains one, or uses the one that the environment
-    has already. The rewards are float64; those of the environments stay in ``infos["reward"]``. A
+    Each environment gets the reward that :class:`StlReward` around it would pay. The wrapper takes
+    the arguments of :class:`VectorStlMonitor` and contains one, or uses the one that is there
+    already. The rewards are float64; the environments' own stay in ``infos["reward"]``. A
     step that resets an environment, in the autoreset mode ``NEXT_STEP``, pays what the vector
     environment pays: 0. With ``SAME_STEP`` the environment's reward of the last step of an episode
     is in ``infos["final_info"]["reward"]``, and ``observe="state"`` is appended to ``final_obs``.
@@ -80,8 +80,8 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
     ) -> None:
         """Finds the monitor of the environment or makes one, and checks the numbers.
 
-        The arguments are those of :class:`StlReward`, with a vector environment, and with the
-        keyword arguments of :class:`VectorStlMonitor`.
+        It takes the arguments of :class:`StlReward`, with a vector environment, and the keyword
+        arguments of :class:`VectorStlMonitor`.
 
         Raises:
             SpecificationError: As :class:`VectorStlMonitor` does
@@ -112,7 +112,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets environments; the potential of a first state is that of its observation."""
+        """Resets environments; the sample of a reset gives the first potential."""
         mask = None if options is None else options.get("reset_mask")
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
         values = self._monitor.values()
@@ -173,7 +173,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples fed since each environment's reset, that of the reset included."""
+        """Samples fed since each environment's reset, counting the sample of the reset."""
         return self._monitor.samples
 
     def _paying(self, values: MonitorValues[Floats]) -> list[Floats]:

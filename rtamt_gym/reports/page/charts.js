@@ -1,4 +1,4 @@
-// The charts but for those of episodes. Each function makes traces and a layout from its data.
+// All charts except the plots of episodes. Each function makes traces and a layout from its data.
 
 const symbols = { satisfied: "circle", violated: "x", undecided: "diamond-open", failed: "cross-thin-open" };
 

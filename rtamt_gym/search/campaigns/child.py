@@ -31,7 +31,7 @@ def main(pipe: int, alive: int, idle: float) -> None:
 
     Args:
         pipe: The file descriptor of the pipe that brings tasks and takes rows.
-        alive: That of a pipe that ends when the process that has started this one ends.
+        alive: The file descriptor of a pipe that ends when the parent process ends.
         idle: Seconds without tasks after which it ends too.
     """
     _end_with(alive)

@@ -52,7 +52,7 @@ def extremes(groups: Sequence[slice]) -> Iterator[Floats]:
     """All points whose inputs are constant at an end of their range, each once.
 
     All inputs low and all high come first, then corners among which every two inputs have all four
-    combinations equally often, then the rest. Of up to 15 inputs, the first 16 corners hold every
+    combinations equally often, then the rest. With up to 15 inputs, the first 16 corners hold every
     combination of every two.
     """
     sizes = [_size(each) for each in groups]

@@ -44,8 +44,8 @@ def portfolio(evaluate: Evaluate, dimension: int, rng: np.random.Generator) -> N
     generation; after every sixth generation come 12 more quasi-random points. When a climb has
     converged or found nothing better in 12 generations, the next begins at the best point that none
     has begun at. Where a quarter of the points share the least value, up to 96 more points come
-    before a climb. These are even in the whole space: values that are all the same are those of
-    requirements about events, such as shifts of gears, which inputs that move much bring about.
+    before a climb. These are even in the whole space: values are all the same where requirements
+    are about events, such as shifts of gears, which inputs that move much bring about.
     """
     corners = take(extremes(evaluate.groups), _CORNERS, dimension)
     starts = _Starts(spread(evaluate.groups, rng), dimension)
