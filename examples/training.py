@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from rtamt_gym import evaluate_policy
-from rtamt_gym.evaluation.intervals import bootstrap
+from rtamt_gym.results.intervals import bootstrap
 
 FIELDS = ("variant", "seed", "steps", "episodes", "satisfied", "return", "seconds")
 """A row says how many of the episodes satisfied the requirement after so many steps of training,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rtamt_gym.datasets.relabel import relabel
     from rtamt_gym.evaluation.comparison import Comparison, compare
     from rtamt_gym.evaluation.evaluate import evaluate_policy
-    from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
+    from rtamt_gym.evaluation.evaluation import Evaluation
     from rtamt_gym.inputs.case import Case
     from rtamt_gym.inputs.ranges import Parameter, Signal
     from rtamt_gym.inputs.space import Space
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
     from rtamt_gym.reports.write import write_report
+    from rtamt_gym.results.statistics import RequirementResult
     from rtamt_gym.search.falsification.falsification import Falsification
     from rtamt_gym.search.falsification.falsify import falsify
     from rtamt_gym.search.mining.mining import Mined, mine
@@ -95,7 +96,7 @@ _MODULES = {
     "Record": "rtamt_gym.search.runs.record",
     "RecordViolations": "rtamt_gym.wrappers.recording",
     "RobustnessOverlay": "rtamt_gym.wrappers.overlay",
-    "RequirementResult": "rtamt_gym.evaluation.evaluation",
+    "RequirementResult": "rtamt_gym.results.statistics",
     "Run": "rtamt_gym.simulation.run",
     "Runner": "rtamt_gym.search.runs.runner",
     "SavedCase": "rtamt_gym.search.runs.saved_case",

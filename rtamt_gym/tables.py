@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
+from shutil import get_terminal_size
+from textwrap import wrap
+from typing import Final, Self
 
-__all__ = ["counted", "number", "sample_text", "shorten", "table", "time_text"]
+__all__ = [
+    "Coloured",
+    "Terminal",
+    "counted",
+    "number",
+    "p_text",
+    "sample_text",
+    "short",
+    "shorten",
+    "table",
+    "time_text",
+]
 
 
 def counted(count: int, what: str) -> str:
@@ -27,6 +44,26 @@ def number(value: float) -> str:
         ('2', '-0.333333', 'inf')
     """
     return f"{value:.6g}"
+
+
+def p_text(p: float) -> str:
+    """A p-value in words: two digits that count, not below 0.001.
+
+    Example:
+        >>> p_text(0.0213), p_text(0.00001), p_text(0.73), p_text(1.0)
+        ('p = 0.021', 'p < 0.001', 'p = 0.73', 'p = 1')
+    """
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def short(value: float, digits: int = 3) -> str:
+    """A number in a few digits.
+
+    Example:
+        >>> short(0.21345), short(-12.0), short(-0.0), short(float("inf")), short(0.21345, 2)
+        ('0.213', '-12', '0', 'inf', '0.21')
+    """
+    return f"{value + 0.0:.{digits}g}"
 
 
 def time_text(time: float, step: float | None) -> str:
@@ -66,22 +103,107 @@ def shorten(text: str, width: int) -> str:
     return text if len(text) <= width else text[: width - 3] + "..."
 
 
-def table(rows: Sequence[Sequence[str]], align: str) -> list[str]:
+class Coloured(str):
+    """A text in a colour, which a table has on a terminal that shows colours.
+
+    Attributes:
+        style: ``"red"``, ``"yellow"``, ``"green"``, ``"bold"``, or empty.
+    """
+
+    __slots__ = ("style",)
+
+    style: str
+
+    def __new__(cls, text: str, style: str = "") -> Self:
+        """The text, coloured."""
+        made = super().__new__(cls, text)
+        made.style = style
+        return made
+
+
+_CODES: Final = {"red": 31, "yellow": 33, "green": 32, "bold": 1}
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """How wide lines are, and whether they have colours.
+
+    Attributes:
+        width: The most columns of a line.
+        colours: Whether texts are coloured, as the codes of ANSI say it.
+    """
+
+    width: int = 80
+    colours: bool = False
+
+    @classmethod
+    def present(cls) -> Self:
+        """That of the standard output: 80 columns without colours, unless it is a terminal."""
+        if not sys.stdout.isatty():
+            return cls()
+        plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"
+        return cls(get_terminal_size().columns, not plain)
+
+    def cut(self, text: str, style: str = "") -> str:
+        """A line that is cut at the width."""
+        return self.painted(shorten(text, self.width), style)
+
+    def wrapped(self, text: str, style: str = "") -> list[str]:
+        """Lines of a text that is wrapped at the width."""
+        return [self.painted(line, style) for line in wrap(text, self.width)]
+
+    def painted(self, text: str, style: str) -> str:
+        """A text in a colour, if there are colours."""
+        return f"\x1b[{_CODES[style]}m{text}\x1b[0m" if self.colours and style else text
+
+    def table(self, rows: Sequence[Sequence[str]], align: str) -> list[str]:
+        """The lines of `table`, with a heading in bold, names cut to fit, and coloured cells."""
+        head, *others = table(rows, align, self.width, self)
+        return [self.painted(head, "bold"), *others]
+
+
+def table(
+    rows: Sequence[Sequence[str]],
+    align: str,
+    width: int | None = None,
+    terminal: Terminal | None = None,
+) -> list[str]:
     r"""Arranges cells in columns, two blanks apart; a column with empty cells alone is left out.
 
     Args:
         rows: The cells; the first row holds the names of the columns.
         align: ``<`` or ``>`` for every column.
+        width: The most columns of a line, for which the cells of the first column are cut, though
+            not below 8; None: as wide as the cells are.
+        terminal: Where `Coloured` cells have their colours.
 
     Example:
         >>> cells = [("ep", "spec", "steps"), ("", "upright", "50")]
         >>> print(*table(cells, "><>"), sep="\n")
         spec     steps
         upright     50
+        >>> print(*table([("spec", "steps"), ("upright_at_all_times", "50")], "<>", 16), sep="\n")
+        spec       steps
+        uprigh...     50
     """
     columns = [
-        [f"{cell:{side}{max(map(len, column))}}" for cell in column]
+        (column, side)
         for column, side in zip(zip(*rows, strict=True), align, strict=True)
         if any(column[1:])
     ]
-    return ["  ".join(cells).rstrip() for cells in zip(*columns, strict=True)]
+    if width is not None and columns:
+        first, side = columns[0]
+        room = width - sum(2 + max(map(len, column)) for column, _ in columns[1:])
+        columns[0] = tuple(shorten(cell, max(room, 8)) for cell in first), side
+    padded = [
+        [_padded(cell, side, max(map(len, column)), terminal) for cell in column]
+        for column, side in columns
+    ]
+    return ["  ".join(cells).rstrip() for cells in zip(*padded, strict=True)]
+
+
+def _padded(cell: str, side: str, width: int, terminal: Terminal | None) -> str:
+    style = cell.style if terminal is not None and isinstance(cell, Coloured) else ""
+    shown = cell if terminal is None else terminal.painted(str(cell), style)
+    blanks = " " * (width - len(cell))
+    return f"{shown}{blanks}" if side == "<" else f"{blanks}{shown}"

@@ -27,7 +27,6 @@ EXTRAS: Final[Mapping[str, str]] = {
     "staliro": "taliro",
     "jinja2": "report",
     "plotly": "report",
-    "rich": "search",
     "minari": "minari",
 }
 """The extra that installs each optional package."""

@@ -32,8 +32,8 @@ from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
+    from rtamt_gym.results.trial import Trial
     from rtamt_gym.search.falsification.falsification import Falsification
-    from rtamt_gym.search.runs.rows import Row
 
 __all__ = ["add_arguments", "run"]
 
@@ -259,7 +259,7 @@ def _to_json(found: Falsification) -> str:
     )
 
 
-def _height(row: Row, name: str) -> float | str | None:
+def _height(row: Trial, name: str) -> float | str | None:
     """The robustness of a requirement in a simulation; None if it failed."""
     known = not row.error and name in row.outcomes
     return _finite(row.outcomes[name].robustness) if known else None

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from rtamt_gym.evaluation.intervals import wilson
 from rtamt_gym.evaluation.paired import Effect, mcnemar, tango
-from rtamt_gym.evaluation.sentences import SUCCESS, counted_points, effect_sentence, p_text, points
+from rtamt_gym.evaluation.sentences import counted_points, effect_sentence, points
+from rtamt_gym.results.intervals import wilson
+from rtamt_gym.results.statistics import SUCCESS
+from rtamt_gym.tables import p_text
 
 __all__ = ["LEVEL", "Compared", "compared_of"]
 

@@ -18,12 +18,11 @@ from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.json_files import write_text
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.readings import check_read_alike
-from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.evaluation.tables import comparison_table
+from rtamt_gym.results.statistics import SUCCESS
+from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.signals.signals import SignalLike
-from rtamt_gym.simulation.record import STOPPED
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
@@ -251,7 +250,7 @@ def _seeds(of: Evaluation) -> str:
     return f"the seeds {min(seeds)} to {max(seeds)}" if seeds else "no seeds"
 
 
-def _satisfies(row: Row, names: Collection[str]) -> bool:
+def _satisfies(row: Trial, names: Collection[str]) -> bool:
     """Whether an episode satisfies requirements; one that an error has ended does not."""
     return not row.error and all(
         name in row.outcomes and row.outcomes[name].verdict is Verdict.SATISFIED for name in names
@@ -265,7 +264,7 @@ def _effect(pairs: Sequence[tuple[float, float]]) -> Effect | None:
 
 
 def _notes(
-    a: Evaluation, b: Evaluation, rows: Sequence[tuple[Row, Row]], requirements: int
+    a: Evaluation, b: Evaluation, rows: Sequence[tuple[Trial, Trial]], requirements: int
 ) -> Iterator[str]:
     """What a reader should know about the pairs."""
     for name, each, side in (("A", a, 0), ("B", b, 1)):

@@ -12,8 +12,8 @@ from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.lanes import Lane, Task, side_by_side
 from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.simulation.models import Model
@@ -109,7 +109,7 @@ class Episodes(Runner):
         *,
         keep: Callable[[int, Trace], object] | None = None,
         above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Row]]:
+    ) -> Iterator[tuple[int, Trial]]:
         """Plays episodes, as `Runner.run` does."""
         model = self._model
         if not self._envs or model is None or keep is not None:

@@ -15,17 +15,18 @@ import rtamt
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
-from rtamt_gym.evaluation.evaluation import Evaluation, rank
+from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.evaluation.frames import Filming, Frame
 from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
+from rtamt_gym.results.statistics import rank
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.options import Options
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import tell_failures
 from rtamt_gym.signals.signals import SignalLike
@@ -262,7 +263,7 @@ def _tell_open_end(runner: Runner, record: Record) -> None:
                 break
 
 
-def _add(stopping: Stopping, row: Row) -> bool:
+def _add(stopping: Stopping, row: Trial) -> bool:
     """Adds an episode to those that are counted; whether they are enough."""
     satisfied = {
         name: not row.error

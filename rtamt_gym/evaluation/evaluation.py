@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -15,15 +15,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError, StateError, Verdict
+from rtamt import InputError, StateError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.frames import Frame, played
-from rtamt_gym.evaluation.intervals import quantiles, wilson
 from rtamt_gym.evaluation.json_files import write_text
-from rtamt_gym.evaluation.sentences import SUCCESS
+from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.rows import Outcome, Row
-from rtamt_gym.simulation.record import STOPPED
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted
 
@@ -32,71 +29,9 @@ if TYPE_CHECKING:  # it is optional
 
     from rtamt_gym.search.runs.runner import Runner
 
-__all__ = ["Evaluation", "RequirementResult", "rank"]
+__all__ = ["Evaluation"]
 
 Floats = NDArray[np.float64]
-
-_WORST: Final = 10
-"""How many of the worst episodes a result names."""
-
-
-@dataclass(frozen=True, eq=False)
-class RequirementResult:
-    """How often the episodes of an evaluation have satisfied a requirement.
-
-    Attributes:
-        name: The name of the requirement.
-        formula: Its text.
-        episodes: The number of episodes: the sum of the next four.
-        satisfied: How many satisfy it.
-        violated: How many violate it.
-        undecided: How many leave it open, as one does that was stopped or cut short before.
-        failed: How many an error has ended; they count as not satisfied.
-        robustness: The robustness at the end of every episode, in their order; nan where it failed.
-        first_violations: The times at which violations became certain, in seconds (the numbers of
-            samples if there is no period), in the order of the episodes.
-        saved: The simulated seconds from there to the time limit, of the episodes that were stopped
-            when the verdict on this requirement became certain; 0 without a time limit.
-        worst: Seed and robustness of the ten worst episodes: those that violate the requirement
-            before those that leave it open, of each the least robustness first. A fall that
-            ``at_termination="failure"`` makes a violation may have any robustness.
-    """
-
-    name: str
-    formula: str
-    episodes: int
-    satisfied: int
-    violated: int
-    undecided: int
-    failed: int
-    robustness: Floats
-    first_violations: Floats
-    saved: float
-    worst: tuple[tuple[int, float], ...]
-
-    @property
-    def rate(self) -> float:
-        """The share of the episodes that satisfy the requirement."""
-        return self.satisfied / self.episodes
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The 95 % interval of Wilson for the rate. Needs the extra ``search``."""
-        return wilson(self.satisfied, self.episodes)
-
-    @property
-    def quantiles(self) -> Mapping[float, float]:
-        """The quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the robustness; empty if all failed."""
-        return quantiles(self.robustness[~np.isnan(self.robustness)])
-
-    def __repr__(self) -> str:
-        others = [
-            f", {getattr(self, what)} {what}"
-            for what in ("violated", "undecided", "failed")
-            if getattr(self, what)
-        ]
-        episodes = counted(self.episodes, "episode")
-        return f"<{self.name}: {self.satisfied} of {episodes} satisfy it{''.join(others)}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,7 +40,7 @@ class Evaluation:
 
     Attributes:
         record: A row for every episode: its seed, what every requirement has become, how it ended,
-            its return (`Row.reward`), and the error if one ended it.
+            its return (`Trial.reward`), and the error if one ended it.
         system: The name of the environment.
         policy: What the policy is called.
         period: Seconds between samples, or None.
@@ -136,27 +71,12 @@ class Evaluation:
     @cached_property
     def requirements(self) -> Mapping[str, RequirementResult]:
         """The result of every requirement, by name."""
-        formulas = self.record.requirements
-        return MappingProxyType(
-            {
-                name: self._result(name, formula, [row.outcomes.get(name) for row in self.record])
-                for name, formula in formulas.items()
-            }
-        )
+        return MappingProxyType(self.record.results(self.limit))
 
     @cached_property
     def success(self) -> RequirementResult:
         """The result of all requirements at once; its robustness is the least of theirs."""
-        formulas = self.record.requirements
-        text = next(iter(formulas.values()))
-        if len(formulas) > 1:
-            text = " and ".join(f"({formula})" for formula in formulas.values())
-        names = set(formulas)
-        every = [
-            _together(row.outcomes.values()) if set(row.outcomes) == names else None
-            for row in self.record
-        ]
-        return self._result(SUCCESS, text, every)
+        return self.record.success(self.limit)
 
     @cached_property
     def returns(self) -> Floats:
@@ -212,6 +132,10 @@ class Evaluation:
         """
         return self.record.to_frame().rename_axis("episode")
 
+    def statistics(self) -> pd.DataFrame:
+        """A data frame of pandas: a row for each requirement, as `Record.statistics`."""
+        return self.record.statistics()
+
     def to_json(self) -> str:
         """Strict JSON that holds all of the evaluation; infinities are ``"inf"`` and ``"-inf"``.
 
@@ -264,77 +188,8 @@ class Evaluation:
 
         return evaluation_table(self)
 
-    def _result(
-        self, name: str, formula: str, outcomes: Sequence[Outcome | None]
-    ) -> RequirementResult:
-        rows = self.record.rows
-        judged = [
-            None if row.error else outcome for row, outcome in zip(rows, outcomes, strict=True)
-        ]
-        verdicts = [outcome.verdict for outcome in judged if outcome is not None]
-        heights = [math.nan if outcome is None else outcome.robustness for outcome in judged]
-        ranked = sorted(
-            (rank(outcome, row.seed), row.seed or 0, outcome.robustness)
-            for outcome, row in zip(judged, rows, strict=True)
-            if outcome is not None
-        )
-        violations = [
-            outcome.decided_at
-            for outcome in judged
-            if outcome is not None and outcome.verdict is Verdict.VIOLATED
-        ]
-        return RequirementResult(
-            name,
-            formula,
-            episodes=len(rows),
-            satisfied=verdicts.count(Verdict.SATISFIED),
-            violated=verdicts.count(Verdict.VIOLATED),
-            undecided=verdicts.count(Verdict.UNDECIDED),
-            failed=judged.count(None),
-            robustness=np.array(heights, np.float64),
-            first_violations=np.array(violations, np.float64),
-            saved=math.fsum(map(self._saved, rows, judged)),
-            worst=tuple((seed, height) for _, seed, height in ranked[:_WORST]),
-        )
-
-    def _saved(self, row: Row, outcome: Outcome | None) -> float:
-        """The seconds that a row was stopped short of the limit by this outcome."""
-        if outcome is None or self.limit is None or row.ended not in STOPPED:
-            return 0.0
-        if row.ended != "known" and outcome.decided_at != row.simulated:
-            return 0.0
-        return self.limit - row.simulated
-
 
 _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
     "reading",
 )
-
-
-def _together(outcomes: Any) -> Outcome:  # noqa: ANN401 - a view of a mapping
-    """The outcome of all requirements at once."""
-    outcomes = list(outcomes)
-    verdict = min(each.verdict for each in outcomes)
-    times = [
-        each.decided_at
-        for each in outcomes
-        if each.verdict is verdict and each.decided_at is not None
-    ]
-    when = {Verdict.VIOLATED: min, Verdict.SATISFIED: max}.get(verdict)
-    robustness, lower, upper = (
-        min((getattr(each, key) for each in outcomes), key=_order)
-        for key in ("robustness", "lower", "upper")
-    )
-    decided_at = when(times) if when is not None and times else None
-    return Outcome(robustness, lower, upper, verdict, decided_at)
-
-
-def rank(outcome: Outcome, seed: int | None) -> tuple[Any, ...]:
-    """Orders episodes by what a requirement has become in them, the worst first."""
-    return outcome.verdict, *_order(outcome.robustness), seed or 0
-
-
-def _order(robustness: float) -> tuple[float, float]:
-    """Orders robustness; -0.0, which violates, comes before 0.0."""
-    return robustness, math.copysign(1.0, robustness)

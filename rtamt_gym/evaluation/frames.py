@@ -17,7 +17,7 @@ from rtamt import InputTypeError, Verdict
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.judging.specs import read_period
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.simulation.environment_case import baseline_of
 from rtamt_gym.simulation.monitors import monitor_of
 from rtamt_gym.simulation.run import Run
@@ -109,7 +109,7 @@ class Filming:
         self._period = period
         self._error: Exception | None = None
 
-    def play(self, row: Row) -> tuple[Run, tuple[Frame, ...]]:
+    def play(self, row: Trial) -> tuple[Run, tuple[Frame, ...]]:
         """Plays the episode of a row; gives its run and its pictures."""
         runner, seed = self._runner, row.seed or 0
         if not isinstance(runner, Episodes) or runner.system.render_mode != "rgb_array":

@@ -11,7 +11,8 @@ import gymnasium as gym
 from gymnasium import spaces
 
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.simulation.crashes import failed
 from rtamt_gym.simulation.models import Model
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulation import Simulation
@@ -55,31 +56,31 @@ class Lane:
         self.shown: Any = None
         self.run: Run | None = None
 
-    def begin(self, task: Task) -> Row | None:
+    def begin(self, task: Task) -> Trial | None:
         """Begins an episode and takes sample 0; gives its row if it is over then."""
         self.task, self._wall, self.run = task, 0.0, None
         try:
             self._simulation = self._begin(self._env, task, lambda _obs: self.action)
         except Exception as error:  # noqa: BLE001 - the row has it
             self.task = None
-            return Row.failed(error, task.case, task.seed, 0.0)
+            return failed(error, task.case, task.seed, 0.0)
         return self.step()
 
-    def step(self) -> Row | None:
+    def step(self) -> Trial | None:
         """Makes a step of the episode; gives its row if it is over then."""
         task, simulation = self.task, self._simulation
         if task is None:
             return None
         begin = time.perf_counter()
-        row: Row | None = None
+        row: Trial | None = None
         try:
             simulation.step()
             self.shown = simulation.observation
             self.run = simulation.run
             if self.run is not None:
-                row = replace(Row.of(self.run, task.case), seed=task.seed)
+                row = replace(self.run.trial(task.case), seed=task.seed)
         except Exception as error:  # noqa: BLE001 - the row has it
-            row = replace(Row.failed(error, task.case, task.seed, 0.0), seed=task.seed)
+            row = replace(failed(error, task.case, task.seed, 0.0), seed=task.seed)
         self._wall += time.perf_counter() - begin
         if row is None:
             return None
@@ -93,7 +94,7 @@ class Lane:
 
 def side_by_side(
     lanes: Sequence[Lane], model: Model, space: spaces.Space[Any], tasks: Iterable[Task]
-) -> Iterator[tuple[int, Row]]:
+) -> Iterator[tuple[int, Trial]]:
     """Plays episodes, each lane one after the other; gives the row of each when it is over.
 
     The model acts on all lanes in every step, also on those that have no more episodes, so that

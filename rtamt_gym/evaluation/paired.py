@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.evaluation.intervals import (
+from rtamt_gym.results.intervals import (
     bootstrap,
     check_confidence,
     differences,

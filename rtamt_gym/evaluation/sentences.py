@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from rtamt_gym.evaluation.paired import Effect
-from rtamt_gym.tables import counted
+from rtamt_gym.tables import counted, short
 
-__all__ = ["SUCCESS", "counted_points", "effect_sentence", "p_text", "points", "short"]
-
-SUCCESS: Final = "all requirements"
-"""The name of the result of all requirements at once."""
+__all__ = ["counted_points", "effect_sentence", "points"]
 
 
 def effect_sentence(effect: Effect, what: str) -> str:
@@ -51,23 +47,3 @@ def counted_points(share: float, pairs: int) -> str:
     """The same with its unit: ``1 point``, ``12 points``."""
     text = points(share, pairs)
     return f"{text} {'point' if text in {'1', '-1'} else 'points'}"
-
-
-def p_text(p: float) -> str:
-    """A p-value in words: two digits that count, not below 0.001.
-
-    Example:
-        >>> p_text(0.0213), p_text(0.00001), p_text(0.73), p_text(1.0)
-        ('p = 0.021', 'p < 0.001', 'p = 0.73', 'p = 1')
-    """
-    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
-
-
-def short(value: float, digits: int = 3) -> str:
-    """A number in a few digits.
-
-    Example:
-        >>> short(0.21345), short(-12.0), short(-0.0), short(float("inf")), short(0.21345, 2)
-        ('0.213', '-12', '0', 'inf', '0.21')
-    """
-    return f"{value + 0.0:.{digits}g}"

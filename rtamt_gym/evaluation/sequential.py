@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 from rtamt import InputError
 from rtamt_gym.checks.arguments import check_number
-from rtamt_gym.evaluation.intervals import check_confidence, wilson
+from rtamt_gym.results.intervals import check_confidence, wilson
 
 __all__ = ["MARGIN", "RatioTest", "Rule", "Stopping", "Width", "stopping_of"]
 

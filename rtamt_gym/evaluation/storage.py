@@ -16,9 +16,9 @@ from rtamt import Verdict
 from rtamt_gym.evaluation.frames import Frame
 from rtamt_gym.evaluation.json_files import read_fields
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import strict_json
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.simulation.record import CURVES, Course
 from rtamt_gym.simulation.run import Run
 
@@ -86,12 +86,14 @@ def read(path: Path) -> dict[str, Any]:
 def _fields(kept: Mapping[str, Any]) -> dict[str, Any]:
     requirements = kept["requirements"]
     columns = {
-        name: cells if name in _TEXTS or name.startswith("verdict(") else _numbers(cells)
+        name: cells
+        if name in _TEXTS or name.startswith(("verdict(", "decided_sample("))
+        else _numbers(cells)
         for name, cells in kept["episodes"].items()
     }
     cells = zip(*columns.values(), strict=True)
     rows = [
-        Row.read(dict(zip(columns, each, strict=True)), Case({}), requirements) for each in cells
+        Trial.read(dict(zip(columns, each, strict=True)), Case({}), requirements) for each in cells
     ]
     runs = [_read_run(each) for each in kept["runs"]]
     frames = {

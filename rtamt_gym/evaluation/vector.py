@@ -20,14 +20,15 @@ from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.options import check_options
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.signals.signals import own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.simulation.crashes import failed
 from rtamt_gym.simulation.monitors import with_own_monitor
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulation import Simulation
@@ -160,7 +161,7 @@ class VectorEpisodes(Runner):
         *,
         keep: Callable[[int, Trace], object] | None = None,  # noqa: ARG002 - for searches alone
         above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Row]]:
+    ) -> Iterator[tuple[int, Trial]]:
         """Plays episodes, as `Runner.run` does."""
         listed = [Case(case) for case in cases]
         given: Sequence[int | None] = seeds or [None] * len(listed)
@@ -175,7 +176,7 @@ class VectorEpisodes(Runner):
                 try:
                     yield from ((number, row) for number, row, _ in self._play([task], options))
                 except Exception as error:  # noqa: BLE001
-                    yield task.number, Row.failed(error, task.case, task.seed, 0.0)
+                    yield task.number, failed(error, task.case, task.seed, 0.0)
 
     def simulate(
         self,
@@ -195,7 +196,7 @@ class VectorEpisodes(Runner):
 
     def _play(
         self, tasks: Sequence[Task], options: Mapping[str, Any]
-    ) -> Iterator[tuple[int, Row, Run | None]]:
+    ) -> Iterator[tuple[int, Trial, Run | None]]:
         """Plays episodes; gives each with its number and its run when it is over."""
 
         def begin(place: Any, _task: Task, _policy: Policy) -> Simulation:  # noqa: ANN401

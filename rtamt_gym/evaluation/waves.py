@@ -15,7 +15,7 @@ from rtamt_gym.evaluation.lanes import Lane, Task
 from rtamt_gym.evaluation.places import Place, VectorTap
 from rtamt_gym.judging.specs import autoreset_mode
 from rtamt_gym.judging.vector_infos import final_infos, final_observations
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.signals.columns import SignalColumns
 from rtamt_gym.simulation.models import Model, PolicyBatch
 from rtamt_gym.simulation.policies import SeededPolicy
@@ -24,7 +24,7 @@ from rtamt_gym.simulation.systems import Policy
 
 __all__ = ["Waves"]
 
-Played = tuple[int, Row, Run | None]
+Played = tuple[int, Trial, Run | None]
 """The number of an episode, its row, and its run, if no error has ended it."""
 
 Mask = NDArray[np.bool_]
@@ -112,7 +112,7 @@ class Waves:
             acting.begin(place, task.seed)
             yield from self._over(place, task, self._lanes[place].begin(task))
 
-    def _over(self, place: int, task: Task | None, row: Row | None) -> Iterator[Played]:
+    def _over(self, place: int, task: Task | None, row: Trial | None) -> Iterator[Played]:
         if row is not None and task is not None:
             yield task.number, row, self._lanes[place].run
 

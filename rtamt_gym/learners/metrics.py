@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from rtamt import InputError, Verdict
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.names import listing
-from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
-from rtamt_gym.evaluation.intervals import median, quantiles
+from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.judging.vector_infos import key_mask
+from rtamt_gym.results.intervals import median, quantiles
+from rtamt_gym.results.statistics import RequirementResult
 
 __all__ = [
     "Outcomes",

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from rtamt_gym.reports.model import Episode, Requirement, Section, plain
-from rtamt_gym.reports.texts import aligned, count_of, number, time
+from rtamt_gym.reports.model import Section, ShownEpisode, ShownRequirement, plain
+from rtamt_gym.reports.texts import aligned, number, time
 from rtamt_gym.reports.views import Cases, ComparedRequirement, Convergence, HeatMap
+from rtamt_gym.tables import counted
 
 __all__ = ["Chart", "Table", "bins", "charts_of", "episode_chart", "pairs_chart"]
 
@@ -108,7 +109,7 @@ def bins(values: Sequence[float]) -> Bins:
     return found
 
 
-def _ended(requirement: Requirement, found: Bins) -> list[int]:
+def _ended(requirement: ShownRequirement, found: Bins) -> list[int]:
     """How many of each interval are violated by how they ended; empty if none is."""
     if not requirement.by_end:
         return []
@@ -127,7 +128,7 @@ def _place(value: float, width: float) -> int:
     return max(math.floor(value / width + 1e-9), 0)
 
 
-def charts_of(section: Section, requirement: Requirement) -> list[Chart]:
+def charts_of(section: Section, requirement: ShownRequirement) -> list[Chart]:
     """The charts of a requirement but for its worst episodes."""
     noun = NOUNS[section.kind]
     found = []
@@ -142,7 +143,7 @@ def charts_of(section: Section, requirement: Requirement) -> list[Chart]:
     return found
 
 
-def _histogram(requirement: Requirement, noun: str) -> Chart:
+def _histogram(requirement: ShownRequirement, noun: str) -> Chart:
     values = requirement.robustness
     found = bins(values)
     edges = aligned([found.width * (found.first + i) for i in range(len(found.counts) + 1)])
@@ -160,12 +161,12 @@ def _histogram(requirement: Requirement, noun: str) -> Chart:
     they = "it" if requirement.by_end == 1 else "they"
     by_end = f", {requirement.by_end} violated by how {they} ended" if requirement.by_end else ""
     parts = [
-        f"{negative} of {count_of(len(values), noun)} below zero{by_end}.",
+        f"{negative} of {counted(len(values), noun)} below zero{by_end}.",
         f"Median {middle}, middle half {low} to {high}.",
         f"Least {number(values[0])}, greatest {number(values[-1])}.",
     ]
     beyond = [
-        f"{count_of(count, noun)} at {number(value)}"
+        f"{counted(count, noun)} at {number(value)}"
         for count, value in ((found.below, -math.inf), (found.above, math.inf))
         if count
     ]
@@ -181,16 +182,16 @@ def _histogram(requirement: Requirement, noun: str) -> Chart:
     )
 
 
-def _violations(requirement: Requirement, noun: str, unit: str) -> Chart:
+def _violations(requirement: ShownRequirement, noun: str, unit: str) -> Chart:
     times = requirement.first_violations
     total = requirement.counts.episodes
     summary = (
-        f"{len(times)} of {count_of(total, noun)} certainly violated: "
+        f"{len(times)} of {counted(total, noun)} certainly violated: "
         f"the first at {time(times[0], unit)}, half of them by "
         f"{time(float(np.median(times)), unit)}, the last at {time(times[-1], unit)}."
     )
     if len(times) == 1:
-        summary = f"1 of {count_of(total, noun)} certainly violated, at {time(times[0], unit)}."
+        summary = f"1 of {counted(total, noun)} certainly violated, at {time(times[0], unit)}."
     counts = sorted(Counter(times).items())
     sums = itertools.accumulate(count for _, count in counts)
     rows = zip(aligned([at for at, _ in counts]), map(str, sums), strict=True)
@@ -236,7 +237,7 @@ def _map(heat: HeatMap) -> Chart:
     cells = [value for row in heat.cells for value in row]
     known = [value for value in cells if value is not None]
     negative = sum(math.copysign(1.0, value) < 0 for value in known)
-    summary = f"{negative} of {count_of(len(known), 'cell')} below zero, marked with a cross."
+    summary = f"{negative} of {counted(len(known), 'cell')} below zero, marked with a cross."
     if known:
         where = cells.index(min(known))
         row, column = divmod(where, len(heat.xs))
@@ -247,7 +248,7 @@ def _map(heat: HeatMap) -> Chart:
     if heat.folded:
         summary += " A cell is the least of several simulations."
     if len(known) < len(cells):
-        summary += f" {count_of(len(cells) - len(known), 'cell')} without a result."
+        summary += f" {counted(len(cells) - len(known), 'cell')} without a result."
     texts = iter(aligned(cells))
     rows = [(y, *(next(texts) or "failed" for _ in heat.xs)) for y in aligned(heat.ys)]
     return Chart(
@@ -268,7 +269,7 @@ def _cases(cases: Cases, name: str) -> Chart:
         if words[word]
     )
     if cases.left_out:
-        summary += f"; {count_of(cases.left_out, 'simulation')} left out"
+        summary += f"; {counted(cases.left_out, 'simulation')} left out"
     return Chart(
         "cases",
         "Robustness over what was varied",
@@ -279,7 +280,7 @@ def _cases(cases: Cases, name: str) -> Chart:
     )
 
 
-def episode_chart(episode: Episode, unit: str) -> Chart:
+def episode_chart(episode: ShownEpisode, unit: str) -> Chart:
     """The plot of one episode: signals, robustness, predicates, one below the other."""
     panels = len(episode.signals) + len(episode.predicates)
     summary = (
@@ -316,7 +317,7 @@ def pairs_chart(compared: ComparedRequirement) -> Chart | None:
     return Chart(
         "pairs",
         "Robustness of A and B in each pair",
-        f"B is above A in {better} of {count_of(len(compared.pairs), 'pair')}: "
+        f"B is above A in {better} of {counted(len(compared.pairs), 'pair')}: "
         "the points above the dotted line.",
         340,
         {"pairs": compared.pairs},

@@ -15,7 +15,7 @@ import rtamt
 from rtamt import Explanation, RtamtError, Specification, Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.interface import InterfaceOptions
-from rtamt_gym.reports.model import Decision, Episode
+from rtamt_gym.reports.model import Decision, ShownEpisode
 from rtamt_gym.reports.series import points_of, rounded, shown, six
 from rtamt_gym.reports.views import Word
 from rtamt_gym.search.runs.report import case_lines
@@ -64,7 +64,7 @@ class Played:
     violated_at: int | None
     whole: bool = True
 
-    def episode(self, room: int, episodes: int, **also: Any) -> Episode:  # noqa: ANN401 - fields of an episode
+    def episode(self, room: int, episodes: int, **also: Any) -> ShownEpisode:  # noqa: ANN401 - fields of an episode
         """The episode for a page that shows so many, in a room for numbers.
 
         What a signal of a name that no formula reads has for values is shown as it is. A predicate
@@ -79,7 +79,7 @@ class Played:
         most = points_of(room, episodes, len(every) + 1)
         at = shown(every.values(), len(self.times), keep, most)
         curves = {name: rounded(values[at]) for name, values in self.curves.items()}
-        return Episode(
+        return ShownEpisode(
             label=self.label,
             verdict=WORDS[self.verdict],
             final=six(self.final),
@@ -133,7 +133,7 @@ class Played:
         return (Decision(str(last.formula), six(time), values, six(last.value), words),)
 
 
-def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) -> Episode:
+def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) -> ShownEpisode:
     """An episode in full from its run."""
     course = run.courses[name]
     step = run.view == "step"

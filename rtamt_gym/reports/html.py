@@ -12,7 +12,15 @@ from typing import Any, Final
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.reports import texts
 from rtamt_gym.reports.charts import NOUNS, Chart, charts_of, episode_chart, pairs_chart
-from rtamt_gym.reports.model import Episode, Report, Requirement, Section, Trial, plain
+from rtamt_gym.reports.model import (
+    Report,
+    Section,
+    ShownEpisode,
+    ShownRequirement,
+    ShownTrial,
+    plain,
+)
+from rtamt_gym.tables import counted, p_text
 
 __all__ = ["render"]
 
@@ -61,8 +69,11 @@ def render(report: Report) -> str:
     )
     environment.filters.update(
         {
-            name: getattr(texts, name)
-            for name in ("number", "percent", "p_value", "time", "count_of")
+            "number": texts.number,
+            "percent": texts.percent,
+            "time": texts.time,
+            "p_text": p_text,
+            "counted": counted,
         }
     )
     view = _View()
@@ -131,7 +142,7 @@ class _View:
             },
         )
 
-    def _requirement(self, section: str, of: Section, requirement: Requirement) -> _Placed:
+    def _requirement(self, section: str, of: Section, requirement: ShownRequirement) -> _Placed:
         name = self._names.add(section, requirement.name)
         trials = requirement.trials
         columns = {
@@ -162,7 +173,7 @@ class _View:
             },
         )
 
-    def _episode(self, name: str, section: str, of: Section, episode: Episode) -> _Placed:
+    def _episode(self, name: str, section: str, of: Section, episode: ShownEpisode) -> _Placed:
         own = self._names.add(name, "worst", episode.label)
         (chart,) = self._place(own, section, [episode_chart(episode, of.unit)])
         return _Placed(own, episode, {"chart": chart})
@@ -185,7 +196,7 @@ def _some(chart: Chart | None) -> list[Chart]:
     return [] if chart is None else [chart]
 
 
-def _first_seed(trials: tuple[Trial, ...]) -> int | None:
+def _first_seed(trials: tuple[ShownTrial, ...]) -> int | None:
     return next((trial.seed for trial in trials if trial.seed is not None), None)
 
 

@@ -19,22 +19,22 @@ from rtamt_gym.reports.views import (
     ComparisonView,
     Convergence,
     HeatMap,
-    Matrix,
     Series,
+    TraceTable,
     Word,
 )
 
 __all__ = [
     "Counts",
     "Decision",
-    "Episode",
     "Fact",
-    "Frame",
     "Kind",
+    "Picture",
     "Report",
-    "Requirement",
     "Section",
-    "Trial",
+    "ShownEpisode",
+    "ShownRequirement",
+    "ShownTrial",
     "plain",
 ]
 
@@ -66,7 +66,7 @@ class Counts:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ShownTrial:
     """What became of one requirement in one episode, simulation or trace.
 
     Attributes:
@@ -97,10 +97,10 @@ class Decision:
     """A sample that decided the robustness, as `rtamt.explain` marks it.
 
     Attributes:
-        predicate: The text of the predicate; a key of `Episode.predicates`.
+        predicate: The text of the predicate; a key of `ShownEpisode.predicates`.
         time: When.
         values: The values of the predicate's variables then; some may be no key of
-            `Episode.signals`.
+            `ShownEpisode.signals`.
         robustness: The robustness of the predicate then.
         words: The same as a sentence.
     """
@@ -113,7 +113,7 @@ class Decision:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class Picture:
     """A picture of the episode.
 
     Attributes:
@@ -128,14 +128,14 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class Episode:
+class ShownEpisode:
     """One episode in full: signals, robustness with bounds, and what decided.
 
     Every series has a number for each of ``times``, or is empty if it is not known. Long episodes
     are thinned; extremes, the first and the last sample and the deciding ones stay.
 
     Attributes:
-        label: As `Trial.label`.
+        label: As `ShownTrial.label`.
         verdict: What became of the requirement.
         final: The robustness at the end.
         samples: How many samples the episode has; more than ``times`` if it is thinned.
@@ -147,8 +147,8 @@ class Episode:
         predicates: The robustness of each predicate of the requirement, by its text.
         deciding: The samples that decided.
         violated_at: When the violation became certain; None if it did not.
-        seed: As `Trial.seed`.
-        case: As `Trial.case`.
+        seed: As `ShownTrial.seed`.
+        case: As `ShownTrial.case`.
         explanation: The way from the requirement down to the deciding sample, for a terminal;
             empty if nothing was to be explained.
         frames: Pictures, if some were kept.
@@ -171,12 +171,12 @@ class Episode:
     seed: int | None = None
     case: tuple[str, ...] = ()
     explanation: str = ""
-    frames: tuple[Frame, ...] = ()
+    frames: tuple[Picture, ...] = ()
     note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Requirement:
+class ShownRequirement:
     """A requirement, and what became of it in all episodes of a section.
 
     Attributes:
@@ -207,9 +207,9 @@ class Requirement:
     robustness: Series
     quantiles: Mapping[str, float]
     first_violations: Series
-    trials: tuple[Trial, ...]
+    trials: tuple[ShownTrial, ...]
     left_out: int = 0
-    worst: tuple[Episode, ...] = ()
+    worst: tuple[ShownEpisode, ...] = ()
     note: str = ""
     by_end: int = 0
 
@@ -246,14 +246,14 @@ class Section:
     replay: str = ""
     facts: tuple[Fact, ...] = ()
     notes: tuple[str, ...] = ()
-    requirements: tuple[Requirement, ...] = ()
+    requirements: tuple[ShownRequirement, ...] = ()
     returns: Series = ()
     durations: Series = ()
     maps: tuple[HeatMap, ...] = ()
     cases: Cases | None = None
     convergence: tuple[Convergence, ...] = ()
     comparison: ComparisonView | None = None
-    matrix: Matrix | None = None
+    matrix: TraceTable | None = None
 
 
 @dataclass(frozen=True, slots=True)

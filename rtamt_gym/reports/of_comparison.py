@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from rtamt_gym.evaluation.compared import Compared
 from rtamt_gym.evaluation.comparison import Comparison
-from rtamt_gym.evaluation.sentences import SUCCESS
 from rtamt_gym.reports.episodes import in_words_of
 from rtamt_gym.reports.model import Fact, Section
 from rtamt_gym.reports.rows import TRIALS
 from rtamt_gym.reports.series import six
 from rtamt_gym.reports.views import ComparedRequirement, ComparisonView
+from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.tables import counted
 
 __all__ = ["of_comparison"]

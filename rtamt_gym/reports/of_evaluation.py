@@ -9,12 +9,19 @@ from typing import Final
 
 import numpy as np
 
-from rtamt_gym.evaluation.evaluation import Evaluation, RequirementResult
-from rtamt_gym.evaluation.sentences import SUCCESS
+from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.reports.episodes import WORDS, episode_of_run, in_words_of
-from rtamt_gym.reports.model import Episode, Fact, Frame, Requirement, Section, Trial
+from rtamt_gym.reports.model import (
+    Fact,
+    Picture,
+    Section,
+    ShownEpisode,
+    ShownRequirement,
+    ShownTrial,
+)
 from rtamt_gym.reports.rows import at_stop, labelled, requirement_of, trials_of, worst_first
 from rtamt_gym.reports.series import six
+from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
 
@@ -68,7 +75,7 @@ def of_evaluation(evaluation: Evaluation, room: int) -> Section:
     )
 
 
-def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> Requirement:
+def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) -> ShownRequirement:
     result = evaluation.requirements[name]
     runs = evaluation.worst_runs.get(name, ())
     unit = runs[0].courses[name].unit if runs else "s"
@@ -87,12 +94,12 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
     )
 
 
-def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: int) -> Episode:
+def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: int) -> ShownEpisode:
     """An episode with its pictures; with fewer, evenly spread, where there is no room for all."""
     episode = episode_of_run(run, name, f"seed {run.seed}", room, episodes)
     when = "at {:g} s" if run.period is not None else "at sample {:g}"
     frames = [
-        Frame(
+        Picture(
             six(frame.time),
             f"data:image/webp;base64,{b64encode(frame.webp).decode('ascii')}",
             f"The episode of seed {run.seed} {when.format(six(frame.time))}",
@@ -102,7 +109,7 @@ def _episode(evaluation: Evaluation, run: Run, name: str, room: int, episodes: i
     return replace(episode, frames=_fitting(frames, room * _LETTERS // episodes, episode))
 
 
-def _fitting(frames: Sequence[Frame], letters: int, episode: Episode) -> tuple[Frame, ...]:
+def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> tuple[Picture, ...]:
     """As many pictures as so many letters can be: evenly spread, that of the violation first."""
     largest = max((len(frame.source) for frame in frames), default=1)
     places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
@@ -112,7 +119,7 @@ def _fitting(frames: Sequence[Frame], letters: int, episode: Episode) -> tuple[F
     return tuple(frames[int(place)] for place in places)
 
 
-def _success(evaluation: Evaluation) -> Requirement:
+def _success(evaluation: Evaluation) -> ShownRequirement:
     """All requirements at once."""
     result = evaluation.success
     trials = []
@@ -127,7 +134,7 @@ def _success(evaluation: Evaluation) -> Requirement:
         ]
         at = min((time for time in times if time is not None), default=None)
         trials.append(
-            Trial(
+            ShownTrial(
                 labelled(i, row),
                 "failed" if worst is None else WORDS[worst],
                 None if failed else six(result.robustness[i]),

@@ -17,10 +17,10 @@ from rtamt_gym.recorded.judge import Rules, viewed
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import Played, in_words_of
-from rtamt_gym.reports.model import Episode, Fact, Requirement, Section, Trial
+from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement, ShownTrial
 from rtamt_gym.reports.rows import TRIALS, requirement_of, worst_first
 from rtamt_gym.reports.series import six
-from rtamt_gym.reports.views import Cell, Matrix, TraceLine, Word
+from rtamt_gym.reports.views import Cell, TraceLine, TraceTable, Word
 from rtamt_gym.tables import counted
 
 __all__ = ["of_matrix"]
@@ -70,7 +70,7 @@ def of_matrix(outcomes: Mapping[str, Any], folder: Path, room: int) -> Section:
         facts=tuple(facts),
         notes=tuple(notes),
         requirements=tuple(requirements),
-        matrix=Matrix(
+        matrix=TraceTable(
             tuple(formulas),
             tuple(_line(each, formulas) for each in traces if each["trace"] in kept),
             max(0, len(traces) - TRIALS),
@@ -101,7 +101,7 @@ def _robustness(cell: Mapping[str, Any]) -> float | None:
 
 def _requirement(
     outcomes: Mapping[str, Any], name: str, formula: str, folder: Path, room: int
-) -> tuple[Requirement, str]:
+) -> tuple[ShownRequirement, str]:
     """A requirement with its worst trace in full, and why it has none."""
     trials = []
     for trace in outcomes["traces"]:
@@ -110,7 +110,7 @@ def _requirement(
         certain = cell.get("certain_from") if word == "violated" else None
         text = cell.get("error") or cell.get("way_out") or ""
         at = None if certain is None else six(float(certain))
-        trials.append(Trial(trace["trace"], word, _robustness(cell), at, text=text))
+        trials.append(ShownTrial(trace["trace"], word, _robustness(cell), at, text=text))
     trials.sort(key=worst_first)
     judged = [each for each in trials if each.robustness is not None]
     worst, note = [], ""
@@ -125,8 +125,8 @@ def _requirement(
 
 
 def _episode(
-    outcomes: Mapping[str, Any], trial: Trial, formula: str, folder: Path, room: int
-) -> Episode:
+    outcomes: Mapping[str, Any], trial: ShownTrial, formula: str, folder: Path, room: int
+) -> ShownEpisode:
     """A trace in full.
 
     Raises:

@@ -9,14 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from rtamt_gym.evaluation.intervals import wilson
 from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
-from rtamt_gym.reports.model import Episode, Fact, Requirement, Section
+from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
 from rtamt_gym.reports.rows import at_stop, cases_of, labelled, requirement_of, trials_of
 from rtamt_gym.reports.series import rounded, six
 from rtamt_gym.reports.views import HeatMap
+from rtamt_gym.results.intervals import wilson
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import failures
 from rtamt_gym.search.sweeps.heights import map_of
@@ -85,7 +85,7 @@ def unit_of(runs: Mapping[str, list[Run]]) -> str:
 
 def requirements_of(
     record: Record, worst: Mapping[str, list[Run]], room: int, *, unit: str
-) -> tuple[Requirement, ...]:
+) -> tuple[ShownRequirement, ...]:
     """The requirements of a record, with some runs in full.
 
     Rates are of records in which nothing was chosen but the seed: elsewhere they say more of the
@@ -116,7 +116,7 @@ def requirements_of(
     return tuple(found)
 
 
-def _episode(record: Record, run: Run, name: str, room: int, episodes: int) -> Episode:
+def _episode(record: Record, run: Run, name: str, room: int, episodes: int) -> ShownEpisode:
     """The run of a row, under the label of the row."""
     numbers = (i for i, row in enumerate(record) if row.case == run.case and row.seed == run.seed)
     number = next(numbers, None)

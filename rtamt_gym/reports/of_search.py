@@ -10,7 +10,7 @@ from typing import Any
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.reports.episodes import WORDS, case_texts, episode_of_run, in_words_of
-from rtamt_gym.reports.model import Fact, Section, Trial
+from rtamt_gym.reports.model import Fact, Section, ShownTrial
 from rtamt_gym.reports.of_record import requirements_of, unit_of
 from rtamt_gym.reports.rows import TRIALS, cases_of, requirement_of, worst_first
 from rtamt_gym.reports.series import six
@@ -112,7 +112,7 @@ def of_case(saved: SavedCase, room: int) -> Section:
     name, unit = saved.name, "steps" if run is not None and run.period is None else "s"
     worst = [] if run is None else [episode_of_run(run, name, "the case found", room, 1)]
     step = saved.reading.get("view") == "step"
-    trial = Trial(
+    trial = ShownTrial(
         "the case found",
         WORDS[saved.verdict],
         six(saved.robustness),
@@ -208,14 +208,14 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
     )
 
 
-def _trials(heights: Sequence[float | None], *, falsified: bool) -> Iterator[Trial]:
+def _trials(heights: Sequence[float | None], *, falsified: bool) -> Iterator[ShownTrial]:
     """A trial for each simulation of a search, which ends at the first violation."""
     for i, height in enumerate(heights, 1):
         label = f"simulation {i}"
         if height is None:
-            yield Trial(label, "failed")
+            yield ShownTrial(label, "failed")
         else:
             violated = falsified and i == len(heights)
             holds = math.copysign(1.0, height) > 0
             word: Word = "violated" if violated else "satisfied" if holds else "undecided"
-            yield Trial(label, word, six(height))
+            yield ShownTrial(label, word, six(height))

@@ -19,10 +19,10 @@ from rtamt_gym.reports.of_evaluation import of_evaluation
 from rtamt_gym.reports.of_matrix import of_matrix
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.of_search import of_case, of_search, of_search_json
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.runs.record import Record, storage
 from rtamt_gym.search.runs.report import FORMAT as RECORD
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.saved_case import SavedCase
 from rtamt_gym.search.sweeps.sweep import Sweep
 
@@ -124,7 +124,7 @@ def _record(kept: Mapping[str, Any]) -> Record:
         }
         names = list(read)[: list(read).index("seed")]
         case = Case({name: read[name] for name in names if read[name] is not None})
-        rows.append(Row.read(read, case, kept["requirements"]))
+        rows.append(Trial.read(read, case, kept["requirements"]))
     return Record(rows, kept["requirements"], kept["system"])
 
 

@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from rtamt_gym.evaluation.intervals import quantiles
 from rtamt_gym.reports.episodes import WORDS, case_texts
-from rtamt_gym.reports.model import Counts, Episode, Requirement, Trial
+from rtamt_gym.reports.model import Counts, ShownEpisode, ShownRequirement, ShownTrial
 from rtamt_gym.reports.series import evenly, six
 from rtamt_gym.reports.views import Cases, Word
+from rtamt_gym.results.intervals import quantiles
+from rtamt_gym.results.trial import Trial, open_at_stop
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.rows import Row, open_at_stop
 from rtamt_gym.tables import counted
 
 __all__ = [
@@ -37,15 +37,15 @@ _CASES: Final = 2000
 
 _ORDER: Final[dict[Word, int]] = {"failed": 0, "violated": 1, "undecided": 2, "satisfied": 3}
 
-Label = Callable[[int, Row], str]
+Label = Callable[[int, Trial], str]
 
 
-def labelled(number: int, row: Row) -> str:
+def labelled(number: int, row: Trial) -> str:
     """What tells a simulation from others: its seed, if it has no case; else its number, from 1."""
     return f"simulation {number + 1}" if row.case or row.seed is None else f"seed {row.seed}"
 
 
-def word_of(row: Row, name: str) -> Word:
+def word_of(row: Trial, name: str) -> Word:
     """What a requirement became in a row."""
     failed = row.error or name not in row.outcomes
     return "failed" if failed else WORDS[row.outcomes[name].verdict]
@@ -57,14 +57,14 @@ def counts_of(words: Sequence[Word]) -> Counts:
     return Counts(len(words), *(words.count(each) for each in order))
 
 
-def trials_of(record: Record, name: str) -> list[Trial]:
+def trials_of(record: Record, name: str) -> list[ShownTrial]:
     """A trial for each row, the worst first."""
     trials = []
     for number, row in enumerate(record):
         word, outcome = word_of(row, name), row.outcomes.get(name)
         at = outcome.decided_at if outcome is not None and word == "violated" else None
         trials.append(
-            Trial(
+            ShownTrial(
                 label=labelled(number, row),
                 verdict=word,
                 robustness=None if outcome is None or word == "failed" else six(outcome.robustness),
@@ -79,7 +79,7 @@ def trials_of(record: Record, name: str) -> list[Trial]:
     return sorted(trials, key=worst_first)
 
 
-def worst_first(trial: Trial) -> tuple[int, float]:
+def worst_first(trial: ShownTrial) -> tuple[int, float]:
     """Orders trials: failures, violations, open ones, then the others; each by robustness."""
     height = math.inf if trial.robustness is None else trial.robustness
     return _ORDER[trial.verdict], height
@@ -94,14 +94,14 @@ def requirement_of(
     name: str,
     words: str,
     formula: str,
-    trials: Sequence[Trial],
-    worst: Sequence[Episode] = (),
+    trials: Sequence[ShownTrial],
+    worst: Sequence[ShownEpisode] = (),
     **also: Any,  # noqa: ANN401 - fields of a requirement
-) -> Requirement:
+) -> ShownRequirement:
     """A requirement with its trials, the worst first; rate and interval are among ``also``."""
     heights = sorted(each.robustness for each in trials if each.robustness is not None)
     violations = sorted(each.violated_at for each in trials if each.violated_at is not None)
-    return Requirement(
+    return ShownRequirement(
         name=name,
         words=words,
         formula=formula,
@@ -119,7 +119,7 @@ def requirement_of(
     )
 
 
-def _by_end(trial: Trial) -> bool:
+def _by_end(trial: ShownTrial) -> bool:
     """Whether it is violated by its end alone: its robustness, which says so else, is above."""
     height = trial.robustness
     return trial.verdict == "violated" and height is not None and height > 0
@@ -164,10 +164,10 @@ def cases_of(record: Record) -> Cases | None:
     )
 
 
-def _known(row: Row, name: str) -> float | None:
+def _known(row: Trial, name: str) -> float | None:
     return None if word_of(row, name) == "failed" else six(row.outcomes[name].robustness)
 
 
-def _height(row: Row, name: str) -> float:
+def _height(row: Trial, name: str) -> float:
     known = _known(row, name)
     return -math.inf if known is None else known

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-__all__ = ["Names", "aligned", "count_of", "number", "p_value", "percent", "time"]
+__all__ = ["Names", "aligned", "number", "percent", "time"]
 
 _MINUS = "\N{MINUS SIGN}"
 _INFINITY = "\N{INFINITY}"
@@ -76,16 +76,6 @@ def percent(share: float) -> str:
     return f"{value:.{decimals}f}".rstrip("0").rstrip(".").replace("-", _MINUS)
 
 
-def p_value(p: float) -> str:
-    """Writes a probability as readers of statistics expect it.
-
-    Example:
-        >>> p_value(0.0321), p_value(6e-5)
-        ('p = 0.032', 'p < 0.001')
-    """
-    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
-
-
 def time(value: float | None, unit: str) -> str:
     """Writes a time with its unit.
 
@@ -96,16 +86,6 @@ def time(value: float | None, unit: str) -> str:
     if value is None:
         return ""
     return f"{number(value)} s" if unit == "s" else f"step {number(value)}"
-
-
-def count_of(count: int, noun: str) -> str:
-    """Writes how many there are of what the noun says.
-
-    Example:
-        >>> count_of(1, "episode"), count_of(12, "episode")
-        ('1 episode', '12 episodes')
-    """
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 class Names:

@@ -13,9 +13,9 @@ __all__ = [
     "ComparisonView",
     "Convergence",
     "HeatMap",
-    "Matrix",
     "Series",
     "TraceLine",
+    "TraceTable",
     "Word",
 ]
 
@@ -56,7 +56,7 @@ class Cases:
     Every sequence has an entry for each simulation.
 
     Attributes:
-        labels: As `Trial.label`.
+        labels: As `ShownTrial.label`.
         columns: The numbers of each column that varies.
         robustness: The robustness by name of the requirement; None where it failed.
         verdicts: The verdicts by name of the requirement.
@@ -160,7 +160,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class TraceLine:
-    """A line of a `Matrix`: a trace with a cell for each requirement.
+    """A line of a `TraceTable`: a trace with a cell for each requirement.
 
     Attributes:
         name: The name of the trace.
@@ -178,7 +178,7 @@ class TraceLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Matrix:
+class TraceTable:
     """Recorded traces under requirements.
 
     Attributes:

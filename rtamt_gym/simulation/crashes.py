@@ -5,10 +5,12 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import sample_text
 
-__all__ = ["carry"]
+__all__ = ["carry", "failed"]
 
 
 def carry(error: BaseException, run: Run) -> None:
@@ -23,6 +25,15 @@ def carry(error: BaseException, run: Run) -> None:
         if isinstance(before, Run):
             crashed.__notes__.remove(_note(before))
         error.add_note(_note(run))
+
+
+def failed(error: Exception, case: Case, seed: int | None, wall: float) -> Trial:
+    """The trial that an error has ended, with what the samples that it carries came to."""
+    text = f"{type(error).__name__}: {error}"
+    run = getattr(error, "run", None)
+    if isinstance(run, Run):
+        return run.trial(case, text)
+    return Trial(case, seed, {}, "error", 0.0, wall, text)
 
 
 def _note(run: Run) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rtamt
-from rtamt_gym.simulation.record import STOPPED
+from rtamt_gym.results.trial import STOPPED
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import number, sample_text, shorten, table
 

@@ -14,6 +14,8 @@ from rtamt import Specification, Verdict, parse
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.interface import InterfaceOptions, Semantics, robustness_text
 from rtamt_gym.judging.specs import Align, View
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.tables import sample_text
 
 __all__ = [
@@ -21,10 +23,8 @@ __all__ = [
     "AT_VIOLATION",
     "CURVES",
     "KNOWN_EVERY",
-    "STOPPED",
     "Course",
     "Floats",
-    "RunEnd",
     "RunRecord",
     "Stop",
 ]
@@ -43,14 +43,6 @@ AT_VIOLATION: Final = frozenset[Stop]({"violation", "decided", "known"})
 
 AT_VERDICTS: Final = frozenset[Stop]({"decided", "verdicts"})
 """When a run is stopped once every verdict is certain."""
-
-RunEnd = Literal["violation", "decided", "known", "terminated", "truncated", "duration", "error"]
-"""Why a run is over: it was stopped at a violation, once every verdict was certain, or once every
-robustness was known; the system ended, for good or by a time limit of its own; the duration asked
-for has passed; or an error came after the last sample."""
-
-STOPPED: Final = frozenset[RunEnd]({"violation", "decided", "known"})
-"""Why runs are over that were stopped."""
 
 KNOWN_EVERY: Final = 10
 """The samples after which it is asked whether every robustness is known: that takes a while."""
@@ -131,6 +123,11 @@ class Course(_ComparesArrays):
         """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
         return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
 
+    def outcome(self, period: Fraction | None) -> Outcome:
+        """What the specification has become, without its course."""
+        bounds = self.final, float(self.lower[-1]), float(self.upper[-1])
+        return Outcome.at(bounds, self.verdict, self.decided_at, period)
+
     def __repr__(self) -> str:
         at = "" if self.decided_at is None else f" at sample {self.decided_at}"
         final = self.final_text(".3g")
@@ -195,6 +192,22 @@ class RunRecord(_ComparesArrays):
     def verdict(self) -> Verdict:
         """The verdict on all specifications together, which is the worst of theirs."""
         return min(course.verdict for course in self.courses.values())
+
+    @property
+    def outcomes(self) -> dict[str, Outcome]:
+        """What each specification has become, by its name."""
+        return {name: course.outcome(self.period) for name, course in self.courses.items()}
+
+    def trial(self, case: Case | None = None, error: str = "") -> Trial:
+        """What was given and what came of it, without the samples.
+
+        Args:
+            case: What the simulation was given. None: the case of the run.
+            error: The error that ended it, as text.
+        """
+        case = (self.case or Case({})) if case is None else case
+        ended, wall = self.ended, self.wall_time
+        return Trial(case, self.seed, self.outcomes, ended, self.duration, wall, error, self.reward)
 
     @property
     def violated_at(self) -> int | None:

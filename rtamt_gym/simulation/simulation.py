@@ -30,10 +30,11 @@ from rtamt_gym.judging.specs import (
     why_no_period,
 )
 from rtamt_gym.mujoco.values import PanelValues
+from rtamt_gym.results.trial import RunEnd
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.crashes import carry
 from rtamt_gym.simulation.kinds import as_system
-from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, RunEnd, Stop
+from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 from rtamt_gym.simulation.recorder import Recorder
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Environment, Policy, System

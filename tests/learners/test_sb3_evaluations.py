@@ -18,9 +18,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecFrameStack,
 
 from rtamt import InputError
 from rtamt_gym import StlMonitor, evaluate_policy
-from rtamt_gym.evaluation.intervals import wilson
 from rtamt_gym.learners import sb3
 from rtamt_gym.learners.sb3 import SatisfactionCallback
+from rtamt_gym.results.intervals import wilson
 
 EPISODES = 15
 

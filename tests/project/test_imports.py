@@ -29,7 +29,7 @@ FLOORS = {
     "rtamt_gym": (
         ("checks",),
         ("shaping", "tables", "drawing", "inputs"),
-        ("signals",),
+        ("signals", "results"),
         ("judging",),
         ("wrappers", "mujoco"),
         ("simulation", "recorded"),

@@ -9,8 +9,9 @@ from fractions import Fraction
 from rtamt import Verdict
 from rtamt_gym.evaluation.evaluation import Evaluation
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.rows import Outcome, Row
 
 FAILED = math.nan
 """The robustness of an episode that an error has ended."""
@@ -49,7 +50,7 @@ def evaluation_of(
             name: _outcome(values[place], place in undecided) for name, values in heights.items()
         }
         rows.append(
-            Row(
+            Trial(
                 Case({}),
                 place if seeds is None else seeds[place],
                 {} if failed else outcomes,
@@ -69,5 +70,5 @@ def _outcome(height: float, undecided: bool) -> Outcome:  # noqa: FBT001 - a fla
     if undecided:
         return Outcome(height, -math.inf, math.inf, Verdict.UNDECIDED, None)
     if height > 0:
-        return Outcome(height, height, height, Verdict.SATISFIED, 5.0)
-    return Outcome(height, height, height, Verdict.VIOLATED, 2.5)
+        return Outcome(height, height, height, Verdict.SATISFIED, Moment(50, 5.0))
+    return Outcome(height, height, height, Verdict.VIOLATED, Moment(25, 2.5))

@@ -12,8 +12,9 @@ import numpy as np
 from rtamt import Verdict
 from rtamt_gym import Case, Falsification, Parameter, Sweep, falsify, simulate, sweep
 from rtamt_gym.evaluation.evaluation import Evaluation
+from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.rows import Outcome, Row
 from rtamt_gym.simulation.run import Run
 
 SPECS = {"dry": "always(level < 2)", "fills": "eventually[0:9](level > 1.2)"}
@@ -41,7 +42,8 @@ def swept() -> Sweep:
 def outcome(height: float, at: float | None = None) -> Outcome:
     """The outcome of a robustness: violated if negative, open if it is 0.5."""
     verdict = Verdict.UNDECIDED if height == 0.5 else Verdict(1 if height >= 0 else -1)
-    return Outcome(height, -math.inf, height, verdict, at)
+    decided = None if at is None else Moment(None, at)
+    return Outcome(height, -math.inf, height, verdict, decided)
 
 
 def row(
@@ -52,10 +54,10 @@ def row(
     at: float | None = None,
     reward: float | None = None,
     error: str = "",
-) -> Row:
+) -> Trial:
     """A row of 2 simulated seconds; violations are certain at the time given."""
     outcomes = {name: outcome(h, at if h < 0 else None) for name, h in heights.items()}
-    return Row(Case(case or {}), seed, outcomes, "duration", 2.0, 0.1, error, reward)
+    return Trial(Case(case or {}), seed, outcomes, "duration", 2.0, 0.1, error, reward)
 
 
 def wave(samples: int, seed: int = 0, signals: int = 2) -> Run:
@@ -69,7 +71,7 @@ def wave(samples: int, seed: int = 0, signals: int = 2) -> Run:
     return replace(run, seed=seed)
 
 
-def evaluation(rows: Sequence[Row], runs: Mapping[str, tuple[Run, ...]]) -> Evaluation:
+def evaluation(rows: Sequence[Trial], runs: Mapping[str, tuple[Run, ...]]) -> Evaluation:
     """An evaluation of two requirements with these episodes."""
     texts = {"low": "always(x0 < 5)", "seen": "eventually[0:1](x1 > 0.5)"}
     record = Record(rows, texts, "Waves-v0")

@@ -8,13 +8,13 @@ from dataclasses import replace
 from rtamt_gym.reports.model import (
     Counts,
     Decision,
-    Episode,
     Fact,
-    Frame,
+    Picture,
     Report,
-    Requirement,
     Section,
-    Trial,
+    ShownEpisode,
+    ShownRequirement,
+    ShownTrial,
 )
 from rtamt_gym.reports.views import (
     Cases,
@@ -23,8 +23,8 @@ from rtamt_gym.reports.views import (
     ComparisonView,
     Convergence,
     HeatMap,
-    Matrix,
     TraceLine,
+    TraceTable,
 )
 
 _PIXEL = (
@@ -40,7 +40,7 @@ _SO_FAR = tuple(min(_MARGIN[: i + 1]) for i in range(101))
 _WORST = min(range(101), key=lambda i: _MARGIN[i])
 _AT = next(time for time, margin in zip(_TIMES, _MARGIN, strict=True) if margin < 0)
 
-_EPISODE = Episode(
+_EPISODE = ShownEpisode(
     label="seed 17",
     verdict="violated",
     final=_MARGIN[_WORST],
@@ -64,12 +64,12 @@ _EPISODE = Episode(
     seed=17,
     explanation=f"robustness {_MARGIN[_WORST]:.4g} at 0 s, decided by abs(angle) < 0.2",
     frames=(
-        Frame(0.0, _PIXEL, "the pole at 0 s"),
-        Frame(_AT, _PIXEL, f"the pole at {_AT:g} s"),
+        Picture(0.0, _PIXEL, "the pole at 0 s"),
+        Picture(_AT, _PIXEL, f"the pole at {_AT:g} s"),
     ),
 )
 
-_UPRIGHT = Requirement(
+_UPRIGHT = ShownRequirement(
     name="upright",
     words="at all times, the absolute value of angle is less than 0.2",
     formula="always(abs(angle) < 0.2)",
@@ -80,11 +80,13 @@ _UPRIGHT = Requirement(
     quantiles={"0.05": -0.05, "0.25": 0.03, "0.5": 0.08, "0.75": 0.13, "0.95": 0.17},
     first_violations=(_AT, 1.9),
     trials=(
-        Trial("seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"),
-        Trial("seed 17", "violated", _MARGIN[_WORST], _AT, 2.0, 61.0, 17),
-        Trial("seed 9", "violated", -0.05, 1.9, 2.0, 96.0, 9),
+        ShownTrial(
+            "seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"
+        ),
+        ShownTrial("seed 17", "violated", _MARGIN[_WORST], _AT, 2.0, 61.0, 17),
+        ShownTrial("seed 9", "violated", -0.05, 1.9, 2.0, 96.0, 9),
         *(
-            Trial(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
+            ShownTrial(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
             for i in range(20)
             if i not in (4, 9, 17)
         ),
@@ -105,9 +107,9 @@ _CENTRED = replace(
     quantiles={"0.05": -math.inf, "0.25": 0.08, "0.5": 0.18, "0.75": 0.28, "0.95": 0.36},
     first_violations=(),
     trials=(
-        Trial("seed 4", "failed", seed=4, text="ValueError: the simulator stopped"),
-        Trial("seed 3", "undecided", -math.inf, None, 0.4, 20.0, 3),
-        Trial("seed 5", "satisfied", math.inf, None, 2.0, 100.0, 5),
+        ShownTrial("seed 4", "failed", seed=4, text="ValueError: the simulator stopped"),
+        ShownTrial("seed 3", "undecided", -math.inf, None, 0.4, 20.0, 3),
+        ShownTrial("seed 5", "satisfied", math.inf, None, 2.0, 100.0, 5),
     ),
     left_out=17,
     worst=(),
@@ -130,7 +132,7 @@ _EVALUATION = Section(
 _GRID = (0.1, 0.2, 0.3)
 _CELLS = ((1.0, 0.135, -0.73), (1.0, 0.682, 0.046), (1.0, 1.0, None))
 
-_DRY = Requirement(
+_DRY = ShownRequirement(
     name="dry",
     words="at all times, level is less than 2",
     formula="always(level < 2)",
@@ -141,8 +143,12 @@ _DRY = Requirement(
     quantiles={"0.05": -0.4584, "0.25": 0.11275, "0.5": 0.841, "0.75": 1.0, "0.95": 1.0},
     first_violations=(11.0,),
     trials=(
-        Trial("simulation 3", "violated", -0.73, 11.0, 19.0, case=("inflow = 0.3", "leak = 0.1")),
-        Trial("simulation 6", "satisfied", 0.046, None, 19.0, case=("inflow = 0.3", "leak = 0.15")),
+        ShownTrial(
+            "simulation 3", "violated", -0.73, 11.0, 19.0, case=("inflow = 0.3", "leak = 0.1")
+        ),
+        ShownTrial(
+            "simulation 6", "satisfied", 0.046, None, 19.0, case=("inflow = 0.3", "leak = 0.15")
+        ),
     ),
     left_out=7,
     worst=(replace(_EPISODE, label="simulation 3", case=("inflow = 0.3",), frames=(), seed=None),),
@@ -192,14 +198,14 @@ _MATRIX = Section(
             _DRY,
             counts=Counts(3, 1, 1, 0, 1),
             trials=(
-                Trial("runs/c.csv", "failed", text="there is no column 'level'"),
-                Trial("runs/b.csv", "violated", -0.5, 4.0),
-                Trial("runs/a.csv", "satisfied", 1.0),
+                ShownTrial("runs/c.csv", "failed", text="there is no column 'level'"),
+                ShownTrial("runs/b.csv", "violated", -0.5, 4.0),
+                ShownTrial("runs/a.csv", "satisfied", 1.0),
             ),
             left_out=0,
         ),
     ),
-    matrix=Matrix(
+    matrix=TraceTable(
         ("dry",),
         (
             TraceLine("runs/a.csv", "satisfied", "101 samples", (Cell("satisfied", 1.0),)),

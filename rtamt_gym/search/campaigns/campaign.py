@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.chunks import Chunks, Rows
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.campaigns.folder import Folder, digest
 from rtamt_gym.search.campaigns.process import Task
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 
 if TYPE_CHECKING:  # joblib is optional
@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # joblib is optional
 
 __all__ = ["run_campaign"]
 
-Enough = Callable[[Row], bool]
+Enough = Callable[[Trial], bool]
 """Takes a row; says whether no more are needed."""
 
 
@@ -79,7 +79,7 @@ def run_campaign(
     listed: list[Task] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
     timeout = check_workers(n_jobs, backend, timeout)
     requirements = {name: str(spec.standalone()) for name, spec in runner.requirements.items()}
-    rows: dict[int, Row] = {}
+    rows: dict[int, Trial] = {}
     with ExitStack() as stack:
         kept = None
         if folder is not None:
@@ -133,7 +133,7 @@ class _Order:
         count: How many were shown.
     """
 
-    def __init__(self, rows: Mapping[int, Row], tasks: int, enough: Enough | None) -> None:
+    def __init__(self, rows: Mapping[int, Trial], tasks: int, enough: Enough | None) -> None:
         self._rows = rows
         self._enough = enough
         self._found = False
@@ -152,14 +152,14 @@ class _Order:
 class _Note:
     """What the bar of progress says: violations, the least robustness, simulated time saved."""
 
-    def __init__(self, duration: float | None, rows: Iterable[Row]) -> None:
+    def __init__(self, duration: float | None, rows: Iterable[Trial]) -> None:
         self._duration = duration
         self._violated = 0
         self._least = math.inf
         self._saved = 0.0
         self.take(rows)
 
-    def take(self, rows: Iterable[Row]) -> None:
+    def take(self, rows: Iterable[Trial]) -> None:
         """Takes finished runs in."""
         for row in rows:
             outcomes = row.outcomes.values()

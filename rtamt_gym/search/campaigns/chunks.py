@@ -6,13 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.process import Task
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Runner
 
 __all__ = ["Chunks", "Rows"]
 
-Rows = list[tuple[int, Row]]
+Rows = list[tuple[int, Trial]]
 """Rows with the numbers of their tasks."""
 
 _SECONDS: Final = 1.0

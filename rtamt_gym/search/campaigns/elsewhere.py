@@ -12,11 +12,11 @@ from rtamt import InputError
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.child import Making
 from rtamt_gym.search.campaigns.chunks import Chunks, Rows
 from rtamt_gym.search.campaigns.process import Setup, end_processes, run_chunk
 from rtamt_gym.search.campaigns.recipe import Recipe
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 
@@ -106,7 +106,7 @@ class Elsewhere:
         seeds: Sequence[int] | None = None,
         *,
         above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Row]]:
+    ) -> Iterator[tuple[int, Trial]]:
         """Runs cases, as `Runner.run` does; who stops asking for rows ends the processes."""
         listed = [Case(case) for case in cases]
         given: Sequence[int | None] = [None] * len(listed) if seeds is None else seeds

@@ -16,9 +16,9 @@ from typing import IO, Any, Final, Self
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.files import CAMPAIGN, PARTS, RECORD, finished, read
 from rtamt_gym.search.runs.record import Record, storage
-from rtamt_gym.search.runs.rows import Row
 
 __all__ = ["Folder", "digest"]
 
@@ -88,11 +88,11 @@ class Folder:
         """Lets other processes have the folder."""
         self._lock.close()
 
-    def rows(self) -> dict[int, Row]:
+    def rows(self) -> dict[int, Trial]:
         """The finished runs, by the numbers of their tasks."""
         return finished(self._path, storage(_WHAT).load)[0]
 
-    def add(self, rows: Sequence[tuple[int, Row]]) -> None:
+    def add(self, rows: Sequence[tuple[int, Trial]]) -> None:
         """Keeps finished runs, given with the numbers of their tasks; they are there for good."""
         record = Record((row for _, row in rows), self._requirements, self._system)
         numbers = [number for number, _ in rows]

@@ -20,7 +20,7 @@ from typing import Final
 
 from rtamt import InputError
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
 
 __all__ = ["Setup", "Task", "end_processes", "run_chunk"]
 
@@ -65,7 +65,7 @@ class Setup:
     above: Mapping[str, float] | None = None
 
 
-def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Row]]:
+def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Trial]]:
     """Runs tasks, each to its row; gives the rows with the numbers of the tasks.
 
     Where a process ends, those of its tasks that are not over are run again, each alone; a task
@@ -74,7 +74,7 @@ def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Row]]:
     Raises:
         InputError: If the process cannot make the system.
     """
-    rows: dict[int, Row] = {}
+    rows: dict[int, Trial] = {}
     begin = time.monotonic()
     why = _deal(setup, tasks, rows)
     for task in tasks:
@@ -86,7 +86,7 @@ def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Row]]:
             why = _deal(setup, [task], rows)
         if number not in rows:
             wall = time.monotonic() - begin
-            rows[number] = Row(case, seed, {}, "error", 0.0, wall, why)
+            rows[number] = Trial(case, seed, {}, "error", 0.0, wall, why)
     return list(rows.items())
 
 
@@ -102,7 +102,7 @@ def end_processes(name: str) -> None:
         process.end()
 
 
-def _deal(setup: Setup, tasks: Sequence[Task], rows: dict[int, Row]) -> str:
+def _deal(setup: Setup, tasks: Sequence[Task], rows: dict[int, Trial]) -> str:
     """Has a process run tasks, and takes their rows; returns why it ended, an empty text if not."""
     process = _take(setup)
     try:

@@ -17,10 +17,10 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.report import case_lines
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import counted, number
@@ -55,7 +55,7 @@ class Falsification:
 
     falsified: bool
     requirement: str
-    row: Row
+    row: Trial
     found: Case
     record: Record
     space: Space
@@ -141,7 +141,7 @@ class Falsification:
         check_name(path)
         # The search stops a run that cannot become the closest, once enough of it is known.
         whole = self.row.ended != "known"
-        row = self.row if whole else Row.of(self.replay(), self.input)
+        row = self.row if whole else self.replay().trial(self.input)
         names = {"system": system, "policy": policy}
         SavedCase.of(self._runner, self.requirement, row, Path(path).parent, **names).save(path)
 

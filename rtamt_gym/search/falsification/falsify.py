@@ -19,6 +19,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.falsification.coverage import coverage_of
 from rtamt_gym.search.falsification.falsification import Falsification
@@ -29,7 +30,6 @@ from rtamt_gym.search.falsification.scales import given_scales, needs_scales
 from rtamt_gym.search.falsification.search import Search, SearchOver
 from rtamt_gym.search.runs.record import Record, check_columns
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Options, Runner
 from rtamt_gym.search.sweeps.sweep import space_of, tell_failures
 from rtamt_gym.signals.signals import SignalLike
@@ -221,7 +221,7 @@ def falsify(
         elsewhere=None if here else elsewhere,
     )
 
-    def result(simplest: Row | None = None, reductions: int = 0) -> Falsification:
+    def result(simplest: Trial | None = None, reductions: int = 0) -> Falsification:
         texts = {each: str(spec.standalone()) for each, spec in specs.items()}
         best = search.rows[search.best]
         return Falsification(
@@ -279,7 +279,7 @@ def _check_rows(search: Search, runner: Runner, optimizer: str) -> None:
     tell_failures(Record(search.rows, {}, runner.name))
 
 
-def _again(search: Search, runner: Runner, case: Case) -> Row | None:
+def _again(search: Search, runner: Runner, case: Case) -> Trial | None:
     """The row of a case under the seed that violates; None if it does not violate."""
     seed = search.rows[-1].seed
     ((_, row),) = runner.run([case], None if seed is None else [seed])
@@ -287,7 +287,7 @@ def _again(search: Search, runner: Runner, case: Case) -> Row | None:
     return row if violates else None
 
 
-def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tuple[Row, int]:
+def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tuple[Trial, int]:
     """The violating simulation, run again and reduced; and how many simulations that took."""
     row = _again(search, runner, search.rows[-1].case)
     if row is not None:

@@ -9,7 +9,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
 
 __all__ = ["reduced"]
 
@@ -20,8 +20,8 @@ Entry = float | Waveform
 
 
 def reduced(
-    row: Row, space: Space, again: Callable[[Case], Row | None], most: int
-) -> tuple[Row, int]:
+    row: Trial, space: Space, again: Callable[[Case], Trial | None], most: int
+) -> tuple[Trial, int]:
     """Makes a violating case simpler, in steps that keep the violation.
 
     In this order: parameters get their defaults, which takes faults out; signals become constant,
@@ -52,7 +52,7 @@ def reduced(
 class _Budget:
     """The simplest case so far, and the number of cases that were run."""
 
-    def __init__(self, row: Row, again: Callable[[Case], Row | None], most: int) -> None:
+    def __init__(self, row: Trial, again: Callable[[Case], Trial | None], most: int) -> None:
         self.row = row
         self.count = 0
         self._again = again

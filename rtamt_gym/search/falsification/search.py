@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from rtamt import InputError, Specification, Verdict
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere
 from rtamt_gym.search.falsification.points import spread, take
 from rtamt_gym.search.falsification.protocol import Floats
 from rtamt_gym.search.falsification.scales import in_scales, spreads
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.search.runs.whole import MakeRunner, Whole, judged_whole
@@ -93,7 +93,7 @@ class Search:
         self._least: list[str] = []
         self._runner: Runner | Whole | Elsewhere = runner
         self.groups = _groups(space)
-        self.rows: list[Row] = []
+        self.rows: list[Trial] = []
         self.points: list[Floats] = []
         self.values: list[float] = []
         self.scales = scales
@@ -198,7 +198,7 @@ class Search:
         seeds = None
         if self._runner.takes_seeds:
             seeds = range(self._seed + begin, self._seed + begin + len(cases))
-        found: dict[int, Row] = {}
+        found: dict[int, Trial] = {}
         traces: dict[int, Trace] = {}
         if self.scales is None:
             over = self._whole.run(cases, seeds, keep=traces.__setitem__)
@@ -224,13 +224,13 @@ class Search:
             raise SearchOver
         return np.array(self.values[begin:])
 
-    def _last(self, index: int, found: Mapping[int, Row]) -> int:
+    def _last(self, index: int, found: Mapping[int, Trial]) -> int:
         """The index of the run after which none counts, by what has come with this one."""
         if self._violated(found[index]) is not None:
             return index
         return _FIRST - len(self.rows) - 1 if self._hopeless(found) else sys.maxsize
 
-    def _hopeless(self, found: Mapping[int, Row]) -> bool:
+    def _hopeless(self, found: Mapping[int, Trial]) -> bool:
         """Whether the first simulations failed alike before sample 0: all others would too."""
         first = self.rows[:_FIRST]
         first += [found[i] for i in range(_FIRST - len(first)) if i in found]
@@ -238,7 +238,7 @@ class Search:
         began = any(row.outcomes for row in first)
         return len(first) == _FIRST and len(alike) == 1 and "" not in alike and not began
 
-    def _keep(self, row: Row, point: Floats) -> None:
+    def _keep(self, row: Trial, point: Floats) -> None:
         self.violated = self._violated(row)
         heights = {name: _height(row, name) for name in self._valued}
         least, value = self._worth(heights)
@@ -248,7 +248,7 @@ class Search:
         self.rows.append(replace(row, outcomes=own))
         self.points.append(point)
 
-    def _violated(self, row: Row) -> str | None:
+    def _violated(self, row: Trial) -> str | None:
         """The requirement that a run violates, the one with the least robustness; or None."""
         if row.error:
             return None
@@ -269,7 +269,7 @@ class Search:
         return min(worth.items(), key=itemgetter(1))
 
 
-def _height(row: Row, name: str) -> float:
+def _height(row: Trial, name: str) -> float:
     """What a run hands to the optimizer: a robustness, or the bound that is known; else nan."""
     if row.error:
         return math.nan

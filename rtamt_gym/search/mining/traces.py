@@ -28,9 +28,9 @@ from rtamt_gym.recorded.trace import EventTrace
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:
+    from rtamt_gym.results.trial import RunEnd
     from rtamt_gym.search.runs.trace import Trace
     from rtamt_gym.search.sweeps.sweep import Sweep
-    from rtamt_gym.simulation.record import RunEnd
     from rtamt_gym.simulation.run import Run
 
 __all__ = ["Reading", "Samples", "Traces", "notes_on", "samples_of"]

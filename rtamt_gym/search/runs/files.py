@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rtamt import InputError
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
 
 __all__ = ["CAMPAIGN", "PARTS", "RECORD", "finished", "read"]
 
@@ -23,8 +23,8 @@ RECORD: Final = "record.parquet"
 
 
 def finished(
-    path: Path, load_file: Callable[[Path], tuple[list[Row], dict[str, Any]]]
-) -> tuple[dict[int, Row], dict[str, Any]]:
+    path: Path, load_file: Callable[[Path], tuple[list[Trial], dict[str, Any]]]
+) -> tuple[dict[int, Trial], dict[str, Any]]:
     """Reads the finished runs by the numbers of their tasks, and what is kept with them.
 
     Args:
@@ -37,7 +37,7 @@ def finished(
     kept = read(path)
     if (path / RECORD).exists():
         return dict(enumerate(load_file(path / RECORD)[0])), kept
-    rows: dict[int, Row] = {}
+    rows: dict[int, Trial] = {}
     for part in sorted(path.glob(PARTS)):
         found, of_part = load_file(part)
         rows |= zip(of_part["also"]["tasks"], found, strict=True)

@@ -23,9 +23,10 @@ from rtamt_gym.judging.ends import AtTruncation
 from rtamt_gym.judging.interface import STANDARD, Interface
 from rtamt_gym.judging.specs import Align, Nan, View
 from rtamt_gym.judging.vector_panel import VectorPanel
-from rtamt_gym.search.runs.rows import Outcome, Row, seconds
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.search.runs.trace import Trace
-from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, RunEnd, Stop
+from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 
 __all__ = ["Judging", "Lanes"]
 
@@ -125,7 +126,7 @@ class Lanes:
         seeds: Sequence[int | None],
         keep: Callable[[int, Trace], object] | None = None,
         above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Row]]:
+    ) -> Iterator[tuple[int, Trial]]:
         """Runs cases of one kind, ``size`` at most; gives each with its index when it is over.
 
         Args:
@@ -159,12 +160,12 @@ class Lanes:
             for lane, outcomes in batch.outcomes(over):
                 yield (
                     lane,
-                    Row(
+                    Trial(
                         cases[lane],
                         seeds[lane],
                         outcomes,
                         batch.ends[lane],
-                        seconds(int(batch.last[lane]), panel.period),
+                        float(int(batch.last[lane]) * (panel.period or 1)),
                         float(batch.wall[lane]),
                         reward=_REWARD,
                     ),
@@ -177,7 +178,9 @@ class Lanes:
             due = steps if actions is None else actions[done : done + steps]
             made = env.unwrapped.rollout(due, batch.active)  # type: ignore[attr-defined]  # see `runner`
 
-    def whole(self, cases: Sequence[Case], seeds: Sequence[int | None]) -> list[tuple[Row, Trace]]:
+    def whole(
+        self, cases: Sequence[Case], seeds: Sequence[int | None]
+    ) -> list[tuple[Trial, Trace]]:
         """Runs cases of one kind, ``size`` at most, to the end without monitors.
 
         Gives the row of each, without outcomes, and its samples.
@@ -193,13 +196,13 @@ class Lanes:
         active = np.arange(env.num_envs) < len(cases)
         made = env.unwrapped.rollout(due, active)  # type: ignore[attr-defined]  # see `runner`
         samples = np.concatenate([first, made])[:, :, list(self._elements.values())]
-        simulated = seconds(self.steps, panel.period)
+        simulated = float(self.steps * (panel.period or 1))
         wall = (time.perf_counter() - begin) / len(cases)
         found = []
         for lane, (case, seed) in enumerate(zip(cases, seeds, strict=True)):
             values = np.ascontiguousarray(samples[:, lane].T)
             trace = Trace(dict(zip(self._elements, values, strict=True)), panel.period)
-            row = Row(case, seed, {}, self.end, simulated, wall, reward=_REWARD)
+            row = Trial(case, seed, {}, self.end, simulated, wall, reward=_REWARD)
             found.append((row, trace))
         return found
 
@@ -325,10 +328,11 @@ class _Batch:
         for place, lane in enumerate(over.tolist()):
             outcomes = {}
             for name, columns in found.items():
-                robustness, lower, upper, verdict = (column[lane].item() for column in columns)
-                sample = int(decided[name][place])
-                when = seconds(sample, panel.period) if sample >= 0 else None
-                outcomes[name] = Outcome(robustness, lower, upper, Verdict(verdict), when)
+                *bounds, verdict = (column[lane].item() for column in columns)
+                at = int(decided[name][place])
+                outcomes[name] = Outcome.at(
+                    bounds, Verdict(verdict), at if at >= 0 else None, panel.period
+                )
             yield lane, outcomes
 
     def _stop(self) -> None:

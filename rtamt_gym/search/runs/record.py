@@ -5,20 +5,20 @@ A row has what the simulation was given, what every requirement became, and what
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import InputError, Verdict
+from rtamt import InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.search.runs.rows import MEASURES, OF_ROW, Row
+from rtamt_gym.results.outcome import order
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Trial
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
@@ -27,10 +27,10 @@ if TYPE_CHECKING:  # it is optional
 __all__ = ["Record", "check_columns", "storage"]
 
 
-class Record(Sequence[Row]):
+class Record(Results):
     """The table of many simulations of one system: a row for each, in the order of their cases.
 
-    It is a sequence of `Row`. Two records are equal if all is equal but the wall times.
+    It is a sequence of `Trial`. Two records are equal if all is equal but the wall times.
 
     Args:
         rows: The simulations. A waveform has the same times in all of them.
@@ -61,11 +61,9 @@ class Record(Sequence[Row]):
     """
 
     def __init__(
-        self, rows: Iterable[Row], requirements: Mapping[str, str], system: str = ""
+        self, rows: Iterable[Trial], requirements: Mapping[str, str], system: str = ""
     ) -> None:
-        self.rows = tuple(rows)
-        self.requirements = MappingProxyType(dict(requirements))
-        self.system = system
+        super().__init__(rows, requirements, system)
         self.shapes = _shapes(self.rows)
         self.case_columns = tuple(
             column
@@ -74,35 +72,6 @@ class Record(Sequence[Row]):
         )
         check_columns(self.case_columns, self.requirements)
 
-    @overload
-    def __getitem__(self, index: int) -> Row: ...
-    @overload
-    def __getitem__(self, index: slice) -> Record: ...
-    def __getitem__(self, index: int | slice) -> Row | Record:
-        if isinstance(index, slice):
-            return self._of(self.rows[index])
-        return self.rows[index]
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __iter__(self) -> Iterator[Row]:
-        return iter(self.rows)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Record):
-            return NotImplemented
-        return (self.rows, self.requirements, self.system) == (
-            other.rows,
-            other.requirements,
-            other.system,
-        )
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Record, (self.rows, dict(self.requirements), self.system)
-
-    __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
-
     def __repr__(self) -> str:
         violated, failed = len(self.violated()), len(self.failed())
         verb = "violates" if violated == 1 else "violate"
@@ -110,27 +79,7 @@ class Record(Sequence[Row]):
         of = f" of {self.system}" if self.system else ""
         return f"<Record{of}: {counted(len(self), 'simulation')}, {violated} {verb}{errors}>"
 
-    def violated(self, requirement: str | None = None) -> Record:
-        """The simulations that violate a requirement; None: that violate any.
-
-        Raises:
-            InputError: If there is no such requirement; names the nearest.
-        """
-        names = self.requirements if requirement is None else [self.name(requirement)]
-        return self._of(
-            row
-            for row in self.rows
-            if any(
-                name in row.outcomes and row.outcomes[name].verdict is Verdict.VIOLATED
-                for name in names
-            )
-        )
-
-    def failed(self) -> Record:
-        """The simulations that an error has ended."""
-        return self._of(row for row in self.rows if row.error)
-
-    def worst(self, requirement: str | None = None) -> Row:
+    def worst(self, requirement: str | None = None) -> Trial:
         """The simulation with the least robustness; None: of the only requirement.
 
         Raises:
@@ -141,38 +90,26 @@ class Record(Sequence[Row]):
         found = [row for row in self.rows if name in row.outcomes]
         if not found:
             raise InputError(f"no simulation has a robustness of {name!r}: the record has none")
-        return min(found, key=lambda row: _order(row.outcomes[name].robustness))
-
-    def name(self, requirement: str | None) -> str:
-        """The name of a requirement; None: of the only one.
-
-        Raises:
-            InputError: If there is no such requirement, or there are several and none is named.
-        """
-        names = self.requirements
-        if requirement is None:
-            if len(names) == 1:
-                return next(iter(names))
-            raise InputError(f"expected the name of a requirement, one of {listing(names)}")
-        if requirement not in names:
-            raise InputError(
-                f"there is no requirement {requirement!r}; the requirements are "
-                f"{listing(names)}{nearest(requirement, names)}"
-            )
-        return requirement
+        return min(found, key=lambda row: order(row.outcomes[name].robustness))
 
     def columns(self) -> dict[str, list[Any]]:
         """The record as a table: the columns of the case, then ``seed``, then those of outcomes.
 
-        These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)`` and
-        ``decided_at(NAME)`` of every requirement, and after them ``ended``, ``simulated``,
-        ``return``, ``wall`` and ``error``. What a row does not have is None.
+        These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)``,
+        ``decided_at(NAME)`` in seconds (samples if there is no period) and ``decided_sample(NAME)``
+        of every requirement, and after them ``ended``, ``simulated``, ``return``, ``wall`` and
+        ``error``. What a row does not have is None.
         """
-        measured = [f"{key}({name})" for name in self.requirements for key in MEASURES]
-        seed, *others = OF_ROW
         cells = [row.columns() for row in self.rows]
-        names = [*self.case_columns, seed, *measured, *others]
-        return {name: [row.get(name) for row in cells] for name in names}
+        return {name: [row.get(name) for row in cells] for name in self.kinds()}
+
+    def kinds(self) -> dict[str, str]:
+        """What the cells of each column are: ``"number"``, ``"whole"`` or ``"text"``."""
+        seed, *others = ((each.name, each.kind) for each in OF_TRIAL)
+        measured = [
+            (f"{each.name}({name})", each.kind) for name in self.requirements for each in MEASURES
+        ]
+        return dict([*((name, "number") for name in self.case_columns), seed, *measured, *others])
 
     def numbers(self, column: str) -> NDArray[np.float64]:
         """A column of numbers, nan where a row has none.
@@ -180,15 +117,13 @@ class Record(Sequence[Row]):
         Raises:
             InputError: If there is no such column of numbers; names the nearest.
         """
-        columns = self.columns()
-        known = [name for name in columns if not name.startswith("verdict(")]
-        known = [name for name in known if name not in {"ended", "error"}]
+        known = [name for name, kind in self.kinds().items() if kind != "text"]
         if column not in known:
             raise InputError(
                 f"there is no column {column!r} of numbers; there are {listing(known)}"
                 f"{nearest(column, known)}"
             )
-        return np.array(columns[column], dtype=np.float64)  # None becomes nan
+        return np.array(self.columns()[column], dtype=np.float64)  # None becomes nan
 
     def to_frame(self) -> pd.DataFrame:
         """The record as a data frame of pandas: a row for each simulation, columns as in `columns`.
@@ -199,14 +134,13 @@ class Record(Sequence[Row]):
             import pandas as pd
         except ModuleNotFoundError as error:
             raise naming_extra(error, "Record.to_frame") from error
-        columns: dict[str, Any] = {}
-        for name, cells in self.columns().items():
-            if name == "seed":
-                columns[name] = pd.array(cells, dtype="Int64")
-            elif _is_text(name):
-                columns[name] = pd.array(cells, dtype=object)
-            else:
-                columns[name] = np.array(cells, dtype=np.float64)
+        kinds = self.kinds()
+        made: dict[str, Callable[[list[Any]], Any]] = {
+            "number": lambda cells: np.array(cells, dtype=np.float64),
+            "whole": lambda cells: pd.array(cells, dtype="Int64"),
+            "text": lambda cells: pd.array(cells, dtype=object),
+        }
+        columns = {name: made[kinds[name]](cells) for name, cells in self.columns().items()}
         return pd.DataFrame(columns, index=pd.RangeIndex(len(self), name="simulation"))
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -225,9 +159,10 @@ class Record(Sequence[Row]):
             "system": self.system,
             "requirements": dict(self.requirements),
             "shapes": self.shapes,
+            "timed": self.timed,
             "also": also,
         }
-        storage(what).save(Path(path), self.columns(), kept)
+        storage(what).save(Path(path), self.columns(), self.kinds(), kept)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record:
@@ -244,8 +179,11 @@ class Record(Sequence[Row]):
         rows, kept = storage(what).load(Path(path))
         return Record(rows, kept["requirements"], kept["system"]), kept["also"]
 
-    def _of(self, rows: Iterable[Row]) -> Record:
-        return Record(rows, self.requirements, self.system)
+    @property
+    def timed(self) -> bool:
+        """Whether times are seconds: False if a verdict was certain at a sample without a time."""
+        decided = (each.decided for row in self.rows for each in row.outcomes.values())
+        return all(each.seconds is not None for each in decided if each is not None)
 
 
 def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
@@ -255,7 +193,8 @@ def check_columns(case: Iterable[str], requirements: Iterable[str]) -> None:
         InputError: If there is one.
     """
     case = list(case)
-    taken = {*OF_ROW, *(f"{key}({name})" for name in requirements for key in MEASURES)}
+    taken = {each.name for each in OF_TRIAL}
+    taken |= {f"{each.name}({name})" for name in requirements for each in MEASURES}
     for name in case:
         if name in taken:
             raise InputError(
@@ -274,21 +213,12 @@ def storage(what: str) -> Any:  # noqa: ANN401 - a module
     return found
 
 
-def _is_text(column: str) -> bool:
-    return column in {"ended", "error"} or column.startswith("verdict(")
-
-
 def _points(name: str, count: int) -> list[str]:
     """The columns of a waveform's control points."""
     return [f"{name}[{i}]" for i in range(count)]
 
 
-def _order(robustness: float) -> tuple[float, float]:
-    """Orders robustness; -0.0, which violates, comes before 0.0."""
-    return robustness, math.copysign(1.0, robustness)
-
-
-def _shapes(rows: Iterable[Row]) -> dict[str, dict[str, Any] | None]:
+def _shapes(rows: Iterable[Trial]) -> dict[str, dict[str, Any] | None]:
     """What a case has beside its columns: times and interpolation of waveforms, None of numbers."""
     shapes: dict[str, dict[str, Any] | None] = {}
     for number, row in enumerate(rows):

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 import rtamt
-from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.statistics import columns_of
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
@@ -31,20 +31,13 @@ def summary(record: Record) -> list[str]:
 
     Below it stand what was simulated and how many failed.
     """
-    head = ("requirement", "least", "median", "greatest", "violated", "satisfied", "open")
-    rows: list[tuple[str, ...]] = [head]
-    for name in record.requirements:
-        found = [row.outcomes[name] for row in record if name in row.outcomes]
-        counts = Counter(outcome.verdict for outcome in found)
-        heights = sorted(outcome.robustness for outcome in found)
-        # The middle one, or the lower of two: infinities have no mean.
-        three = [heights[0], heights[(len(heights) - 1) // 2], heights[-1]] if heights else []
-        texts = [number(height) for height in three] or ["-", "-", "-"]
-        verdicts = (Verdict.VIOLATED, Verdict.SATISFIED, Verdict.UNDECIDED)
-        rows.append((shorten(name, 24), *texts, *(str(counts[each]) for each in verdicts)))
+    results = list(record.results().values())
+    columns = columns_of(results, rates=False)
+    rows = [["requirement", *(each.heading for each in columns)]]
+    rows += [[each.name, *(column.cell(each) for column in columns)] for each in results]
     simulated = math.fsum(row.simulated for row in record)
     took = f"{counted(len(record), 'simulation')}, {simulated:.6g} simulated seconds"
-    return [*table(rows, "<>>>>>>"), "", took, *failures(record)]
+    return [*table(rows, "<" + ">" * len(columns), 80), "", took, *failures(record)]
 
 
 def failures(record: Record) -> list[str]:

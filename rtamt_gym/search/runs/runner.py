@@ -22,6 +22,7 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.judging.interface import Interface
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.having_lanes import lanes_of
 from rtamt_gym.search.runs.lanes import Judging, Lanes
 from rtamt_gym.search.runs.options import (
@@ -31,9 +32,9 @@ from rtamt_gym.search.runs.options import (
     duration_of,
 )
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.signals.signals import SignalLike
+from rtamt_gym.simulation.crashes import failed
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.kinds import as_system
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
@@ -50,7 +51,7 @@ CaseLike = Mapping[str, float | Waveform]
 
 
 class Runner:
-    """Runs cases of one system under requirements, each to a `Row`.
+    """Runs cases of one system under requirements, each to a `Trial`.
 
     Cases run side by side in lanes where the system is a registered environment with a native
     vector environment that has ``rollout``, its variables read elements of the observation, and no
@@ -221,7 +222,7 @@ class Runner:
         *,
         keep: Callable[[int, Trace], object] | None = None,
         above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Row]]:
+    ) -> Iterator[tuple[int, Trial]]:
         """Runs cases; gives the row of each with the index of the case, soon after it is over.
 
         The order is not that of the cases: a lane that is stopped is given before others. A row
@@ -247,7 +248,7 @@ class Runner:
 
     def whole(
         self, cases: Iterable[CaseLike], seeds: Sequence[int] | None = None
-    ) -> Iterator[tuple[int, Row, Trace]]:
+    ) -> Iterator[tuple[int, Trial, Trace]]:
         """Runs cases to their end, in lanes without monitors; leaves out those that fail.
 
         Gives the row of each, without outcomes, and its samples, with the index of the case.
@@ -258,14 +259,14 @@ class Runner:
         task = self._task(cases, seeds, None, None)
         for indices, lanes in self._groups(task.cases):
             for each in [indices] if lanes is not None else [[index] for index in indices]:
-                found: list[tuple[Row, Trace]] = []
+                found: list[tuple[Trial, Trace]] = []
                 own, given = [task.cases[i] for i in each], [task.seeds[i] for i in each]
                 with suppress(Exception):  # `run` has it in the rows of the cases
                     if lanes is not None:
                         found = lanes.whole(own, given)
                     else:
                         run = self.simulate(own[0], given[0], stop="end")
-                        row = replace(Row.of(run, own[0]), outcomes={})
+                        row = replace(run.trial(own[0]), outcomes={})
                         found = [(row, Trace(run.signals, run.period))]
                 for index, (row, trace) in zip(each, found, strict=False):
                     yield index, row, trace
@@ -343,7 +344,7 @@ class Runner:
             for begin in range(0, len(indices), lanes.size):
                 yield indices[begin : begin + lanes.size], lanes
 
-    def _batch(self, lanes: Lanes, task: _Task, indices: list[int]) -> Iterator[tuple[int, Row]]:
+    def _batch(self, lanes: Lanes, task: _Task, indices: list[int]) -> Iterator[tuple[int, Trial]]:
         """Runs a batch in lanes; after an error, those that are not over one by one."""
         left = dict.fromkeys(indices)
         keep = None if task.keep is None else _renumbered(task.keep, indices)
@@ -366,16 +367,16 @@ class Runner:
                     stacklevel=caller_level(),
                 )
 
-    def _row(self, task: _Task, index: int) -> Row:
+    def _row(self, task: _Task, index: int) -> Trial:
         case, seed = task.cases[index], task.seeds[index]
         begin = time.perf_counter()
         try:
             run = self.simulate(case, seed, task.above)
             if task.keep is not None:
                 task.keep(index, Trace(run.signals, run.period))
-            return Row.of(run, case)
+            return run.trial(case)
         except Exception as error:  # noqa: BLE001 - the row has it
-            return Row.failed(error, case, seed, time.perf_counter() - begin)
+            return failed(error, case, seed, time.perf_counter() - begin)
 
 
 class _Task(NamedTuple):

@@ -19,9 +19,9 @@ import rtamt
 from rtamt import InputError, Specification, Verdict
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
 from rtamt_gym.search.runs.report import strict_json
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.simulation.policies import policy_of
 from rtamt_gym.simulation.run import Run
@@ -101,7 +101,7 @@ class SavedCase:
         cls,
         runner: Runner,
         name: str,
-        row: Row,
+        row: Trial,
         folder: Path,
         *,
         system: str | None = None,

@@ -16,28 +16,30 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.files import finished
-from rtamt_gym.search.runs.rows import Row
 
 __all__ = ["load", "read_space", "save", "written_space"]
 
 _KEY = b"rtamt.record"
 """The key of the file's metadata under which all is kept that is no cell, as JSON."""
 
-_TYPES: Final = {
-    "seed": pa.int64(),
-    "ended": pa.string(),
-    "error": pa.string(),
-}
-"""The types of the columns that hold no floats; those of verdicts do not either."""
+_TYPES: Final = {"number": pa.float64(), "whole": pa.int64(), "text": pa.string()}
+"""The types of columns."""
 
 
-def save(path: Path, columns: Mapping[str, list[Any]], kept: Mapping[str, Any]) -> None:
+def save(
+    path: Path,
+    columns: Mapping[str, list[Any]],
+    kinds: Mapping[str, str],
+    kept: Mapping[str, Any],
+) -> None:
     """Writes a record.
 
     Args:
         path: The file.
         columns: The cells of each column.
+        kinds: What they are, as `Record.kinds` says.
         kept: What is no cell, as JSON can write it: ``requirements`` and ``shapes``, and more.
 
     Raises:
@@ -48,16 +50,12 @@ def save(path: Path, columns: Mapping[str, list[Any]], kept: Mapping[str, Any]) 
             f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
             "all of a record; to_frame() has the columns for other formats"
         )
-    verdicts = {f"verdict({name})" for name in kept["requirements"]}
-    arrays = {
-        name: pa.array(cells, pa.string() if name in verdicts else _TYPES.get(name, pa.float64()))
-        for name, cells in columns.items()
-    }
+    arrays = {name: pa.array(cells, _TYPES[kinds[name]]) for name, cells in columns.items()}
     table = pa.table(arrays)
     pq.write_table(table.replace_schema_metadata({_KEY: json.dumps(kept)}), path)
 
 
-def load(path: Path) -> tuple[list[Row], dict[str, Any]]:
+def load(path: Path) -> tuple[list[Trial], dict[str, Any]]:
     """Reads the rows that `save` has written, and what it kept beside them.
 
     The rows of a folder are those of a campaign that are finished.
@@ -78,8 +76,7 @@ def load(path: Path) -> tuple[list[Row], dict[str, Any]]:
             f"{path} holds no record: only files that Record.save or Sweep.save has written do"
         )
     kept: dict[str, Any] = json.loads(metadata[_KEY])
-    rows = [_row(cells, kept["shapes"], kept["requirements"]) for cells in table.to_pylist()]
-    return rows, kept
+    return [_row(cells, kept) for cells in table.to_pylist()], kept
 
 
 def written_space(space: Space) -> dict[str, Any]:
@@ -100,9 +97,9 @@ def read_space(kept: Mapping[str, Any]) -> Space:
     return Space(entries, duration=kept["duration"])
 
 
-def _row(cells: Mapping[str, Any], shapes: Mapping[str, Any], requirements: list[str]) -> Row:
+def _row(cells: Mapping[str, Any], kept: Mapping[str, Any]) -> Trial:
     case: dict[str, float | Waveform] = {}
-    for name, shape in shapes.items():
+    for name, shape in kept["shapes"].items():
         if shape is None:
             if cells[name] is not None:
                 case[name] = cells[name]
@@ -110,4 +107,5 @@ def _row(cells: Mapping[str, Any], shapes: Mapping[str, Any], requirements: list
         values = [cells[f"{name}[{i}]"] for i in range(len(shape["times"]))]
         if values[0] is not None:
             case[name] = Waveform(shape["times"], values, shape["interpolation"])
-    return Row.read(cells, Case(case), requirements)
+    timed = kept.get("timed", True)  # version 1 does not say it
+    return Trial.read(cells, Case(case), kept["requirements"], timed=timed)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, Self
 
 import numpy as np
 
 from rtamt import Formula, RtamtError, Specification, Verdict
-from rtamt_gym.search.runs.rows import Outcome, Row
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.simulation.record import Stop
@@ -79,17 +81,17 @@ class Whole:
         seeds: Sequence[int] | None = None,
         *,
         above: Mapping[str, float] | None = None,
-    ) -> Iterator[tuple[int, Row]]:
+    ) -> Iterator[tuple[int, Trial]]:
         """Runs cases, as `Runner.run` does."""
         listed = list(cases)
-        satisfied: dict[int, Row] = {}
+        satisfied: dict[int, Trial] = {}
         for index, row, trace in self._runner.whole(listed, seeds):
             if row.simulated < self._horizon:
                 continue
             with suppress(RtamtError):  # of samples that cannot be judged
                 heights = {name: self.judge(name, trace) for name in self._names}
                 if not np.signbit(list(heights.values())).any():
-                    satisfied[index] = _satisfied(row, heights)
+                    satisfied[index] = _satisfied(row, heights, trace.period)
         yield from satisfied.items()
         for index in range(len(listed)):
             if index not in satisfied:
@@ -98,10 +100,11 @@ class Whole:
                     yield index, row
 
 
-def _satisfied(row: Row, heights: Mapping[str, float]) -> Row:
+def _satisfied(row: Trial, heights: Mapping[str, float], period: Fraction | None) -> Trial:
     """The row of a run that satisfies all requirements, by their robustness."""
+    last = round(row.simulated / (period or 1))
     outcomes = {
-        name: Outcome(height, height, height, Verdict.SATISFIED, row.simulated)
+        name: Outcome.at([height] * 3, Verdict.SATISFIED, last, period)
         for name, height in heights.items()
     }
     return replace(row, outcomes=outcomes)

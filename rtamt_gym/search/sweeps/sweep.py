@@ -17,11 +17,11 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.record import Record, check_columns, storage
 from rtamt_gym.search.runs.report import failures, summary
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.rows import Row
 from rtamt_gym.search.runs.runner import Options, Runner
 from rtamt_gym.search.sweeps.heights import Map, map_of
 from rtamt_gym.search.sweeps.indices import Indices, indices
@@ -71,7 +71,7 @@ class Sweep:
         """Whether the system is at hand, so that `replay` can run it."""
         return self._runner is not None
 
-    def worst(self, requirement: str | None = None) -> Row:
+    def worst(self, requirement: str | None = None) -> Trial:
         """The simulation with the least robustness; ``sweep.replay`` runs it again.
 
         Raises:
@@ -79,14 +79,14 @@ class Sweep:
         """
         return self.record.worst(requirement)
 
-    def replay(self, row: Row) -> Run:
+    def replay(self, row: Trial) -> Run:
         """Runs a simulation of the sweep again, alone, and keeps every sample.
 
         Raises:
             InputError: If the sweep comes from a file or a pickle, which do not hold the system.
             InputTypeError: If it is given something else than a row.
         """
-        if not isinstance(row, Row):
+        if not isinstance(row, Trial):
             raise InputTypeError(
                 f"expected a row of the record, such as sweep.worst() or sweep.record[0], got "
                 f"{row!r}"

@@ -11,9 +11,9 @@ from evaluations import FAILED, evaluation_of
 
 from rtamt_gym import evaluate_policy
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.intervals import wilson
 from rtamt_gym.learners.best import Best
 from rtamt_gym.learners.metrics import evaluation_metrics, successes
+from rtamt_gym.results.intervals import wilson
 
 SPECS = {"near": "always(abs(x) < 0.12)", "upright": "always(abs(theta) < 0.1)"}
 SIGNALS = {"x": "obs[0]", "theta": "obs[2]"}

@@ -13,8 +13,8 @@ from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.of_evaluation import of_evaluation
 from rtamt_gym.reports.of_record import of_record
 from rtamt_gym.reports.series import ROOM
-from rtamt_gym.search.runs.rows import Outcome
-from rtamt_gym.simulation.record import RunEnd
+from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.trial import RunEnd
 
 ROWS = [
     row({"low": 1.0, "seen": -1.0}, seed=7, at=1.0, reward=5.0),
@@ -118,7 +118,7 @@ def test_what_sequential_stopping_decided_is_said() -> None:
 def test_violations_above_zero_are_said_to_be_by_the_end(violated: list[float], words: str) -> None:
     rows = [row({"low": 3.0, "seen": 3.0}, seed=7)]
     for seed, height in enumerate(violated, 8):
-        outcome = Outcome(height, height, height, Verdict.VIOLATED, 2.0)
+        outcome = Outcome(height, height, height, Verdict.VIOLATED, Moment(20, 2.0))
         rows.append(replace(rows[0], seed=seed, outcomes={"low": outcome, "seen": outcome}))
     section = of_evaluation(evaluation(rows, {}), ROOM)
     assert len(section.requirements) == 3

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import rtamt
 from rtamt_gym import Case, Parameter, Signal, Waveform, falsify
 from rtamt_gym.inputs.space import Space
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.reduction import reduced
-from rtamt_gym.search.runs.rows import Row
 
 SPACE = Space(
     [
@@ -24,8 +24,8 @@ SPACE = Space(
 )
 
 
-def row_of(case: Case) -> Row:
-    return Row(case, None, {}, "violation", 0.0, 0.0)
+def row_of(case: Case) -> Trial:
+    return Trial(case, None, {}, "violation", 0.0, 0.0)
 
 
 @given(st.data())
@@ -48,7 +48,7 @@ def test_whatever_violates_the_reduced_case_does_so_and_is_no_larger(data: st.Da
 
     asked = []
 
-    def again(each: Case) -> Row | None:
+    def again(each: Case) -> Trial | None:
         asked.append(each)
         return row_of(each) if traits(each) == traits(case) else None
 
@@ -69,7 +69,7 @@ def test_whatever_violates_the_reduced_case_does_so_and_is_no_larger(data: st.Da
 def test_points_faults_and_digits_that_do_not_matter_are_gone() -> None:
     case = SPACE.case([0.123456, 0.9, 0.812345, 0.3, 0.4, 0.5, 0.2, 0.7, 0.9, 0.4, 0.9])
 
-    def again(each: Case) -> Row | None:
+    def again(each: Case) -> Trial | None:
         push = each["push"]
         assert isinstance(push, Waveform)
         # It must be above 70 from 4 s to 6 s, and below 20 at the start.

@@ -10,7 +10,8 @@ import pytest
 from rtamt import InputError, Verdict
 from rtamt_gym import Parameter, Record, Sweep, sweep
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.runs.rows import Outcome, Row
+from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.sweeps.indices import Indices, indices
 from rtamt_gym.search.sweeps.samplers import sample
 
@@ -48,8 +49,8 @@ def test_sobol_indices_of_ishigami_are_those_of_the_closed_form() -> None:
     for point in sample(space, 2048, "saltelli", 5):
         case = space.case(point)
         (height,) = (each["y"] for each in ishigami(**case.columns()))
-        outcome = Outcome(height, height, height, Verdict(1 if height > 0 else -1), 0.0)
-        rows.append(Row(case, None, {"y": outcome}, "terminated", 0.0, 0.0))
+        outcome = Outcome(height, height, height, Verdict(1 if height > 0 else -1), Moment(0, 0.0))
+        rows.append(Trial(case, None, {"y": outcome}, "terminated", 0.0, 0.0))
     record = Record(rows, {"y": "always(y >= 0)"})
     found = indices(record, space, "saltelli", 5).to_frame().to_dict("index")
     assert list(found) == ["x1", "x2", "x3"]  # by the total index

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rtamt_gym import Case, Parameter, Runner, Signal, Waveform, sweep
 from rtamt_gym.inputs.ranges import WaveformInterpolation
 from rtamt_gym.inputs.space import Space
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.simulation.environments import make
 from rtamt_gym.simulation.record import Stop
 
@@ -85,7 +85,7 @@ def never(*_: object) -> Any:  # noqa: ANN401
     raise AssertionError("a case of lanes ran alone")
 
 
-def same(one: Row, other: Row) -> bool:
+def same(one: Trial, other: Trial) -> bool:
     """Whether two rows are equal to the last bit but for their wall times."""
     cells = [repr(row.columns() | {"wall": 0.0}) for row in (one, other)]
     return one == other and cells[0] == cells[1]
@@ -222,5 +222,5 @@ def test_lanes_are_taken_where_they_give_the_same(options: Any, in_lanes: bool) 
         rows = dict(runner.run([{"delay": 1.0}, {"delay": 0.5}], [3, 4]))
         for row in rows.values():
             run = runner.simulate(row.case, row.seed)
-            assert same(Row.of(run, row.case), row)
+            assert same(run.trial(row.case), row)
     assert rows[0].simulated == 2.0

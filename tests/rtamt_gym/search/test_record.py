@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym import Case, Parameter, Record, Waveform, falsify, sweep
-from rtamt_gym.search.runs.rows import Outcome, Row
+from rtamt_gym.results.outcome import Moment, Outcome
+from rtamt_gym.results.trial import Trial
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 NUMBERS = st.floats(allow_nan=False)
@@ -23,7 +24,7 @@ OUTCOMES = st.builds(
     NUMBERS,
     NUMBERS,
     st.sampled_from(Verdict),
-    st.none() | st.floats(0, 1e6),
+    st.none() | st.builds(Moment, st.integers(0, 2**40), st.floats(0, 1e6)),
 )
 
 
@@ -44,7 +45,7 @@ def records(draw: st.DrawFn) -> Record:
                 case[name] = Waveform(times, many, how)  # type: ignore[arg-type]  # a literal
         failed = draw(st.booleans())
         rows.append(
-            Row(
+            Trial(
                 Case(case),
                 draw(st.none() | st.integers(0, 2**62)),
                 {} if failed else {name: draw(OUTCOMES) for name in names},
@@ -82,14 +83,14 @@ def test_a_frame_has_the_cells_of_the_columns(record: Record) -> None:
             assert str(shown) in {"None", "nan", "<NA>"} if cell is None else shown == cell
 
 
-def row(height: float, verdict: Verdict = Verdict.SATISFIED, **more: Any) -> Row:  # noqa: ANN401
-    outcome = Outcome(height, height, height, verdict, 1.0)
+def row(height: float, verdict: Verdict = Verdict.SATISFIED, **more: Any) -> Trial:  # noqa: ANN401
+    outcome = Outcome(height, height, height, verdict, Moment(10, 1.0))
     kept: dict[str, Any] = {"case": Case({"mass": 1.0}), "seed": 3, "ended": "truncated"}
     kept |= {"outcomes": {"safe": outcome}, "simulated": 2.0, "wall": 0.5, "error": ""} | more
-    return Row(**kept)
+    return Trial(**kept)
 
 
-def of(*rows: Row) -> Record:
+def of(*rows: Trial) -> Record:
     return Record(rows, {"safe": "always(x > 0)"}, "plant")
 
 
@@ -144,6 +145,7 @@ def test_columns_are_named_after_the_case_and_the_requirements() -> None:
         "upper(safe)": [0.5],
         "verdict(safe)": ["SATISFIED"],
         "decided_at(safe)": [1.0],
+        "decided_sample(safe)": [10],
         "ended": ["truncated"],
         "simulated": [2.0],
         "return": [None],
@@ -183,7 +185,7 @@ def test_a_waveform_has_the_same_control_points_in_all_rows() -> None:
             (
                 "there is no column 'mas' of numbers; there are 'mass', 'seed', "
                 "'robustness(safe)', 'lower(safe)', 'upper(safe)', 'decided_at(safe)', "
-                "'simulated', 'return', 'wall'; did you mean 'mass'?"
+                "'decided_sample(safe)', 'simulated', 'return', 'wall'; did you mean 'mass'?"
             ),
         ),
         (

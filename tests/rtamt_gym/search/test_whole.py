@@ -11,7 +11,8 @@ import rtamt_envs  # noqa: F401 - registers the scenarios
 import rtamt
 from rtamt import Specification, Verdict
 from rtamt_gym import Runner, Space
-from rtamt_gym.search.runs.rows import Row
+from rtamt_gym.results.outcome import Moment
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.whole import Whole, judged_whole
 from rtamt_gym.simulation.record import Stop
 
@@ -78,8 +79,15 @@ def test_rows_are_those_of_monitored_runs(system: str, names: list[str], count: 
     assert verdicts == {True, False}
 
 
-def _decided_at_the_end(row: Row) -> Row:
-    at_end = {name: replace(it, decided_at=row.simulated) for name, it in row.outcomes.items()}
+def _decided_at_the_end(row: Trial) -> Trial:
+    at_end = {}
+    for name, outcome in row.outcomes.items():
+        at = outcome.decided
+        assert at is not None
+        assert at.sample
+        assert at.seconds is not None
+        last = round(row.simulated * at.sample / at.seconds)
+        at_end[name] = replace(outcome, decided=Moment(last, row.simulated))
     return replace(row, outcomes=at_end)
 
 

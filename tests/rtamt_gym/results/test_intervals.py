@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom, norm
 
 from rtamt import InputError
-from rtamt_gym.evaluation.intervals import (
+from rtamt_gym.results.intervals import (
     QUANTILES,
     bootstrap,
     differences,

@@ -1,12 +1,13 @@
 """How sure a number is that was measured on episodes: intervals and quantiles.
 
-Needs SciPy, which is imported when a function is called.
+Most need SciPy, which is imported when a function is called.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from statistics import NormalDist
 from typing import Any, Final
 
 import numpy as np
@@ -64,9 +65,10 @@ def wilson(count: int, total: int, confidence: float = 0.95) -> tuple[float, flo
         raise InputError(f"expected a count of 0 to {total}, got {count}")
     if not total:
         return 0.0, 1.0
-    test = scipy_stats("wilson").binomtest(int(count), int(total))
-    low, high = test.proportion_ci(confidence, method="wilson")
-    return float(low), float(high)
+    z = NormalDist().inv_cdf((1 + confidence) / 2)
+    middle = (count + z * z / 2) / (total + z * z)
+    half = z * math.sqrt(count * (total - count) / total + z * z / 4) / (total + z * z)
+    return middle - half if count else 0.0, middle + half if count < total else 1.0
 
 
 def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping[float, float]:

@@ -1,0 +1,131 @@
+"""`Outcome`: what one requirement has become in one run or trace, and at which `Moment`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal, Self
+
+from rtamt import Verdict
+
+__all__ = ["Failure", "Moment", "Outcome", "Word", "order", "word"]
+
+Word = Literal["failed", "violated", "undecided", "satisfied"]
+"""What became of a requirement; failed: an error ended the run, or it could not be judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """An instant of a run or a trace.
+
+    Attributes:
+        sample: The number of its sample; None in dense time, or if nobody knows.
+        seconds: Its time in seconds; None if there is no period.
+
+    Example:
+        >>> Moment.of(3, Fraction(1, 2)), Moment.of(3, None).time
+        (Moment(sample=3, seconds=1.5), 3)
+    """
+
+    sample: int | None
+    seconds: float | None
+
+    @classmethod
+    def of(cls, sample: int, period: Fraction | None, start: float = 0.0) -> Self:
+        """The moment of a sample, where the first lies at a time."""
+        return cls(sample, None if period is None else start + float(sample * period))
+
+    @property
+    def time(self) -> float | None:
+        """The seconds; the number of the sample if there is no period."""
+        return self.sample if self.seconds is None else self.seconds
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a requirement has become in one run or on one trace.
+
+    Attributes:
+        robustness: The robustness at the end; of a run that was stopped, at the stop.
+        lower: The least robustness that was still possible then.
+        upper: The greatest robustness that was still possible then.
+        verdict: The verdict at the end.
+        decided: When the verdict became certain; None: it did not, or only the end of a recorded
+            trace made it so.
+        text: The verdict in words; empty if nothing was to be explained.
+        not_recorded: What an open verdict needs and the trace does not have.
+        way_out: What would decide an open verdict; else empty.
+        explanation: Which samples decided; empty if it was not asked for.
+    """
+
+    robustness: float
+    lower: float
+    upper: float
+    verdict: Verdict
+    decided: Moment | None = None
+    text: str = ""
+    not_recorded: tuple[str, ...] = ()
+    way_out: str = ""
+    explanation: str = ""
+
+    @classmethod
+    def at(
+        cls,
+        bounds: Sequence[float],
+        verdict: Verdict,
+        sample: int | None,
+        period: Fraction | None,
+    ) -> Self:
+        """The outcome of a run of samples.
+
+        Args:
+            bounds: The robustness, the least and the greatest that was still possible.
+            verdict: The verdict.
+            sample: The sample that made it certain, or None.
+            period: Seconds between samples, or None.
+        """
+        robustness, lower, upper = bounds
+        decided = None if sample is None else Moment.of(sample, period)
+        return cls(robustness, lower, upper, verdict, decided)
+
+    @property
+    def decided_at(self) -> float | None:
+        """The time of ``decided`` in seconds, the number of its sample if there is no period."""
+        return None if self.decided is None else self.decided.time
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """``lower`` and ``upper``."""
+        return self.lower, self.upper
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Why a requirement could not be judged.
+
+    Attributes:
+        message: The message of the error.
+        traceback: Where it was raised, if nobody expected it; else empty.
+    """
+
+    message: str
+    traceback: str = ""
+
+
+_WORDS: dict[Verdict, Word] = {
+    Verdict.VIOLATED: "violated",
+    Verdict.UNDECIDED: "undecided",
+    Verdict.SATISFIED: "satisfied",
+}
+
+
+def word(found: Outcome | Failure | None) -> Word:
+    """What became of a requirement, in a word; of a failure, or of nothing, ``"failed"``."""
+    return _WORDS[found.verdict] if isinstance(found, Outcome) else "failed"
+
+
+def order(robustness: float) -> tuple[float, float]:
+    """Orders robustness; -0.0, which violates, comes before 0.0."""
+    return robustness, math.copysign(1.0, robustness)

@@ -1,0 +1,267 @@
+"""`RequirementResult`: a requirement over many trials, and the table of statistics of it.
+
+A row of `STATISTICS` is a column on the terminal, a key in JSON, in Parquet and in data frames, and
+a line on the page.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rtamt import Verdict
+from rtamt_gym.results.intervals import quantiles, wilson
+from rtamt_gym.results.outcome import Outcome, order
+from rtamt_gym.results.trial import STOPPED, Trial
+from rtamt_gym.tables import Coloured, counted, short
+
+__all__ = [
+    "STATISTICS",
+    "SUCCESS",
+    "RequirementResult",
+    "Statistic",
+    "columns_of",
+    "expected_shortfall",
+    "rank",
+    "result_of",
+]
+
+Floats = NDArray[np.float64]
+
+SUCCESS: Final = "all requirements"
+"""The name of the result of all requirements at once."""
+
+_WORST: Final = 10
+"""How many of the worst episodes a result names."""
+
+
+@dataclass(frozen=True, eq=False)
+class RequirementResult:
+    """How often the episodes of an evaluation, or other trials, have satisfied a requirement.
+
+    Attributes:
+        name: The name of the requirement.
+        formula: Its text.
+        episodes: The number of episodes: the sum of the next four.
+        satisfied: How many satisfy it.
+        violated: How many violate it.
+        undecided: How many leave it open, as one does that was stopped or cut short before.
+        failed: How many an error has ended; they count as not satisfied.
+        robustness: The robustness at the end of every episode, in their order; nan where it failed.
+        first_violations: The times at which violations became certain, in seconds (the numbers of
+            samples if there is no period), in the order of the episodes.
+        saved: The simulated seconds from there to the time limit, of the episodes that were stopped
+            when the verdict on this requirement became certain; 0 without a time limit.
+        worst: Seed and robustness of the ten worst episodes: those that violate the requirement
+            before those that leave it open, of each the least robustness first. A fall that
+            ``at_termination="failure"`` makes a violation may have any robustness.
+    """
+
+    name: str
+    formula: str
+    episodes: int
+    satisfied: int
+    violated: int
+    undecided: int
+    failed: int
+    robustness: Floats
+    first_violations: Floats
+    saved: float
+    worst: tuple[tuple[int, float], ...]
+
+    @property
+    def rate(self) -> float:
+        """The share of the episodes that satisfy the requirement; nan of no episodes."""
+        return self.satisfied / self.episodes if self.episodes else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of Wilson for the rate. Needs the extra ``search``."""
+        return wilson(self.satisfied, self.episodes)
+
+    @property
+    def heights(self) -> Floats:
+        """The robustness of the episodes that have one, in their order."""
+        return self.robustness[~np.isnan(self.robustness)]
+
+    @property
+    def quantiles(self) -> Mapping[float, float]:
+        """The quantiles 0.05, 0.25, 0.5, 0.75 and 0.95 of the robustness; empty if all failed."""
+        return quantiles(self.heights)
+
+    def __repr__(self) -> str:
+        others = [
+            f", {getattr(self, what)} {what}"
+            for what in ("violated", "undecided", "failed")
+            if getattr(self, what)
+        ]
+        episodes = counted(self.episodes, "episode")
+        return f"<{self.name}: {self.satisfied} of {episodes} satisfy it{''.join(others)}>"
+
+
+def expected_shortfall(values: ArrayLike, share: float = 0.05) -> float:
+    """The mean of the worst share of the robustness: its conditional value at risk.
+
+    The values are sorted, and the share is cut to the part that it has of each: of 30 values 5 %
+    are one and a half, so that the least counts whole and the next by half (Rockafellar and Uryasev
+    2002, "Conditional value-at-risk for general loss distributions", Journal of Banking & Finance
+    26). Of fewer than 20 values 5 % are less than one, and the result is the least. It is -inf if
+    one of the values that count is -inf, which no other makes good, else inf if one is inf.
+
+    Args:
+        values: The values, in any order, without nan; at least one.
+        share: The share that counts, above 0 and at most 1.
+
+    Example:
+        >>> expected_shortfall([3.0, -1.0, 2.0]), expected_shortfall(range(40))
+        (-1.0, 0.5)
+        >>> round(expected_shortfall(range(30)), 4)
+        0.3333
+        >>> expected_shortfall([1.0, float("inf")], 1.0), expected_shortfall([float("inf")])
+        (inf, inf)
+    """
+    ordered = np.sort(np.asarray(values, np.float64).ravel())
+    # A product such as 0.05 * 60 may lie an ulp above the whole number.
+    size = max(round(share * len(ordered), 9), 1.0)
+    tail, weights = ordered[: math.ceil(size)], np.ones(math.ceil(size))
+    weights[-1] = size - (len(tail) - 1)
+    if not np.isfinite(tail).all():
+        return -math.inf if tail[0] == -math.inf else math.inf
+    return float(np.average(tail, weights=weights))
+
+
+class Statistic(NamedTuple):
+    """A number that many trials give of a requirement.
+
+    Attributes:
+        key: Its name in JSON, in Parquet and in data frames.
+        heading: Its column on the terminal and its name on the page.
+        of: Its value; None if there is none.
+        text: Writes the value.
+        where: Which tables have it on the terminal: those of ``"rates"``, whose trials differ by
+            chance alone, those of ``"counts"``, whose trials were chosen, or ``"all"``.
+        style: The colour of its cell on a terminal where the value is not 0.
+        shown: Whether a result is worth the column; it stands where one is.
+        robustness: Whether it is a number of the robustness, which a note below tables says.
+    """
+
+    key: str
+    heading: str
+    of: Callable[[RequirementResult], Any]
+    text: Callable[[Any], str] = str
+    where: Literal["rates", "counts", "all"] = "all"
+    style: str = ""
+    shown: Callable[[RequirementResult], bool] = lambda _: True
+    robustness: bool = False
+
+    def cell(self, result: RequirementResult) -> str:
+        """The value as text, in its colour; ``-`` if there is none."""
+        value = self.of(result)
+        return "-" if value is None else Coloured(self.text(value), self.style if value else "")
+
+
+def _height(key: str, heading: str, of: Callable[[Floats], float], **more: Any) -> Statistic:  # noqa: ANN401 - fields
+    """A statistic of the robustness of the trials that have one."""
+
+    def value(result: RequirementResult) -> float | None:
+        return of(result.heights) if result.heights.size else None
+
+    return Statistic(key, heading, value, short, robustness=True, **more)
+
+
+def _percents(interval: tuple[float, float]) -> str:
+    return " to ".join(f"{100 * end:.1f}" for end in interval)
+
+
+STATISTICS: Final = (
+    Statistic("episodes", "trials", lambda of: of.episodes, shown=lambda _: False),
+    Statistic("satisfied", "satisfied", lambda of: of.satisfied, where="counts"),
+    Statistic("rate", "satisfied", lambda of: of.rate, "{:.1%}".format, "rates"),
+    Statistic("interval", "95% interval", lambda of: of.interval, _percents, "rates"),
+    Statistic("violated", "violated", lambda of: of.violated, style="red"),
+    Statistic(
+        *("undecided", "open", lambda of: of.undecided),
+        style="yellow",
+        shown=lambda of: of.undecided > 0,
+    ),
+    Statistic(
+        "failed", "failed", lambda of: of.failed, style="red", shown=lambda of: of.failed > 0
+    ),
+    _height("least", "least", lambda heights: float(heights.min())),
+    # Of fewer than 20 it is the least.
+    _height("cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.heights) >= 20),
+    _height("median", "median", lambda heights: quantiles(heights, [0.5])[0.5]),
+    _height("greatest", "greatest", lambda heights: float(heights.max()), where="counts"),
+)
+"""What is told of a requirement over many trials, in the order of the columns."""
+
+
+def columns_of(results: Sequence[RequirementResult], *, rates: bool) -> list[Statistic]:
+    """The statistics that a table of results on a terminal has: those of rates, or of counts."""
+    where = "rates" if rates else "counts"
+    return [
+        each
+        for each in STATISTICS
+        if each.where in {where, "all"} and any(map(each.shown, results))
+    ]
+
+
+def result_of(
+    name: str,
+    formula: str,
+    trials: Sequence[Trial],
+    outcomes: Sequence[Outcome | None],
+    limit: float | None = None,
+) -> RequirementResult:
+    """The result of a requirement.
+
+    Args:
+        name: The name of the requirement.
+        formula: Its text.
+        trials: The trials.
+        outcomes: What it has become in each; None where that failed.
+        limit: The time limit in seconds (steps without a period), or None.
+    """
+    found = [
+        (trial, outcome)
+        for trial, outcome in zip(trials, outcomes, strict=True)
+        if outcome is not None
+    ]
+    verdicts = [outcome.verdict for _, outcome in found]
+    heights = [math.nan if outcome is None else outcome.robustness for outcome in outcomes]
+    ranked = sorted(
+        (rank(outcome, trial.seed), trial.seed or 0, outcome.robustness) for trial, outcome in found
+    )
+    violations = [each.decided_at for _, each in found if each.verdict is Verdict.VIOLATED]
+    return RequirementResult(
+        name,
+        formula,
+        episodes=len(trials),
+        satisfied=verdicts.count(Verdict.SATISFIED),
+        violated=verdicts.count(Verdict.VIOLATED),
+        undecided=verdicts.count(Verdict.UNDECIDED),
+        failed=len(trials) - len(found),
+        robustness=np.array(heights, np.float64),
+        first_violations=np.array(violations, np.float64),
+        saved=math.fsum(_saved(*each, limit) for each in found),
+        worst=tuple((seed, height) for _, seed, height in ranked[:_WORST]),
+    )
+
+
+def _saved(trial: Trial, outcome: Outcome, limit: float | None) -> float:
+    """The seconds that a trial was stopped short of the limit by this outcome."""
+    if limit is None or trial.ended not in STOPPED:
+        return 0.0
+    if trial.ended != "known" and outcome.decided_at != trial.simulated:
+        return 0.0
+    return limit - trial.simulated
+
+
+def rank(outcome: Outcome, seed: int | None) -> tuple[Any, ...]:
+    """Orders trials by what a requirement has become in them, the worst first."""
+    return outcome.verdict, *order(outcome.robustness), seed or 0

@@ -1,0 +1,165 @@
+"""`Results`: the table of trials under requirements, with counts, rates and statistics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Self, overload
+
+from rtamt import InputError, Verdict
+from rtamt_gym.checks.extras import naming_extra
+from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.results.outcome import Outcome, order
+from rtamt_gym.results.statistics import STATISTICS, SUCCESS, RequirementResult, result_of
+from rtamt_gym.results.trial import Trial
+
+if TYPE_CHECKING:  # it is optional
+    import pandas as pd
+
+__all__ = ["Results", "together"]
+
+
+class Results(Sequence[Trial]):
+    """Trials under the same requirements: a sequence of `Trial`, in the order of their cases.
+
+    Args:
+        rows: The trials.
+        requirements: The text of each requirement, by name.
+        system: The name of the system; empty of recorded traces.
+    """
+
+    def __init__(
+        self, rows: Iterable[Trial], requirements: Mapping[str, str], system: str = ""
+    ) -> None:
+        self.rows = tuple(rows)
+        self.requirements = MappingProxyType(dict(requirements))
+        self.system = system
+
+    @overload
+    def __getitem__(self, index: int) -> Trial: ...
+    @overload
+    def __getitem__(self, index: slice) -> Self: ...
+    def __getitem__(self, index: int | slice) -> Trial | Self:
+        if isinstance(index, slice):
+            return self._of(self.rows[index])
+        return self.rows[index]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Trial]:
+        return iter(self.rows)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Results):
+            return NotImplemented
+        return (self.rows, self.requirements, self.system) == (
+            other.rows,
+            other.requirements,
+            other.system,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.rows, dict(self.requirements), self.system)
+
+    __hash__ = None  # type: ignore[assignment]  # it is as large as its rows
+
+    def violated(self, requirement: str | None = None) -> Self:
+        """The trials that violate a requirement; None: that violate any.
+
+        Raises:
+            InputError: If there is no such requirement; names the nearest.
+        """
+        names = self.requirements if requirement is None else [self.name(requirement)]
+        return self._of(
+            row
+            for row in self.rows
+            if any(
+                name in row.outcomes and row.outcomes[name].verdict is Verdict.VIOLATED
+                for name in names
+            )
+        )
+
+    def failed(self) -> Self:
+        """The trials that an error has ended."""
+        return self._of(row for row in self.rows if row.error)
+
+    def name(self, requirement: str | None) -> str:
+        """The name of a requirement; None: of the only one.
+
+        Raises:
+            InputError: If there is no such requirement, or there are several and none is named.
+        """
+        names = self.requirements
+        if requirement is None:
+            if len(names) == 1:
+                return next(iter(names))
+            raise InputError(f"expected the name of a requirement, one of {listing(names)}")
+        if requirement not in names:
+            raise InputError(
+                f"there is no requirement {requirement!r}; the requirements are "
+                f"{listing(names)}{nearest(requirement, names)}"
+            )
+        return requirement
+
+    def results(self, limit: float | None = None) -> dict[str, RequirementResult]:
+        """The result of every requirement, by name.
+
+        Args:
+            limit: The time limit of a trial in seconds (steps without a period), or None.
+        """
+        return {
+            name: result_of(name, text, self.rows, [row.judged(name) for row in self.rows], limit)
+            for name, text in self.requirements.items()
+        }
+
+    def success(self, limit: float | None = None) -> RequirementResult:
+        """The result of all requirements at once; its robustness is the least of theirs."""
+        formulas = list(self.requirements.values())
+        text = formulas[0]
+        if len(formulas) > 1:
+            text = " and ".join(f"({formula})" for formula in formulas)
+        names = set(self.requirements)
+        every = [
+            together(row.outcomes.values())
+            if set(row.outcomes) == names and not row.error
+            else None
+            for row in self.rows
+        ]
+        return result_of(SUCCESS, text, self.rows, every, limit)
+
+    def statistics(self) -> pd.DataFrame:
+        """A data frame of pandas: a row for each requirement, a column for each statistic.
+
+        These are ``rate`` with ``low`` and ``high``, the ends of its 95 % interval, the counts
+        ``violated``, ``undecided`` and ``failed``, and of the robustness ``least``, ``cvar``,
+        ``median`` and ``greatest``. Needs the extra ``search``.
+        """
+        try:
+            import pandas as pd
+        except ModuleNotFoundError as error:
+            raise naming_extra(error, "statistics") from error
+        rows = []
+        for result in self.results().values():
+            row = [(each.key, each.of(result)) for each in STATISTICS]
+            low, high = result.interval
+            at = [key for key, _ in row].index("interval")
+            rows.append(dict([*row[:at], ("low", low), ("high", high), *row[at + 1 :]]))
+        return pd.DataFrame(rows, index=pd.Index(list(self.requirements), name="requirement"))
+
+    def _of(self, rows: Iterable[Trial]) -> Self:
+        return type(self)(rows, self.requirements, self.system)
+
+
+def together(outcomes: Iterable[Outcome]) -> Outcome:
+    """The outcome of all requirements at once, whose robustness is the least of theirs."""
+    outcomes = list(outcomes)
+    verdict = min(each.verdict for each in outcomes)
+    decided = [each for each in outcomes if each.verdict is verdict and each.decided is not None]
+    when = {Verdict.VIOLATED: min, Verdict.SATISFIED: max}.get(verdict)
+    robustness, lower, upper = (
+        min((getattr(each, key) for each in outcomes), key=order)
+        for key in ("robustness", "lower", "upper")
+    )
+    last = when(decided, key=lambda each: each.decided_at or 0) if when and decided else None
+    return Outcome(robustness, lower, upper, verdict, last.decided if last else None)

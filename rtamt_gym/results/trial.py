@@ -1,0 +1,190 @@
+"""`Trial`: one run or trace, with what each requirement has become in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, NamedTuple, Self, get_args
+
+from rtamt import Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.outcome import Failure, Moment, Outcome, Word, word
+
+__all__ = ["MEASURES", "OF_TRIAL", "STOPPED", "RunEnd", "Trial", "open_at_stop"]
+
+RunEnd = Literal[
+    "violation",
+    "decided",
+    "known",
+    "terminated",
+    "truncated",
+    "duration",
+    "error",
+    "recorded",
+]
+"""Why a run is over: it was stopped at a violation, once every verdict was certain, or once every
+robustness was known; the system ended, for good or by a time limit of its own; the duration asked
+for has passed; an error came after the last sample; or it is a recorded trace."""
+
+STOPPED: Final = frozenset[RunEnd]({"violation", "decided", "known"})
+"""Why runs are over that were stopped."""
+
+
+class Column(NamedTuple):
+    """A column of a record.
+
+    Attributes:
+        name: Its name; that of a requirement has the requirement in brackets behind it.
+        of: Its cell, from an outcome or a trial.
+        kind: What its cells are.
+    """
+
+    name: str
+    of: Callable[[Any], Any]
+    kind: Literal["number", "whole", "text"] = "number"
+
+
+MEASURES: Final = (
+    Column("robustness", lambda outcome: outcome.robustness),
+    Column("lower", lambda outcome: outcome.lower),
+    Column("upper", lambda outcome: outcome.upper),
+    Column("verdict", lambda outcome: outcome.verdict.name, "text"),
+    Column("decided_at", lambda outcome: outcome.decided_at),
+    Column("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
+)
+"""The columns of a requirement, written ``robustness(NAME)``."""
+
+OF_TRIAL: Final = (
+    Column("seed", lambda trial: trial.seed, "whole"),
+    Column("ended", lambda trial: trial.ended, "text"),
+    Column("simulated", lambda trial: trial.simulated),
+    Column("return", lambda trial: trial.reward),
+    Column("wall", lambda trial: trial.wall),
+    Column("error", lambda trial: trial.error, "text"),
+)
+"""The columns of a trial beside those of its case and of its requirements."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One run or trace: what it was given, and what came of it. The wall time is not compared.
+
+    Attributes:
+        case: What a simulation was given; empty of an episode and of a recorded trace.
+        seed: The seed of an environment's reset; None for a system without one.
+        outcomes: What each requirement has become; empty if an error came before sample 0.
+        ended: Why it is over, as `Run` says it.
+        simulated: Simulated time in seconds (steps if there is no period); 0 of a recorded trace.
+        wall: Seconds that it took; of simulations that ran side by side, its share.
+        error: The type and the text of the error that ended it; empty if none did.
+        reward: The sum of the rewards of an environment, in the column ``return``; None of a system
+            without rewards, and where an error came before sample 0.
+        name: What it is called: of a recorded trace its path; else empty.
+        described: The number of samples or events of a trace, and its times; empty if it was not
+            read.
+        notes: What was read otherwise than it is written, such as a trace that was resampled.
+        failures: Why requirements have no outcome, by name, where each has a reason of its own.
+    """
+
+    case: Case
+    seed: int | None
+    outcomes: Mapping[str, Outcome]
+    ended: RunEnd
+    simulated: float
+    wall: float = field(compare=False)
+    error: str = ""
+    reward: float | None = None
+    name: str = ""
+    described: str = ""
+    notes: tuple[str, ...] = ()
+    failures: Mapping[str, Failure] = field(default_factory=dict)
+
+    @classmethod
+    def of_trace(
+        cls,
+        name: str,
+        described: str,
+        cells: Mapping[str, Outcome | Failure],
+        notes: Sequence[str] = (),
+    ) -> Self:
+        """A recorded trace, with what each requirement came to, or why it came to nothing."""
+        return cls(
+            Case({}),
+            None,
+            {key: cell for key, cell in cells.items() if isinstance(cell, Outcome)},
+            "recorded",
+            0.0,
+            0.0,
+            name=name,
+            described=described,
+            notes=tuple(notes),
+            failures={key: cell for key, cell in cells.items() if isinstance(cell, Failure)},
+        )
+
+    @classmethod
+    def read(
+        cls,
+        cells: Mapping[str, Any],
+        case: Case,
+        requirements: Iterable[str],
+        *,
+        timed: bool = True,
+    ) -> Self:
+        """The trial whose columns, but for those of the case, are these cells.
+
+        Args:
+            cells: The cells, by name of the column.
+            case: What the simulation was given.
+            requirements: The names of the requirements.
+            timed: Whether there is a period, so that times are seconds.
+        """
+        outcomes = {}
+        for name in requirements:
+            measured: dict[str, Any] = {c.name: cells.get(f"{c.name}({name})") for c in MEASURES}
+            if measured["verdict"] is not None:
+                at, sample = measured.pop("decided_at"), measured.pop("decided_sample")
+                decided = None if at is None else Moment(sample, at if timed else None)
+                measured |= {"verdict": Verdict[measured["verdict"]], "decided": decided}
+                outcomes[name] = Outcome(**measured)
+        # Files of before have no returns.
+        own: dict[str, Any] = {column.name: cells.get(column.name) for column in OF_TRIAL}
+        return cls(case=case, outcomes=outcomes, reward=own.pop("return"), **own)
+
+    def columns(self) -> dict[str, float | str | None]:
+        """The trial as it stands in a table; a verdict is the name of it."""
+        columns: dict[str, Any] = dict(self.case.columns())
+        for name, outcome in self.outcomes.items():
+            columns |= {f"{column.name}({name})": column.of(outcome) for column in MEASURES}
+        return columns | {column.name: column.of(self) for column in OF_TRIAL}
+
+    def judged(self, requirement: str) -> Outcome | None:
+        """What a requirement has become; None if the trial failed."""
+        return None if self.error else self.outcomes.get(requirement)
+
+    def cell(self, requirement: str) -> Outcome | Failure:
+        """What a requirement has become, or why it has become nothing."""
+        found = self.judged(requirement)
+        return found or self.failures.get(requirement) or Failure(self.error)
+
+    @property
+    def word(self) -> Word:
+        """The worst that became of a requirement, in a word."""
+        words = {word(each) for each in self.outcomes.values()}
+        words |= {word(each) for each in self.failures.values()}
+        if self.error or not words:
+            return "failed"
+        return next(each for each in get_args(Word) if each in words)
+
+
+def open_at_stop(trials: Iterable[Trial], requirement: str) -> list[int]:
+    """The places of trials that were stopped early and leave a requirement open.
+
+    Their robustness is that at the stop: had they gone on, it could be another.
+    """
+    return [
+        place
+        for place, trial in enumerate(trials)
+        if trial.ended in STOPPED
+        and requirement in trial.outcomes
+        and trial.outcomes[requirement].verdict is Verdict.UNDECIDED
+    ]

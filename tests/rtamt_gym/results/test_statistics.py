@@ -1,0 +1,89 @@
+"""Statistics of requirements: each is a row, and the conditional value at risk is what it says."""
+
+import math
+from fractions import Fraction
+
+import pytest
+from evaluations import FAILED, evaluation_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rtamt_gym.results.statistics import STATISTICS, expected_shortfall
+
+NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=90)
+SHARES = st.sampled_from([0.05, 0.25, 0.5, 1.0])
+
+
+def shortfall(values: list[float], share: Fraction) -> float:
+    """The same from its definition: the mean of the quantiles below the share, piece by piece."""
+    ordered, count = sorted(values), len(values)
+    share = max(share, Fraction(1, count))
+    total = Fraction(0)
+    for i, value in enumerate(ordered):
+        piece = min(share, Fraction(i + 1, count)) - min(share, Fraction(i, count))
+        total += piece * Fraction(value)
+    return float(total / share)
+
+
+@settings(max_examples=60)
+@given(NUMBERS, SHARES)
+def test_the_conditional_value_at_risk_is_the_mean_of_the_lowest_quantiles(
+    values: list[float], share: float
+) -> None:
+    expected = shortfall(values, Fraction(share).limit_denominator(100))
+    assert expected_shortfall(values, share) == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+@settings(max_examples=30)
+@given(NUMBERS)
+def test_it_lies_between_the_least_value_and_the_mean(values: list[float]) -> None:
+    found = expected_shortfall(values)
+    assert min(values) - 1e-9 <= found <= math.fsum(values) / len(values) + 1e-6
+    assert expected_shortfall(values, 1.0) == pytest.approx(
+        math.fsum(values) / len(values), rel=1e-9, abs=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "share", "expected"),
+    [
+        ([-math.inf, math.inf, 1.0], 1.0, -math.inf),
+        ([-math.inf] + [1.0] * 99, 0.05, -math.inf),
+        ([1.0] * 19 + [math.inf], 0.05, 1.0),
+        ([1.0, 2.0, math.inf], 1.0, math.inf),
+        ([math.inf] * 3, 0.05, math.inf),
+    ],
+)
+def test_an_infinite_robustness_counts_where_it_is_among_the_worst(
+    values: list[float], share: float, expected: float
+) -> None:
+    assert expected_shortfall(values, share) == expected
+
+
+def test_every_statistic_is_a_column_of_the_data_frame() -> None:
+    evaluation = evaluation_of({"near": [float(i) for i in range(40)] + [FAILED]})
+    frame = evaluation.statistics()
+    result = evaluation.requirements["near"]
+    for each in STATISTICS:
+        if each.key != "interval":
+            assert frame.loc["near", each.key] == each.of(result)
+    assert (frame.loc["near", "low"], frame.loc["near", "high"]) == result.interval
+    assert frame.loc["near", "cvar"] == 0.5
+
+
+def test_twenty_episodes_have_the_column_on_the_terminal() -> None:
+    few, many = (evaluation_of({"near": [1.0, *range(1, n)]}) for n in (19, 40))
+    assert "CVaR 5%" not in str(few)
+    assert "least  CVaR 5%  median" in str(many)
+    assert "least, CVaR 5%, median: of the robustness" in str(many).splitlines()
+
+
+def test_where_all_failed_there_is_no_robustness_to_tell() -> None:
+    failed = evaluation_of({"near": [FAILED, FAILED]})
+    cells = {each.key: each.cell(failed.requirements["near"]) for each in STATISTICS}
+    assert {key for key, cell in cells.items() if cell == "-"} == {
+        "least",
+        "cvar",
+        "median",
+        "greatest",
+    }
