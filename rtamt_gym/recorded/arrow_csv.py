@@ -13,7 +13,7 @@ from rtamt_gym.recorded.arrow_columns import floats_of, is_number, is_time, raw_
 from rtamt_gym.recorded.recording import Floats, Wanted
 from rtamt_gym.recorded.times import RawTimes
 
-__all__ = ["Read", "Text", "read_text"]
+__all__ = ["CsvColumns", "Text", "read_text"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class CsvColumns:
     """The wanted columns of a text, as in `Rows`."""
 
     numbers: Mapping[str, Floats]
@@ -45,7 +45,7 @@ class Read:
     times: RawTimes | None
 
 
-def read_text(text: Text, wanted: Wanted) -> Read | None:
+def read_text(text: Text, wanted: Wanted) -> CsvColumns | None:
     """Reads the wanted columns; None if a cell is wrong, or is one that pyarrow does not read."""
     table = _table(text, wanted)
     if table is None:
@@ -64,7 +64,7 @@ def read_text(text: Text, wanted: Wanted) -> Read | None:
     if wanted.time is not None and (times := _times(table[wanted.time])) is None:
         return None
     texts = {name: [cell.strip() for cell in table[name].to_pylist()] for name in wanted.texts}
-    return Read(numbers, texts, table.num_rows, times)
+    return CsvColumns(numbers, texts, table.num_rows, times)
 
 
 def _table(text: Text, wanted: Wanted) -> pa.Table | None:

@@ -6,15 +6,15 @@ import re
 
 from rtamt import InputError
 
-__all__ = ["Steps", "path_text", "read_source"]
+__all__ = ["FieldPath", "path_text", "read_source"]
 
-Steps = tuple[str | int, ...]
+FieldPath = tuple[str | int, ...]
 """The fields and elements that lead to a value in a message."""
 
 _STEP = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]", re.ASCII)
 
 
-def path_text(path: Steps) -> str:
+def path_text(path: FieldPath) -> str:
     """A path as it is written.
 
     Example:
@@ -25,7 +25,7 @@ def path_text(path: Steps) -> str:
     return "".join(steps).removeprefix(".")
 
 
-def read_source(text: str) -> tuple[str, Steps]:
+def read_source(text: str) -> tuple[str, FieldPath]:
     """The topic, whose name has no dots, and the path behind it, which may be empty.
 
     Raises:

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
 from rtamt_gym.checks.names import nearest
-from rtamt_gym.recorded.bag_paths import Steps, path_text
+from rtamt_gym.recorded.bag_paths import FieldPath, path_text
 from rtamt_gym.tables import shorten
 
 __all__ = ["Bag", "damaged", "open_bag"]
@@ -78,7 +78,7 @@ class Bag:
         """The fields of the messages on a topic; none if their class is not defined."""
         return self._fields(_long(self.types[topic])) or ()
 
-    def class_at(self, topic: str, path: Steps) -> str | None:
+    def class_at(self, topic: str, path: FieldPath) -> str | None:
         """The class of the message at a path in those of a topic; None if a number is there.
 
         Raises:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import rtamt
 from rtamt import InputError, SubscribedField, Subscription
 from rtamt_gym.checks.names import listing, nearest
-from rtamt_gym.recorded.bag_paths import Steps, path_text, read_source
+from rtamt_gym.recorded.bag_paths import FieldPath, path_text, read_source
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.starts import starts_of
 
@@ -145,16 +145,16 @@ def columns_of(specs: Mapping[str, rtamt.Specification], columns: Columns) -> Co
     return replace(columns, signals=signals)
 
 
-_DATA: Steps = ("data",)
+_DATA: FieldPath = ("data",)
 """Where the messages of ``std_msgs`` hold their number."""
 
 
 def _wishes(
     specs: Mapping[str, rtamt.Specification],
-) -> tuple[dict[str, _Wish], dict[str, tuple[str, Steps]]]:
+) -> tuple[dict[str, _Wish], dict[str, tuple[str, FieldPath]]]:
     """What the texts say of each message, and the message and the path of each variable."""
     wishes: dict[str, _Wish] = {}
-    parts: dict[str, tuple[str, Steps]] = {}
+    parts: dict[str, tuple[str, FieldPath]] = {}
     for spec in specs.values():
         for each in rtamt.subscriptions(spec):
             name = each.variable
@@ -170,8 +170,8 @@ def _class_of(each: Subscription, spec: rtamt.Specification) -> str | None:
 
 
 def _placed(
-    bag: Bag, variable: str, message: str, path: Steps, wish: _Wish, columns: Columns
-) -> tuple[str, Steps]:
+    bag: Bag, variable: str, message: str, path: FieldPath, wish: _Wish, columns: Columns
+) -> tuple[str, FieldPath]:
     """The topic of a variable in the bag, and its path there."""
     given = columns.signals.get(variable)
     if given is not None and variable != message:
@@ -256,7 +256,7 @@ def _listed(topics: Collection[str]) -> str:
     return f"{', '.join(names[:_MOST])}{more}" or "none"
 
 
-def _check_class(bag: Bag, topic: str, prefix: Steps, wish: _Wish, message: str) -> None:
+def _check_class(bag: Bag, topic: str, prefix: FieldPath, wish: _Wish, message: str) -> None:
     """Checks that messages are of the class that a text declares.
 
     Every message of ``std_msgs`` that holds a number stands for any other: its values are doubles

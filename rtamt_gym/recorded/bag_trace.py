@@ -16,7 +16,7 @@ from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.recording import Floats
-from rtamt_gym.recorded.times import Times
+from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
 __all__ = ["read_bag", "sampled"]
@@ -93,7 +93,7 @@ def sampled(
     held = {name: _held(*found, places) for name, found in signals.signals.items()}
     since: Floats = np.arange(float(count)) * period.numerator / period.denominator
     start = float(first * period)
-    times = Times(clock, since, start, 1e-9, certain=True, step=period)
+    times = TimeAxis(clock, since, start, 1e-9, certain=True, step=period)
     return Trace(
         signals.source,
         held,

@@ -21,7 +21,7 @@ from rtamt_gym.recorded.names import (
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.starts import default_note
-from rtamt_gym.recorded.times import TIME, Times, find_times
+from rtamt_gym.recorded.times import TIME, TimeAxis, find_times
 from rtamt_gym.recorded.trace import EventTrace, read_rows
 from rtamt_gym.tables import number
 
@@ -122,7 +122,7 @@ def _read_long(
 
 
 def _event_times(rows: Rows, time: str, columns: Columns) -> Floats:
-    times = Times.of(rows, time, columns)
+    times = TimeAxis.of(rows, time, columns)
     times.check_unit(rows.source)
     return times.seconds
 

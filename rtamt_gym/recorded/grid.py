@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt_gym.recorded.columns import NEAR
-from rtamt_gym.recorded.times import Times, simple
+from rtamt_gym.recorded.times import TimeAxis, simple
 
 __all__ = ["Grid", "Resampled", "resampled"]
 
@@ -28,7 +28,7 @@ class Grid:
         jitter: The part of the period by which a sample may lie off the grid.
     """
 
-    def __init__(self, times: Times, jitter: float | None) -> None:
+    def __init__(self, times: TimeAxis, jitter: float | None) -> None:
         self.jitter = NEAR if jitter is None else jitter
         since = times.since
         with np.errstate(over="ignore"):  # steps past all floats are refused by who asks
@@ -119,7 +119,7 @@ class Resampled:
     at: int
 
 
-def resampled(times: Times, grid: Grid) -> Resampled | None:
+def resampled(times: TimeAxis, grid: Grid) -> Resampled | None:
     """Takes samples every usual distance, from the first row to the last, where values hold.
 
     A row that lies behind a sample by no more than the jitter counts as on it. None: there would

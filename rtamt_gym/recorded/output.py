@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["WRITERS", "check_output", "save"]
 
-Table = Mapping[str, NDArray[Any]]
+ColumnTable = Mapping[str, NDArray[Any]]
 """Columns of doubles, integers or text."""
 
 _LONG = 1 << 17
@@ -91,7 +91,7 @@ def _filled(values: Floats, count: int) -> Floats:
     return np.concatenate([np.full(missing, np.nan), values]) if missing else values
 
 
-def _writer(path: Path) -> Callable[[Table, Path], None]:
+def _writer(path: Path) -> Callable[[ColumnTable, Path], None]:
     for extension, write in WRITERS.items():
         if path.name.lower().endswith(extension):
             return write
@@ -112,7 +112,7 @@ def _named(judgements: Mapping[str, Judgement]) -> dict[str, Series]:
     return named
 
 
-def _write_csv(table: Table, path: Path) -> None:
+def _write_csv(table: ColumnTable, path: Path) -> None:
     rows = len(next(iter(table.values())))
     with _opened(path) as file:
         head = io.StringIO()
@@ -156,7 +156,7 @@ def _pieces(table: pa.Table, rows: int) -> Iterator[memoryview]:
             yield from threads.map(text, batch)
 
 
-def _arrow(table: Table) -> pa.Table:
+def _arrow(table: ColumnTable) -> pa.Table:
     import pyarrow as pa
 
     def array(column: NDArray[Any]) -> pa.Array:
@@ -170,19 +170,19 @@ def _arrow(table: Table) -> pa.Table:
     return pa.Table.from_arrays([array(column) for column in table.values()], names=[*table])
 
 
-def _write_parquet(table: Table, path: Path) -> None:
+def _write_parquet(table: ColumnTable, path: Path) -> None:
     import pyarrow.parquet as pq
 
     pq.write_table(_arrow(table), path)
 
 
-def _write_feather(table: Table, path: Path) -> None:
+def _write_feather(table: ColumnTable, path: Path) -> None:
     from pyarrow import feather
 
     feather.write_feather(_arrow(table), path)
 
 
-WRITERS: Mapping[str, Callable[[Table, Path], None]] = {
+WRITERS: Mapping[str, Callable[[ColumnTable, Path], None]] = {
     ".csv": _write_csv,
     ".csv.gz": _write_csv,
     ".parquet": _write_parquet,

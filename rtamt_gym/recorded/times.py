@@ -17,7 +17,7 @@ from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows
 
-__all__ = ["TIME", "RawTimes", "Times", "find_times", "read_dates", "simple"]
+__all__ = ["TIME", "RawTimes", "TimeAxis", "find_times", "read_dates", "simple"]
 
 TIME = "time"
 """The column with the time of a sample or an event that is taken where several have times."""
@@ -104,7 +104,7 @@ def _offset(zone: str | None) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class TimeAxis:
     """Times in seconds.
 
     Attributes:
@@ -125,7 +125,7 @@ class Times:
     step: Fraction | None = None
 
     @staticmethod
-    def of(rows: Rows, column: str, columns: Columns) -> Times:
+    def of(rows: Rows, column: str, columns: Columns) -> TimeAxis:
         """The times of the rows of a recording.
 
         Raises:
@@ -145,7 +145,7 @@ class Times:
             whole = raw.astype(f"{raw.dtype.kind}8[ns]").astype(np.int64)
             start = 0.0 if raw.dtype.kind == "M" else float(whole[0] / 1e9)
             step = _step(whole, 1)
-            return Times(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
+            return TimeAxis(column, (whole - whole[0]) / 1e9, start, 1e-9, certain=True, step=step)
         said = columns.time_unit or unit_of_times(column) or ""
         if said and said not in UNITS:
             raise InputError(
@@ -160,7 +160,7 @@ class Times:
         start = float(_scaled(raw[:1], unit)[0])
         precision = max(ulp * unit / 1e9, math.ulp(float(np.abs(since).max())))
         step = None if raw.dtype.kind == "f" else _step(raw, unit)
-        return Times(column, since, start, precision, bool(said), step)
+        return TimeAxis(column, since, start, precision, bool(said), step)
 
     @property
     def seconds(self) -> Floats:

@@ -19,7 +19,7 @@ from rtamt_gym.recorded.names import (
 )
 from rtamt_gym.recorded.recording import Floats, Recording, Rows, Wanted
 from rtamt_gym.recorded.starts import default_note
-from rtamt_gym.recorded.times import Times, find_times
+from rtamt_gym.recorded.times import TimeAxis, find_times
 
 __all__ = ["EventTrace", "Trace", "read_rows", "read_trace"]
 
@@ -51,7 +51,7 @@ class Trace:
     source: str
     columns: Mapping[str, Floats]
     samples: int
-    times: Times | None
+    times: TimeAxis | None
     where: Callable[[int], str]
     jitter: float | None = None
     if_events: str = ""
@@ -198,7 +198,7 @@ def read_trace(
             values[name] = np.full(rows.count, columns.starts[name])
             why = f"there is no such column{nearest(name, recording.names)}"
             notes.append(default_note(name, columns.starts[name], why))
-    times = None if time is None else Times.of(rows, time, columns)
+    times = None if time is None else TimeAxis.of(rows, time, columns)
     trace = Trace(
         recording.source,
         values,

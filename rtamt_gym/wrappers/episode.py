@@ -17,7 +17,7 @@ from rtamt_gym.wrappers.monitoring import Monitoring
 
 __all__ = ["EpisodeMonitoring"]
 
-Found = tuple[dict[str, Any], str | None, int]
+EpisodeOutcomes = tuple[dict[str, Any], str | None, int]
 """The outcomes, the specification that was violated first, and the sample; -1 if none was."""
 
 
@@ -145,13 +145,13 @@ class EpisodeMonitoring(Monitoring):
         self._assumed = next((name for name in undecided if panel.satisfies(name)), None)
         return bounds
 
-    def _add_last(self, info: dict[str, Any], found: Found) -> None:
+    def _add_last(self, info: dict[str, Any], found: EpisodeOutcomes) -> None:
         """Adds the keys that only a last info has; an ``is_success`` that it has already stays."""
         panel, reported = self._panel, "is_success" in info
         info.update(present(last_info(*found, panel.success, bool(panel.undecided), reported)))
         self._seen_success |= reported
 
-    def _found(self) -> Found:
+    def _found(self) -> EpisodeOutcomes:
         """The outcomes, the specification that was violated first, and the sample; -1 if none."""
         panel = self._panel
         return (
@@ -160,7 +160,7 @@ class EpisodeMonitoring(Monitoring):
             -1 if panel.violated_at is None else panel.violated_at,
         )
 
-    def _record(self, found: Found, *, terminated: bool, truncated: bool) -> None:
+    def _record(self, found: EpisodeOutcomes, *, terminated: bool, truncated: bool) -> None:
         made = record(*found, self._panel.samples, bool(terminated), bool(truncated))
         self.stl_episodes.append(present(made))
 

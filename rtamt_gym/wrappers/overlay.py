@@ -18,7 +18,7 @@ from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import single_env
-from rtamt_gym.wrappers.overlay_panel import Frame, Gauge, Panel, Place, Sight
+from rtamt_gym.wrappers.overlay_panel import Gauge, OverlayPanel, PanelPlace, Pixels, Sight
 
 __all__ = ["RobustnessOverlay", "check_pictures", "monitor_inside"]
 
@@ -62,7 +62,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
         self,
         env: gym.Env[ObsType, ActType],
         *,
-        place: Place = "below",
+        place: PanelPlace = "below",
         signals: Sequence[str] | None = None,
     ) -> None:
         """Finds the monitor inside.
@@ -80,7 +80,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
         RecordConstructorArgs.__init__(self, place=place, signals=signals)
         self._monitor = monitor_inside(env, type(self).__name__)
         gym.Wrapper.__init__(self, env)
-        check_choice("place", place, get_args(Place))
+        check_choice("place", place, get_args(PanelPlace))
         check_pictures(env, type(self).__name__)
         known = self._monitor.signal_names
         if isinstance(signals, str):
@@ -93,13 +93,13 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
                     f"signals= names {name!r}, which is no signal of the monitor; they are "
                     f"{listing(known)}{nearest(name, known)}"
                 )
-        self._place: Place = place
+        self._place: PanelPlace = place
         self._shown = tuple(known if signals is None else signals)
         self._newest = self._monitor.newest_signals()
         self._scales = dict.fromkeys(self._monitor.monitors, 0.0)
         self._lists, self._clears = str(env.render_mode).endswith("_list"), _clears_at_reset(env)
         self._sights: deque[Sight] = deque(maxlen=None if self._lists else _PAST)
-        self._panel: tuple[tuple[int, int], Panel] | None = None
+        self._panel: tuple[tuple[int, int], OverlayPanel] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -130,11 +130,11 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
             for frame, at in zip(frames, seen, strict=True)
         ]
 
-    def _drawn(self, frame: Frame, sights: Sequence[Sight]) -> Frame:
+    def _drawn(self, frame: Pixels, sights: Sequence[Sight]) -> Pixels:
         height, width = frame.shape[:2]
         if self._panel is None or self._panel[0] != (height, width):
             specs = list(self._scales)
-            panel = Panel(specs, self._shown, width, height, self._place)
+            panel = OverlayPanel(specs, self._shown, width, height, self._place)
             self._panel = (height, width), panel
         begun = max(at for at, sight in enumerate(sights) if at == 0 or sight.sample == 0)
         return self._panel[1].draw(frame, sights[begun:])

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-__all__ = ["Frame", "Gauge", "Panel", "Place", "Sight"]
+__all__ = ["Gauge", "OverlayPanel", "PanelPlace", "Pixels", "Sight"]
 
-Frame = NDArray[np.uint8]
+Pixels = NDArray[np.uint8]
 """A picture, of shape (height, width, 3)."""
 
-Place = Literal["below", "over"]
+PanelPlace = Literal["below", "over"]
 """Where the panel is: below the picture, which grows, or over its lower part."""
 
 _GROUND = (24, 26, 30)
@@ -70,7 +70,7 @@ class Sight(NamedTuple):
     values: tuple[float, ...]
 
 
-class Panel:
+class OverlayPanel:
     """Draws panels on frames of one size.
 
     Args:
@@ -82,7 +82,12 @@ class Panel:
     """
 
     def __init__(
-        self, specs: Sequence[str], signals: Sequence[str], width: int, height: int, place: Place
+        self,
+        specs: Sequence[str],
+        signals: Sequence[str],
+        width: int,
+        height: int,
+        place: PanelPlace,
     ) -> None:
         self._specs, self._signals, self._place = specs, signals, place
         self._columns = 2 if len(signals) > 1 and width >= 300 else 1
@@ -99,7 +104,7 @@ class Panel:
         if place == "over":
             self.height = min(self.height, height)
 
-    def draw(self, frame: Frame, sights: Sequence[Sight]) -> Frame:
+    def draw(self, frame: Pixels, sights: Sequence[Sight]) -> Pixels:
         """The frame with the panel of the last of these samples; the others are its past."""
         if self._place == "below":
             picture = Image.new("RGB", (self._width, self.height), _GROUND)

@@ -11,13 +11,13 @@ from rtamt import InputError, Verdict
 from rtamt_gym.search.mining.values import Values, text_of
 from rtamt_gym.tables import counted, number, shorten
 
-__all__ = ["PROBES", "Found", "Judged", "tightest"]
+__all__ = ["PROBES", "Found", "ValueVerdict", "tightest"]
 
 PROBES: Final = 17
 """The values of the range at which every trace is judged, to see whether it is monotone."""
 
 
-class Judged(NamedTuple):
+class ValueVerdict(NamedTuple):
     """What a trace is at one value of the parameter."""
 
     verdict: Verdict
@@ -53,11 +53,11 @@ class _Bisection:
         names: Sequence[str],
         values: Values,
         parameter: str,
-        judge: Callable[[int, Fraction], Judged],
+        judge: Callable[[int, Fraction], ValueVerdict],
     ) -> None:
         self.names, self.values, self.parameter = names, values, parameter
         self._judge = judge
-        self._known: dict[tuple[int, int], Judged] = {}
+        self._known: dict[tuple[int, int], ValueVerdict] = {}
         parts = (Fraction(i, PROBES - 1) for i in range(PROBES))
         self.probes = sorted({values.near(part) for part in parts})
 
@@ -65,7 +65,7 @@ class _Bisection:
     def evaluations(self) -> int:
         return len(self._known)
 
-    def judged(self, trace: int, place: int) -> Judged:
+    def judged(self, trace: int, place: int) -> ValueVerdict:
         if (trace, place) not in self._known:
             self._known[trace, place] = self._judge(trace, self.values.at(place))
         return self._known[trace, place]
@@ -99,7 +99,7 @@ def tightest(
     names: Sequence[str],
     values: Values,
     parameter: str,
-    judge: Callable[[int, Fraction], Judged],
+    judge: Callable[[int, Fraction], ValueVerdict],
     advance: Callable[[int], None],
 ) -> Found:
     """Finds the tightest value for which all traces satisfy a requirement.

@@ -13,7 +13,7 @@ from rtamt import Explanation, InputError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.ends import AtTruncation
 from rtamt_gym.recorded.progress import progress as shown_progress
-from rtamt_gym.search.mining.bisection import Found, Judged, tightest
+from rtamt_gym.search.mining.bisection import Found, ValueVerdict, tightest
 from rtamt_gym.search.mining.requirement import Ranges, Template, template
 from rtamt_gym.search.mining.traces import Period, Reading, Samples, Traces, samples_of
 from rtamt_gym.search.mining.values import Values, bounds_between, text_of, values_between
@@ -220,14 +220,14 @@ def mined_over(
     """
     values = _values(wanted, traces, tolerance)
 
-    def judge(trace: int, value: Fraction) -> Judged:
+    def judge(trace: int, value: Fraction) -> ValueVerdict:
         with_value = f"at {wanted.parameter} = {text_of(value)}"
         try:
             judgement = traces[trace].judge(wanted.at(value))
         except rtamt.RtamtError as error:
             error.add_note(with_value)
             raise
-        return Judged(judgement.verdict, judgement.robustness)
+        return ValueVerdict(judgement.verdict, judgement.robustness)
 
     names = [trace.name for trace in traces]
     with shown_progress("mining", len(traces) if shown else 0, "trace") as advance:

@@ -1,4 +1,4 @@
-"""`Map`: the robustness of a requirement over two columns of a sweep."""
+"""`RobustnessMap`: the robustness of a requirement over two columns of a sweep."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import shorten, table
 
-__all__ = ["Map", "map_of", "text_of", "two_of"]
+__all__ = ["RobustnessMap", "map_of", "text_of", "two_of"]
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _WIDEST: Final = 80
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
+class RobustnessMap:
     """The robustness of a requirement over two columns.
 
     Attributes:
@@ -66,7 +66,7 @@ class Map:
 
 def map_of(
     record: Record, space: Space, x: str | None, y: str | None, requirement: str | None
-) -> Map:
+) -> RobustnessMap:
     """The map of a requirement over two columns; None: the second and the first of only two.
 
     Raises:
@@ -90,7 +90,7 @@ def map_of(
         # The least, as far as any is known.
         np.fmin.at(cells, (j, i), heights)
     folded = cells is not None and bool((times > 1).any())
-    return Map(name, x, y, every[known], heights[known], xs, ys, cells, folded)
+    return RobustnessMap(name, x, y, every[known], heights[known], xs, ys, cells, folded)
 
 
 def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, str]:

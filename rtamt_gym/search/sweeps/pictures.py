@@ -17,7 +17,7 @@ from rtamt_gym import drawing
 from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.runs.record import Record
-from rtamt_gym.search.sweeps.heights import Map, text_of
+from rtamt_gym.search.sweeps.heights import RobustnessMap, text_of
 from rtamt_gym.tables import shorten
 
 __all__ = ["draw_map", "draw_scatter"]
@@ -37,7 +37,7 @@ _CELLS = 150
 Floats = NDArray[np.float64]
 
 
-def draw_map(heights: Map, space: Space, formula: str) -> Figure:
+def draw_map(heights: RobustnessMap, space: Space, formula: str) -> Figure:
     """Draws a robustness over two columns: as cells with their numbers, or as points."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     ax = figure.subplots()
@@ -75,7 +75,7 @@ def draw_map(heights: Map, space: Space, formula: str) -> Figure:
     return figure
 
 
-def _write_cells(ax: Axes, heights: Map) -> None:
+def _write_cells(ax: Axes, heights: RobustnessMap) -> None:
     for axis, ticks in ((ax.xaxis, heights.xs), (ax.yaxis, heights.ys)):
         step = math.ceil(len(ticks) / 12)
         axis.set_ticks(range(0, len(ticks), step), [f"{tick:.4g}" for tick in ticks[::step]])
@@ -131,7 +131,7 @@ def _colour(verdict: Verdict) -> str:
     return drawing.VERDICT_COLOURS.get(verdict, drawing.OPEN)
 
 
-def _scale(ax: Axes, heights: Map, space: Space) -> None:
+def _scale(ax: Axes, heights: RobustnessMap, space: Space) -> None:
     _log(ax.set_xscale, heights.x, space)
     _log(ax.set_yscale, heights.y, space)
 

@@ -16,12 +16,12 @@ from rtamt_gym.checks.names import listing, nearest
 from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 
-__all__ = ["LEVELS", "Sampler", "Samples", "problem_of", "sample"]
+__all__ = ["LEVELS", "SampleCount", "Sampler", "problem_of", "sample"]
 
 Sampler = Literal["grid", "sobol", "lhs", "random", "morris", "saltelli"]
 """How the points of a sweep are chosen; `sample` says what each does."""
 
-Samples = int | Mapping[str, int]
+SampleCount = int | Mapping[str, int]
 """How many points; for a grid also by the name of what is varied."""
 
 Points = NDArray[np.float64]
@@ -33,7 +33,7 @@ _MOST: Final = 10_000_000
 """The points of more would take gigabytes before the first simulation."""
 
 
-def sample(space: Space, samples: Samples, sampler: Sampler = "sobol", seed: int = 0) -> Points:
+def sample(space: Space, samples: SampleCount, sampler: Sampler = "sobol", seed: int = 0) -> Points:
     """Chooses points of the unit cube of a space: an array of shape (points, dimension).
 
     | sampler | points | ``samples`` |
@@ -97,7 +97,7 @@ def problem_of(space: Space) -> dict[str, Any]:
     }
 
 
-def _grid(space: Space, samples: Samples) -> Points:
+def _grid(space: Space, samples: SampleCount) -> Points:
     axes = [
         _shares(len(each.values))
         if isinstance(each, Parameter) and each.values is not None
@@ -114,7 +114,7 @@ def _grid(space: Space, samples: Samples) -> Points:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
 
-def _counts(space: Space, samples: Samples) -> list[list[int]]:
+def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
     """How many values each column takes, by entry of the space."""
     if not isinstance(samples, Mapping):
         count = check_count("samples=", samples)

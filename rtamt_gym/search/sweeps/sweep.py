@@ -23,9 +23,9 @@ from rtamt_gym.search.runs.record import Record, check_columns, storage
 from rtamt_gym.search.runs.report import failures, summary
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.runner import Options, Runner
-from rtamt_gym.search.sweeps.heights import Map, map_of
+from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.indices import Indices, indices
-from rtamt_gym.search.sweeps.samplers import Sampler, Samples, sample
+from rtamt_gym.search.sweeps.samplers import SampleCount, Sampler, sample
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
@@ -125,8 +125,8 @@ class Sweep:
 
     def map(
         self, x: str | None = None, y: str | None = None, requirement: str | None = None
-    ) -> Map:
-        """The robustness of a requirement over two columns; `Map.cells` has it as an array.
+    ) -> RobustnessMap:
+        """The robustness of a requirement over two columns; its `cells` are an array.
 
         Args:
             x: The column that runs to the right; None: the second of only two.
@@ -215,7 +215,7 @@ def sweep(
     space: SpaceLike | None = None,
     *,
     fixed: Mapping[str, float] | None = None,
-    samples: Samples,
+    samples: SampleCount,
     sampler: Sampler = "sobol",
     seed: int = 0,
     signals: Mapping[str, SignalLike] | None = None,

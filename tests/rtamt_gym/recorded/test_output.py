@@ -12,7 +12,7 @@ from rtamt_gym.recorded.judge import Rules, judge, judge_events
 from rtamt_gym.recorded.output import WRITERS, save
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.recording import Wanted
-from rtamt_gym.recorded.times import Times
+from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
 SPECS = {
@@ -24,7 +24,7 @@ X = np.array([0.1, -0.0, 1 / 3, np.inf, -np.inf, 1e-300, -1.5, 2.0])
 
 def trace(n: int = 800) -> Trace:
     x = np.resize(X, n)
-    times = Times("time", np.arange(n) / 8, 0.5, 1e-12, certain=True)
+    times = TimeAxis("time", np.arange(n) / 8, 0.5, 1e-12, certain=True)
     return Trace("made", {"x": x}, n, times, str)
 
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 import rtamt
 from rtamt_gym.recorded.judge import Rules, judge, signals_of
 from rtamt_gym.recorded.plot import draw_trace
-from rtamt_gym.recorded.times import Times
+from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import Trace
 
 N = 40
@@ -14,7 +14,7 @@ SIGNALS = {f"v{i}": np.full(N, float(i)) for i in range(15)}
 
 
 def drawn(texts: dict[str, str], *, everything: bool = False) -> Figure:
-    times = Times("time", np.arange(N) / 10, 0.0, 1e-12, certain=True)
+    times = TimeAxis("time", np.arange(N) / 10, 0.0, 1e-12, certain=True)
     specs = {name: rtamt.parse(text) for name, text in texts.items()}
     names = dict.fromkeys(v for spec in specs.values() for v in spec.variables)
     trace = Trace("made", {name: SIGNALS[name] for name in names}, N, times, str)

@@ -18,7 +18,7 @@ from replay import X
 
 from rtamt.errors import InputError, InputTypeError
 from rtamt_gym import RobustnessOverlay, StlMonitor, StlReward
-from rtamt_gym.wrappers.overlay_panel import Gauge, Panel, Place, Sight
+from rtamt_gym.wrappers.overlay_panel import Gauge, OverlayPanel, PanelPlace, Sight
 
 VALUES = [3.0, 2.0, 4.0, 0.5, 3.0, 3.0]
 SPECS = {"high": "always(x > 1)", "rises": "eventually[0:2](x > 3)"}
@@ -84,7 +84,11 @@ def test_the_picture_of_the_environment_is_not_drawn_on() -> None:
 @pytest.mark.parametrize("place", ["below", "over"])
 @pytest.mark.parametrize("pop", [True, False])
 @pytest.mark.parametrize("clean", [True, False])
-def test_every_frame_of_a_list_shows_its_own_sample(place: Place, pop: bool, clean: bool) -> None:  # noqa: FBT001 - cases
+def test_every_frame_of_a_list_shows_its_own_sample(
+    place: PanelPlace,
+    pop: bool,  # noqa: FBT001 - a case
+    clean: bool,  # noqa: FBT001 - a case
+) -> None:
     first = frames(made(Painted(VALUES), place=place))
     # The scales of the bars only grow, so they are those of the end from the second episode on.
     env = made(Painted(VALUES), place=place)
@@ -109,7 +113,7 @@ def test_every_frame_of_a_list_shows_its_own_sample(place: Place, pop: bool, cle
 
 
 @pytest.mark.parametrize("place", ["below", "over"])
-def test_gymnasiums_collection_goes_around_it(place: Place) -> None:
+def test_gymnasiums_collection_goes_around_it(place: PanelPlace) -> None:
     expected = frames(made(Painted(VALUES), place=place))
     env = RenderCollection(made(Painted(VALUES), place=place))
     env.reset(seed=0)
@@ -167,7 +171,7 @@ def test_the_monitor_tells_signals_as_it_reads_them() -> None:
 def test_a_bar_shows_sign_and_size_without_colour(value: float) -> None:
     def drawn(robustness: float) -> Picture:
         gauge = Gauge(robustness, -math.inf, math.inf, "UNDECIDED", 1.0)
-        panel = Panel(["s"], [], 600, 100, "below")
+        panel = OverlayPanel(["s"], [], 600, 100, "below")
         black = np.zeros((100, 600, 3), np.uint8)
         return panel.draw(black, [Sight(0, "", (gauge,), ())])[100:, :448]  # without the number
 
@@ -183,7 +187,7 @@ def test_a_bar_shows_sign_and_size_without_colour(value: float) -> None:
 
 
 def test_longer_bars_mean_more() -> None:
-    panel = Panel(["s"], [], 600, 100, "below")
+    panel = OverlayPanel(["s"], [], 600, 100, "below")
     black = np.zeros((100, 600, 3), np.uint8)
     heights = []
     for value in (0.1, 0.2, 0.5, 0.9):
