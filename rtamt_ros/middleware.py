@@ -70,7 +70,7 @@ class Middleware(Protocol):
         """The whole name of a topic: with the namespace of the node, and remapped.
 
         Raises:
-            InputError: If ROS cannot have the topic, or that which it is remapped to.
+            InputError: If ROS cannot have the topic, or the topic that it is remapped to.
         """
         ...
 

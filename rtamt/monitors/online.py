@@ -123,7 +123,7 @@ class Sampled(Online[_M, Program]):
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of the variables: in order of declaration, else of first appearance."""
+        """Names of the variables: the declared ones in order of declaration, then the others."""
         return self.program.variables
 
     @property

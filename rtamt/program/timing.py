@@ -43,7 +43,7 @@ Align = Literal["outward", "inward", "nearest"]
 """How a bound that is no whole number of samples becomes one, whatever the operator and polarity.
 
 ``"outward"`` is the floor of the begin and the ceiling of the end, ``"inward"`` the reverse,
-``"nearest"`` the nearest sample, of two equally near ones that which widens the window.
+``"nearest"`` the nearest sample, of two equally near ones the one that widens the window.
 """
 
 _TOLERANCE = Fraction(1, 10**12)

@@ -1,8 +1,8 @@
 """Recorded episodes played side by side: a vector environment for monitors and rewards.
 
-What robustness, verdicts, costs and shaped rewards are is said by the wrappers of vector
-environments alone. So the signals of recorded episodes are the observations of a vector
-environment, whose lanes take one episode after the other.
+The wrappers of vector environments alone define robustness, verdicts, costs and shaped rewards. So
+the signals of recorded episodes are made the observations of a vector environment, whose lanes take
+one episode after the other.
 """
 
 from __future__ import annotations

@@ -133,6 +133,6 @@ def _split(infos: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], dict[s
         entries = np.asarray(value)
         if entries.ndim and len(entries) == steps + 1:
             first[key], later[key] = entries[:1], entries[1:]
-        else:  # where it is neither, who reads it is told so
+        else:  # a selector that reads it refuses another length
             later[key] = entries
     return first, later

@@ -217,7 +217,7 @@ class OverlayPanel:
 
 
 def _summary(gauges: Sequence[Gauge]) -> str:
-    """What the verdicts say together."""
+    """The worst verdict of all specifications, and how many have it."""
     verdicts = [gauge.verdict for gauge in gauges]
     for verdict in ("VIOLATED", "UNDECIDED"):
         count = verdicts.count(verdict)

@@ -213,7 +213,7 @@ class TaliroSystem(System):
         self._case: Case | None = None
 
     def driven(self, case: Case) -> TaliroSystem:
-        """The model with all of its inputs."""
+        """A copy of the model that runs with the inputs of a case."""
         for name in case:
             if name not in self.space.entries:
                 refuse_unknown(self.name, name, self.space.entries)

@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Final, NamedTuple
 
 from rtamt import InputError, Verdict
-from rtamt_gym.search.mining.values import Values, text_of
+from rtamt_gym.search.mining.values import Candidates, text_of
 from rtamt_gym.tables import counted, number, shorten
 
 __all__ = ["PROBES", "Found", "ValueVerdict", "tightest"]
@@ -51,7 +51,7 @@ class _Bisection:
     def __init__(
         self,
         names: Sequence[str],
-        values: Values,
+        values: Candidates,
         parameter: str,
         judge: Callable[[int, Fraction], ValueVerdict],
     ) -> None:
@@ -97,7 +97,7 @@ class _Bisection:
 
 def tightest(
     names: Sequence[str],
-    values: Values,
+    values: Candidates,
     parameter: str,
     judge: Callable[[int, Fraction], ValueVerdict],
     advance: Callable[[int], None],

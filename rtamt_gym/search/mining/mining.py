@@ -16,7 +16,7 @@ from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.search.mining.bisection import Found, ValueVerdict, tightest
 from rtamt_gym.search.mining.requirement import Ranges, Template, template
 from rtamt_gym.search.mining.traces import Period, Reading, Samples, Traces, samples_of
-from rtamt_gym.search.mining.values import Values, bounds_between, text_of, values_between
+from rtamt_gym.search.mining.values import Candidates, bounds_between, text_of, values_between
 from rtamt_gym.tables import counted, number, shorten
 
 __all__ = ["Mined", "Witness", "mine", "mined_over"]
@@ -235,7 +235,7 @@ def mined_over(
     return _mined(wanted, traces, values, found, notes)
 
 
-def _values(wanted: Template, traces: list[Samples], tolerance: float | None) -> Values:
+def _values(wanted: Template, traces: list[Samples], tolerance: float | None) -> Candidates:
     """The values to try: multiples of the tolerance, or bounds at samples."""
     if wanted.unit is None:
         return values_between(wanted.low, wanted.high, tolerance)
@@ -265,7 +265,7 @@ def _values(wanted: Template, traces: list[Samples], tolerance: float | None) ->
 def _mined(
     wanted: Template,
     traces: list[Samples],
-    values: Values,
+    values: Candidates,
     found: Found,
     notes: tuple[str, ...],
 ) -> Mined:

@@ -12,10 +12,10 @@ from rtamt import InputError
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.numbers import exact
 
-__all__ = ["FloatValues", "GridValues", "Values", "bounds_between", "text_of", "values_between"]
+__all__ = ["Candidates", "FloatValues", "GridValues", "bounds_between", "text_of", "values_between"]
 
 
-class Values(Protocol):
+class Candidates(Protocol):
     """Increasing values of a parameter, counted from 0."""
 
     @property
@@ -110,7 +110,7 @@ def _float(ordinal: int) -> float:
     return math.copysign(float(value), ordinal)
 
 
-def values_between(low: float, high: float, tolerance: float | None) -> Values:
+def values_between(low: float, high: float, tolerance: float | None) -> Candidates:
     """The values from which a constant is chosen: steps of a tolerance, or all floats of a range.
 
     Args:
@@ -136,7 +136,7 @@ def values_between(low: float, high: float, tolerance: float | None) -> Values:
     return GridValues(least, most, step)
 
 
-def bounds_between(low: float, high: float, step: Fraction) -> Values:
+def bounds_between(low: float, high: float, step: Fraction) -> Candidates:
     """The bounds of an interval that are multiples of a step.
 
     Raises:
