@@ -3,25 +3,148 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Self
 
 __all__ = [
+    "Advice",
+    "Argument",
     "InputError",
     "InputTypeError",
+    "Message",
     "ParseError",
     "RtamtError",
     "SpecificationError",
     "StateError",
     "alternatives",
     "brief",
+    "closest",
     "is_one_of",
     "name_text",
     "nearest",
 ]
 
 
+@dataclass(frozen=True)
+class Argument:
+    """An argument that an error speaks of, by its name in Python.
+
+    Its text is what a Python caller writes, ``name=`` or ``name=value``, or the words that it has.
+
+    Attributes:
+        name: The name.
+        value: The value that it has or should have; ``...`` if the error speaks of none.
+        words: What a Python caller reads instead, as where the way out is another function.
+
+    Example:
+        >>> print(Argument("period"), Argument("end", "cut"))
+        period= end='cut'
+    """
+
+    name: str
+    value: object = ...
+    words: str = ""
+
+    def __str__(self) -> str:
+        return self.words or f"{self.name}={'' if self.value is ... else repr(self.value)}"
+
+
+class Message(str):
+    """The text of an error, which knows the arguments that it speaks of.
+
+    It is the text that a Python caller reads; a program with options of its own words it anew.
+
+    Args:
+        pieces: Texts, arguments, messages, and errors for their messages, as they are read.
+
+    Example:
+        >>> message = Message("variable 'x' is nan", Advice("; pass ", Argument("nan", "hold")))
+        >>> print(message)
+        variable 'x' is nan; pass nan='hold'
+        >>> message.arguments
+        ('nan',)
+        >>> message.worded(lambda argument: f"--{argument.name} {argument.value}")
+        "variable 'x' is nan; pass --nan hold"
+        >>> message.worded(lambda argument: None)  # a program without such an option
+        "variable 'x' is nan"
+    """
+
+    __slots__ = ("pieces",)
+
+    pieces: tuple[object, ...]
+
+    def __new__(cls, *pieces: object) -> Self:
+        """Joins the pieces."""
+        found = tuple(each.message if isinstance(each, RtamtError) else each for each in pieces)
+        self = super().__new__(cls, "".join(map(str, found)))
+        self.pieces = found
+        return self
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The names of the arguments that it speaks of, each once."""
+        names: dict[str, None] = {}
+        for piece in self.pieces:
+            if isinstance(piece, Argument):
+                names[piece.name] = None
+            elif isinstance(piece, Message):
+                names |= dict.fromkeys(piece.arguments)
+        return tuple(names)
+
+    def worded(self, option: Callable[[Argument], str | None]) -> str:
+        """The text for a program that has options of its own.
+
+        Args:
+            option: The words for an argument, or None if there is no option for it; an `Advice`
+                with such an argument is left out.
+        """
+        texts = []
+        for piece in self.pieces:
+            if isinstance(piece, Argument):
+                texts.append(option(piece) or str(piece))
+            elif isinstance(piece, Message):
+                texts.append(piece.worded(option))
+            else:
+                texts.append(str(piece))
+        return "".join(texts)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:
+        return type(self), self.pieces
+
+
+class Advice(Message):
+    """A part of a message for those alone who can give its arguments."""
+
+    __slots__ = ()
+
+    def worded(self, option: Callable[[Argument], str | None]) -> str:
+        """The text, or none if one of its arguments has no option."""
+        spoken = (piece for piece in self.pieces if isinstance(piece, Argument))
+        return super().worded(option) if all(map(option, spoken)) else ""
+
+
 class RtamtError(Exception):
-    """Base class of every error that a user of the toolkit can cause."""
+    """Base class of every error that a user of the toolkit can cause.
+
+    Args:
+        pieces: What `Message` takes; most of the time one text.
+    """
+
+    def __init__(self, *pieces: object) -> None:
+        plain = len(pieces) == 1 and isinstance(pieces[0], str)
+        super().__init__(pieces[0] if plain else Message(*pieces))
+
+    @property
+    def message(self) -> Message:
+        """The text, which knows the arguments that it speaks of."""
+        text = self.args[0]
+        return text if isinstance(text, Message) else Message(text)
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """The names of the arguments that the text speaks of, each once."""
+        return self.message.arguments
 
 
 class SpecificationError(RtamtError, ValueError):
@@ -51,10 +174,8 @@ class ParseError(SpecificationError):
         start = max(0, column - 1 - _CONTEXT)
         shown = source[start : column - 1 + _CONTEXT]
         indent = "".join("\t" if c == "\t" else " " for c in source[start : column - 1])
-        parts = [f"STL:{line}:{column}: {reason}", f"  {shown}", f"  {indent}^"]
-        if hint:
-            parts.append(f"  hint: {hint}")
-        super().__init__("\n".join(parts))
+        parts = [f"STL:{line}:{column}: ", reason, f"\n  {shown}\n  {indent}^"]
+        super().__init__(*parts, *(["\n  hint: ", hint] if hint else []))
         self.reason = reason
         self.text = text
         self.line = line
@@ -109,11 +230,27 @@ def name_text(name: object) -> str:
     return name if isinstance(name, str) else brief(name)
 
 
-def nearest(name: str, names: Iterable[object]) -> str:
-    """A hint with the most similar name, or an empty string."""
+def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | None:
+    """The most similar name, or None if none is; of a long name none.
+
+    Args:
+        name: The name.
+        names: The known names. Those of columns may be numbers, or anything else that a mapping
+            takes, which are similar to nothing.
+        cutoff: How similar it has to be, from 0 to 1.
+    """
     if len(name) > _CONTEXT:  # the search takes the square of the length
-        return ""
-    # Names of columns may be numbers, or anything else that a mapping takes.
+        return None
     known = [n for n in names if isinstance(n, str) and len(n) <= _CONTEXT]
-    close = difflib.get_close_matches(name, known, 1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    return next(iter(difflib.get_close_matches(name, known, 1, cutoff)), None)
+
+
+def nearest(name: object, names: Iterable[object]) -> str:
+    """A hint with the most similar name; an empty string if none is, or if it is no text.
+
+    Example:
+        >>> nearest("levle", ["level", "inflow", 3]), nearest("x", ["level"]), nearest(3, ["level"])
+        ("; did you mean 'level'?", '', '')
+    """
+    close = closest(name, names) if isinstance(name, str) else None
+    return f"; did you mean {close!r}?" if close else ""

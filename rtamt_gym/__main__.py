@@ -19,15 +19,16 @@ from typing import NoReturn
 import rtamt
 from rtamt import InputError
 from rtamt_gym.commands import COMMANDS, OF_TRACES, SEPARATOR
-from rtamt_gym.commands.errors import refusal, unexpected
+from rtamt_gym.commands.errors import options_of, refusal, unexpected
 
 __all__ = ["main"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code."""
+    given = sys.argv[1:] if argv is None else argv
     try:
-        options = _options(sys.argv[1:] if argv is None else argv)
+        options = _options(given)
         code: int = options.run(options)
         print(end="", flush=True)
     except SystemExit as end:
@@ -42,15 +43,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except Exception as error:  # noqa: BLE001 - Python's own exit code would be 1
-        message = refusal(error)
+        message = refusal(error, options_of(_command(given)))
         if message is None:
             return _refuse(unexpected(error), "".join(traceback.format_exception(error)))
         return _refuse(message)
     return code
 
 
+def _command(argv: Sequence[str]) -> str:
+    return next((word for word in argv if not word.startswith("-")), "")
+
+
 def _options(argv: Sequence[str]) -> argparse.Namespace:
-    command = next((word for word in argv if not word.startswith("-")), "")
+    command = _command(argv)
     parser = _parser(command)
     if command in OF_TRACES:
         argv = [SEPARATOR if word == "--" else word for word in argv]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NoReturn, get_args
 
 from rtamt import InputError
-from rtamt_gym.commands.errors import refusal
+from rtamt_gym.commands.errors import options_in, refusal
 from rtamt_gym.judging.interface import Semantics
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return _run(sys.argv[1:] if argv is None else argv)
     except Exception as error:
-        message = refusal(error)
+        message = refusal(error, options_in(_parser()))
         if message is None:
             raise
         print(f"{_PROGRAM}: error: {_in_options(message)}", file=sys.stderr)  # noqa: T201
@@ -71,7 +71,6 @@ def _run(argv: Sequence[str]) -> int:
 
 def _in_options(message: str) -> str:
     """A message about parameters in the words of the command line."""
-    message = re.sub(r"use evaluate_dense\(\)$", "leave out --dense", message)
     for option, parameter in _PARAMETERS_OF.items():
         message = re.sub(rf"^{parameter}: ", f"{option}: ", message)
     return re.sub(rf"^({'|'.join([*_PARAMETERS_OF, *PARAMETERS])}): ", r"--\1: ", message)

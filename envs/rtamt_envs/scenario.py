@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.ranges import Parameter, Signal
 
 if TYPE_CHECKING:  # it is optional

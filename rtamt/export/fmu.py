@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from rtamt.errors import InputError, InputTypeError, brief
+from rtamt.errors import Argument, InputError, InputTypeError, brief
 from rtamt.export import Fmi
 from rtamt.language.parser import as_specification, traced
 from rtamt.monitors.options import Options, SampleOptions, Spec
@@ -103,7 +103,9 @@ def export_fmu(
         if period is not None:
             raise InputError("expected period= or dense=True, which takes events at any time")
         if align is not None:
-            raise InputError("align= rounds bounds to samples; expected none with dense time")
+            raise InputError(
+                Argument("align"), " rounds bounds to samples; expected none with dense time"
+            )
         options: Options = {"semantics": semantics, "inputs": inputs, "outputs": outputs}
         programs = dense_programs(export_fmu, known, resolution, options)
     else:

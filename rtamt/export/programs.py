@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from rtamt.errors import Argument
 from rtamt.export.program_file import (
     DenseFile,
     EpisodeBounds,
@@ -133,7 +134,9 @@ def dense_programs(
     """The program of a unit over dense time; ``spec`` has traced constants."""
     *_, whole = compiled_dense(caller, spec, resolution, options, online=False)
     program = whole.program.running(*whole.program.specification.formulas.values())
-    online = program.online("an FMU over dense time", "a period, which takes samples")
+    online = program.online(
+        "an FMU over dense time", Argument("dense", words="use a period, which takes samples")
+    )
     dense = DenseProgram(online, whole.resolution)
     # The simulator's time is in seconds, whatever the unit of the specification is.
     encoded = encoded_dense(dense)._replace(clock=clock_of(dense.resolution))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.errors import InputError
+from rtamt.errors import Advice, Argument, InputError, Message
 from rtamt.inputs.arrays import Floats
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
 
@@ -116,8 +116,8 @@ class Clock:
                 coarser *= 10
             raise InputError(
                 f"expected a time of less than 2**62 ticks of {duration_text(self.resolution)} at "
-                f"event {i}{name}, got {shown(time)}; "
-                f"resolution={duration_text(coarser)!r} would do"
+                f"event {i}{name}, got {shown(time)}",
+                Advice("; ", Argument("resolution", duration_text(coarser)), " would do"),
             )
         return ticks
 
@@ -145,7 +145,8 @@ class Clock:
         if len(ticks) and max(-ticks.min(), ticks.max()) > (2**63 - 1) // count:
             raise InputError(
                 f"expected times that datetime64[{unit}] holds, as the resolution is "
-                f"{duration_text(self.resolution)}; resolution='1{unit}' would do"
+                f"{duration_text(self.resolution)}",
+                Advice("; ", Argument("resolution", f"1{unit}"), " would do"),
             )
         return (ticks * np.int64(count)).astype(f"M8[{unit}]")
 
@@ -157,24 +158,29 @@ class Clock:
                 return unit, int(count)
         raise InputError(
             "expected numbers as times, because no datetime64 counts ticks of "
-            f"{duration_text(self.resolution)}; resolution='1ns' would do"
+            f"{duration_text(self.resolution)}",
+            Advice("; ", Argument("resolution", "1ns"), " would do"),
         )
 
-    def same_tick(self, before: object, time: object) -> str:
+    def same_tick(self, before: object, time: object) -> Message:
         """The end of the error about two times on one tick: a resolution that tells them apart.
 
         It is empty if the time does not come after the one before.
         """
         first, second = (self._seconds(t) for t in (before, time))
         if first >= second:
-            return ""
+            return Message()
         finer = self.resolution
         while round(first / finer) >= round(second / finer):
             finer /= 10
         on_one = f", which is on the same tick of {duration_text(self.resolution)}"
         if max(abs(first), abs(second)) >= MAX_TICKS * finer:
-            return f"{on_one}; subtract the time of the first event from all, or leave one out"
-        return f"{on_one}; resolution={duration_text(finer)!r} would do"
+            return Message(
+                f"{on_one}; subtract the time of the first event from all, or leave one out"
+            )
+        return Message(
+            on_one, Advice("; ", Argument("resolution", duration_text(finer)), " would do")
+        )
 
     def _seconds(self, time: object) -> Fraction:
         if isinstance(time, np.datetime64):

@@ -151,7 +151,7 @@ class EventReader:
         i = 0 if not ticks[0] > after else int(np.argmin(late)) + 1
         before = self.clock.time(int(after), dated=are_dates(times)) if i == 0 else times[i - 1]
         error = not_after(before, times[i], i, of_name)
-        raise InputError(f"{error}{self.clock.same_tick(_item(before), _item(times[i]))}")
+        raise InputError(error, self.clock.same_tick(_item(before), _item(times[i])))
 
     def time(self, tick: float, dated: Dated) -> float:
         """The time of a tick; inf and -inf stay what they are."""

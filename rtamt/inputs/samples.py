@@ -14,7 +14,17 @@ from typing import Literal, NoReturn, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rtamt.errors import InputError, InputTypeError, brief, is_one_of, name_text, nearest
+from rtamt.errors import (
+    Advice,
+    Argument,
+    InputError,
+    InputTypeError,
+    Message,
+    brief,
+    is_one_of,
+    name_text,
+    nearest,
+)
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbers, number
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
@@ -161,10 +171,12 @@ class SampleReader:
 
     def refuse_nan(self, name: str, sample: int) -> NoReturn:
         """Raise the error that names a variable which is nan at a sample."""
-        hint = "nan='hold' keeps the last value, and the first sample has none"
+        hint = Message(
+            "; ", Argument("nan", "hold"), " keeps the last value, and the first sample has none"
+        )
         if self.nan == "raise":
-            hint = "pass nan='hold' to keep the last value instead"
-        raise InputError(f"variable '{name}' is nan at sample {sample}{self._where}; {hint}")
+            hint = Advice("; pass ", Argument("nan", "hold"), " to keep the last value instead")
+        raise InputError(f"variable '{name}' is nan at sample {sample}{self._where}", hint)
 
     def block(
         self,

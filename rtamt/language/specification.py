@@ -278,7 +278,7 @@ class Specification:
         if node in self.positions:
             return ParseError(reason, self.text, *self.positions[node], hint)
         shown = f"{reason}\n  in {node}"
-        return SpecificationError(f"{shown}\n  hint: {hint}" if hint else shown)
+        return SpecificationError(shown, *(["\n  hint: ", hint] if hint else []))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Specification):

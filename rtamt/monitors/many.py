@@ -77,7 +77,7 @@ def evaluate_many(
                 row, _ = reader.block(dict(zip(reader.variables, row, strict=True)), 0, ())
             robustness[trace, :n] = passes.run(row, n)[""]
         except RtamtError as error:
-            raise type(error)(f"trace {trace}: {error}") from None
+            raise type(error)(f"trace {trace}: ", error) from None
     return robustness
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from rtamt.errors import InputTypeError, SpecificationError
+from rtamt.errors import Advice, Argument, InputTypeError, Message, SpecificationError
 from rtamt.language.interval import UNITS, decimal_text
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
@@ -135,7 +135,7 @@ class _DenseBuilder(ProgramBuilder):
             raise self.specification.error(
                 node,
                 f"bound {text} is not a whole number of ticks of {duration_text(self._resolution)}",
-                f"give resolution={finer!r}, of which it is one",
+                Message(Advice("give ", Argument("resolution", finer), ", of which it is one")),
             )
         if ticks >= MAX_TICKS:
             raise self._too_far(node, f"bound {text} is", ticks)
@@ -152,7 +152,10 @@ class _DenseBuilder(ProgramBuilder):
             if bound
         ]
         if all((bound / coarser).denominator == 1 for bound in bounds):
-            hint = f"give resolution={duration_text(coarser)!r}, or write smaller bounds"
+            hint: str = Message(
+                Advice("give ", Argument("resolution", duration_text(coarser)), ", or "),
+                "write smaller bounds",
+            )
         else:
             hint = "write smaller bounds"
         return self.specification.error(
@@ -191,7 +194,10 @@ class _DenseBuilder(ProgramBuilder):
             raise self.specification.error(
                 node,
                 f"'{symbol}' speaks of neighbouring samples, and dense time has none",
-                f"look a time d away with {ways}, or use Monitor with a period",
+                Message(
+                    f"look a time d away with {ways}, or ",
+                    Argument("dense", words="use Monitor with a period"),
+                ),
             )
         register = super().lower(node, known)
         reach = max((self._reaches[a] for a in node.args), default=0)
@@ -244,7 +250,8 @@ def _cached(
 ) -> DenseProgram:
     if online:
         offline = _cached(specification, text, resolution, interface, online=False)
-        program = offline.program.online("DenseMonitor", "evaluate_dense()")
+        instead = Argument("dense", words="use evaluate_dense()")
+        program = offline.program.online("DenseMonitor", instead)
         return DenseProgram(program, resolution)
     program = _DenseBuilder(specification, resolution, interface).program()
     if not program.variables:

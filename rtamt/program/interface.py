@@ -28,7 +28,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from rtamt.errors import InputError, InputTypeError, alternatives, brief, is_one_of, nearest
+from rtamt.errors import (
+    Advice,
+    Argument,
+    InputError,
+    InputTypeError,
+    alternatives,
+    brief,
+    is_one_of,
+    nearest,
+)
 from rtamt.language.names import lineage
 from rtamt.language.node import Node
 from rtamt.language.specification import Specification
@@ -144,11 +153,12 @@ def as_interface(
         said, found = (inputs, reads) if role == "input" else (outputs, sets)
         if said is None and not found:
             some = next((v for v in spec.variables if v not in (*reads, *sets)), "x")
-            msg = (
-                f"semantics='{semantics}' is about {role}s, and there are none; declare them in "
-                f"the text ({role} float {some}) or name them: {role}s=('{some}',)"
+            raise InputError(
+                Argument("semantics", str(semantics)),
+                f" is about {role}s, and there are none; declare them in the text "
+                f"({role} float {some})",
+                Advice(" or name them: ", Argument(f"{role}s", (some,))),
             )
-            raise InputError(msg)
     return Interface(semantics, reads, sets)
 
 

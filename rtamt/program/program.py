@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
 
+from rtamt.errors import Argument, Message
 from rtamt.language.node import Node
 from rtamt.program.algebra import FOLDS, FUNCTIONS
 from rtamt.program.instructions import (
@@ -146,7 +147,7 @@ class Program:
             raise AssertionError(msg)
 
     def online(
-        self, monitor: str = "Monitor", instead: str = "EpisodeMonitor or evaluate()"
+        self, monitor: str = "Monitor", instead: str | Argument = "use EpisodeMonitor or evaluate()"
     ) -> Program:
         """The program for a monitor, in which every register has a latency.
 
@@ -165,7 +166,7 @@ class Program:
                     source,
                     f"'{symbol}' without an end needs the whole future, "
                     f"for which {monitor} cannot wait",
-                    f"write an end, as in {symbol}[0:10], or use {instead}",
+                    Message(f"write an end, as in {symbol}[0:10], or ", instead),
                 )
         return program
 

@@ -11,8 +11,11 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from rtamt.errors import (
+    Advice,
+    Argument,
     InputError,
     InputTypeError,
+    Message,
     RtamtError,
     SpecificationError,
     alternatives,
@@ -157,7 +160,11 @@ def samples(
     if period is None and interval.unit is not None:
         raise error(
             f"{interval} has a unit, but no period is known",
-            "give period= in seconds or as text such as '100ms', or write bounds in samples",
+            Message(
+                "give ",
+                Argument("period"),
+                " in seconds or as text such as '100ms', or write bounds in samples",
+            ),
         )
     unit = interval.unit or unit
     step = _step(period, unit)
@@ -181,9 +188,14 @@ def samples(
     end = None if interval.end is None else count(interval.end, rounds_end)
     if end is not None and end < begin:
         raise error(
-            f"align='inward' leaves no sample of {interval}: none lies in it",
-            "write a wider interval, take samples closer together, or use align='outward' or "
-            "'nearest'",
+            Message(
+                Argument("align", "inward"), f" leaves no sample of {interval}: none lies in it"
+            ),
+            Message(
+                "write a wider interval, take samples closer together, or use ",
+                Argument("align", "outward"),
+                " or 'nearest'",
+            ),
         )
     return begin, end
 
@@ -219,6 +231,9 @@ def _step(period: Fraction | None, unit: str) -> Fraction:
     return Fraction(1) if period is None else period / UNITS[unit]
 
 
+_ROUND = Advice(", or let ", Argument("align"), " round it")
+
+
 def _misfit(
     bound: Fraction,
     text: str,
@@ -240,7 +255,11 @@ def _misfit(
     if unit is None:
         return error(
             f"bound {text} is not a whole number of samples",
-            f"use {low} or {high}, give period= for bounds in time, or let align= round it",
+            Message(
+                f"use {low} or {high}",
+                Advice(", give ", Argument("period"), " for bounds in time"),
+                _ROUND,
+            ),
         )
     finer = Fraction(
         math.gcd(bound.numerator * step.denominator, step.numerator * bound.denominator),
@@ -249,9 +268,12 @@ def _misfit(
     return error(
         f"bound {text} is not a multiple of the period "
         f"{seconds_text(step * UNITS[unit])} s ({float(steps):g} steps)",
-        f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
-        # Not another period=: where the data has a different one, bounds are silently wrong.
-        f"take samples {seconds_text(finer * UNITS[unit])} s apart, or let align= round it",
+        Message(
+            f"use {seconds_text(low)} {unit} or {seconds_text(high)} {unit}, "
+            # Not another period=: where the data has a different one, bounds are silently wrong.
+            f"take samples {seconds_text(finer * UNITS[unit])} s apart",
+            _ROUND,
+        ),
     )
 
 

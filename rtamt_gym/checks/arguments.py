@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable, Sequence
 from numbers import Integral, Real
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 
 __all__ = ["check_amount", "check_choice", "check_count", "check_known", "check_number"]
 
@@ -15,8 +16,9 @@ __all__ = ["check_amount", "check_choice", "check_count", "check_known", "check_
 def check_choice(name: str, value: object, choices: Sequence[object]) -> None:
     """Refuses a value that is none of the choices."""
     if value not in choices:
-        options = " or ".join(repr(choice) for choice in choices)
-        raise InputError(f"expected {name}={options}, got {value!r}")
+        first, *others = choices
+        options = "".join(f" or {choice!r}" for choice in others)
+        raise InputError("expected ", Argument(name, first), f"{options}, got {value!r}")
 
 
 def check_number(name: str, value: object, high: float = math.inf) -> float:
@@ -24,22 +26,24 @@ def check_number(name: str, value: object, high: float = math.inf) -> float:
     if isinstance(value, Real) and 0.0 < float(value) <= high and float(value) < math.inf:
         return float(value)
     most = "" if high == math.inf else f" and at most {high:g}"
-    raise InputError(f"expected {name}= as a finite number above 0{most}, got {value!r}")
+    raise InputError(
+        "expected ", Argument(name), f" as a finite number above 0{most}, got {value!r}"
+    )
 
 
 def check_amount(name: str, value: object) -> float:
     """Converts a finite number, 0 or more, to a float; refuses any other."""
     if isinstance(value, Real) and 0.0 <= float(value) < math.inf:
         return float(value)
-    raise InputError(f"expected {name}= as a finite number, 0 or more, got {value!r}")
+    raise InputError("expected ", Argument(name), f" as a finite number, 0 or more, got {value!r}")
 
 
-def check_count(what: str, count: object) -> int:
+def check_count(what: object, count: object) -> int:
     """Converts a whole number above 0 to an int; refuses any other."""
     if isinstance(count, bool) or not isinstance(count, Integral):
-        raise InputTypeError(f"expected {what} as a whole number, got {count!r}")
+        raise InputTypeError("expected ", what, f" as a whole number, got {count!r}")
     if count < 1:
-        raise InputError(f"expected {what} as 1 or more, got {count}")
+        raise InputError("expected ", what, f" as 1 or more, got {count}")
     return int(count)
 
 

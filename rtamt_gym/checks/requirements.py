@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 
 __all__ = ["requirement_named"]
 

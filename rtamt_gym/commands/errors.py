@@ -2,63 +2,111 @@
 
 from __future__ import annotations
 
+import argparse
 import re
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from typing import Final
 
-from rtamt import RtamtError
+from rtamt.errors import Argument, RtamtError
 from rtamt_gym.checks.extras import EXTRAS, missing
+from rtamt_gym.commands import COMMANDS
 from rtamt_gym.tables import shorten
 
-__all__ = ["refusal", "unexpected"]
+__all__ = ["options_in", "options_of", "refusal", "unexpected"]
 
-_OPTIONS = (
-    # The library's errors give advice in Python; on the command line the same advice is an option,
-    # or nothing.
-    (r"\berror\.run holds \d+ samples?, up to [^:]+: ", ""),
-    (r"\berror\.falsification holds \d+ simulations?: ", ""),
-    (r"give a space, as in \w+\(.*\)$", "write --vary mass=1:2"),
-    (r"write Signal\('.*', \.\.\., duration=30\) or .*$", "give --duration 30, in seconds"),
-    (r"view='step'", "--view step"),
-    (r"\buse (Monitor with a period|a period, which takes samples)$", "leave out --dense"),
-    (r"; pass nan='hold' to keep the last value instead$", ""),
-    (r"\btimeout= as\b", "--timeout as"),
-    (r"\bfolder= as\b", "--folder as"),
-    (r"\buntil_width= ?", "--until-width "),
-    (r"\b(target|alpha|margin)= ?", r"--\1 "),
-    (r"\bthe same seed=$", "the same --seed"),
-    (r"\bperiod= ?", "--period "),
-    (r"\balign= ?", "--align "),
-    (r"\btolerance= ?", "--tolerance "),
-    (r'\bconstants=\{"(\w+)": (\w+)\}', r"--constant \1=\2"),
-    (r'\bend="complete"', "--end complete"),
-    (r"semantics='([\w-]+)'", r"--semantics \1"),
-    (r"policy=lambda obs: env\.action_space\.sample\(\) acts at random", "--policy names one"),
-    (r"got x=(\w+|'[^']*') and y=(\w+|'[^']*')$", r"got --x \1 and --y \2"),
-    (r"\bsubsteps=True\b", "--substeps"),
-    (r" or name them: (in|out)puts=\('.*',\)$", ""),
-    (r'"(\w+)": \("([^"]*)", 0\.0\)', r'--signal "\1=\2,0"'),
-    (r'"(\w+)": "([^"]*)"', r'--signal "\1=\2"'),
-)
+_CALLED: Final[Mapping[str, str]] = {
+    "constants": "constant",
+    "nan": "missing",
+    "ranges": "range",
+    "signals": "signal",
+    "space": "vary",
+}
+"""What options are for whose arguments have another name."""
+
+_OF_RESULTS: Final[Mapping[str, str]] = {"compare": "evaluate"}
+"""The command that makes what a command reads, whose options an error may speak of too."""
+
+_WRITTEN: Final[Mapping[str, str]] = {
+    "dense": "leave out {}",
+    "duration": "give {} 30, in seconds",
+    "policy": "{} names one",
+    "space": "write {} mass=1:2",
+}
+"""What a user writes where a Python caller writes code or calls another function."""
 
 
-def refusal(error: Exception) -> str | None:
-    """The message for an error that a user can cause; None for one that nobody expected."""
+def refusal(error: Exception, options: Mapping[str, str]) -> str | None:
+    """The message for an error that a user can cause; None for one that nobody expected.
+
+    Args:
+        error: The error.
+        options: The options of the command by the names of arguments, as `options_of` gives them.
+    """
     match error:
         case RtamtError():
-            message = ": ".join([*getattr(error, "__notes__", []), str(error)])
+            said = error.message.worded(lambda argument: _worded(argument, options))
+            # Notes on what an error carries are for Python callers.
+            notes = [n for n in getattr(error, "__notes__", []) if not n.startswith("error.")]
+            return ": ".join([*notes, said])
         case ModuleNotFoundError():
             package = missing(error)
             if package is None:
                 return None
             extra = EXTRAS[package]
-            message = f"{package} is not installed; from the checkout: pip install '.[{extra}]'"
+            return f"{package} is not installed; from the checkout: pip install '.[{extra}]'"
         case OSError():
             name = "" if error.filename is None else f" {error.filename}"
-            message = f"cannot open{name}: {error.strerror or error}"
-        case _:
-            return None
-    for python, option in _OPTIONS:
-        message = re.sub(python, option, message)
-    return message
+            return f"cannot open{name}: {error.strerror or error}"
+    return None
+
+
+@cache
+def options_of(command: str) -> Mapping[str, str]:
+    """The options of a command, by the names of the arguments that they are for."""
+    if command not in COMMANDS:
+        return {}
+    parser = argparse.ArgumentParser(add_help=False)
+    import_module(f"rtamt_gym.commands.{command}").add_arguments(parser)
+    made_by = _OF_RESULTS.get(command, "")
+    return {**options_of(made_by), **options_in(parser)}
+
+
+def options_in(parser: argparse.ArgumentParser) -> Mapping[str, str]:
+    """The options of a parser, by the names of the arguments that they are for."""
+    found = {
+        action.dest: action.option_strings[-1]
+        for action in parser._actions  # noqa: SLF001 - argparse has no other list of them
+        if action.option_strings
+    }
+    called = {name: found[other] for name, other in _CALLED.items() if other in found}
+    return {**found, **called}
+
+
+def _worded(argument: Argument, options: Mapping[str, str]) -> str | None:
+    """An argument as the command line has it; None if it has no such option."""
+    option = options.get(argument.name)
+    if option is None:
+        return None
+    if argument.value is not ...:
+        return " ".join(filter(None, (option, _value(argument.value))))
+    return _WRITTEN[argument.name].format(option) if argument.words else option
+
+
+def _value(value: object) -> str:
+    """A value behind an option; nothing for a switch."""
+    match value:
+        case True:
+            return ""
+        case float():
+            return f"{value:g}"
+        case tuple() | list():
+            return ",".join(map(_value, value))
+        case dict():
+            text = ",".join(f"{name}={_value(each)}" for name, each in value.items())
+            return text if re.fullmatch(r"[\w.:=-]+", text) else f'"{text}"'
+    return str(value)
 
 
 def unexpected(error: Exception) -> str:

@@ -14,7 +14,7 @@ from multiprocessing import get_context
 
 import rtamt
 from rtamt import InputError, Verdict
-from rtamt_gym.commands.errors import refusal, unexpected
+from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.traces import Asked, read_trace_of
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import Judgement, Rules
@@ -270,7 +270,7 @@ def _outcome(
 
 
 def _failure(error: Exception) -> Failure:
-    message = refusal(error)
+    message = refusal(error, options_of("explain"))  # all commands of traces have them
     if message is None:
         return Failure(unexpected(error), "".join(traceback.format_exception(error)))
     return Failure(message)

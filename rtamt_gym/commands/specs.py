@@ -9,7 +9,8 @@ from types import MappingProxyType
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [

@@ -21,6 +21,7 @@ from rtamt_gym.commands.arguments import (
     read_signals,
     whole,
 )
+from rtamt_gym.commands.errors import options_of, refusal
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
@@ -218,7 +219,8 @@ def _moved(done: Sweep, name: str) -> str:
     try:
         return str(done.indices(name))
     except InputError as error:
-        return "\n".join(textwrap.wrap(f"no indices of {name}: {error}", 80))
+        said = refusal(error, options_of("sweep"))
+        return "\n".join(textwrap.wrap(f"no indices of {name}: {said}", 80))
 
 
 def _write(done: Sweep, options: argparse.Namespace) -> None:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, get_args
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
 from rtamt_gym.commands.arguments import add_align, add_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of

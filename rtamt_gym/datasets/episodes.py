@@ -11,7 +11,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.columns import Lanes
 
 __all__ = ["RecordedEpisode", "RelabelledEpisode", "part", "read_episode", "size_of", "space_of"]

@@ -9,7 +9,8 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt import InputError, InputTypeError, Specification
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, part, size_of
 from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError, InputTypeError, Verdict
+from rtamt.errors import Argument
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
@@ -193,7 +194,8 @@ def _paired(a: Evaluation, b: Evaluation) -> Comparison:
     if not seeds:
         raise InputError(
             f"cannot pair the episodes: A has {_seeds(a)}, B has {_seeds(b)}, none in common; "
-            "evaluate both with the same seed="
+            "evaluate both with the same ",
+            Argument("seed"),
         )
     rows = [(a.record[places[0][seed]], b.record[places[1][seed]]) for seed in seeds]
 

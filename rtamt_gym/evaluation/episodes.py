@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.lanes import Lane, Task, side_by_side
 from rtamt_gym.evaluation.policies import evaluated
@@ -62,7 +63,7 @@ class Episodes(Runner):
         made: gym.Env[Any, Any] | None = None,
         **options: Any,  # noqa: ANN401 - those of `Runner`
     ) -> None:
-        self._n_envs = check_count("n_envs=", n_envs)
+        self._n_envs = check_count(Argument("n_envs"), n_envs)
         self._given = env
         self._envs: list[gym.Env[Any, Any]] = []
         made = made or (env if isinstance(env, gym.Env) else env())
@@ -154,7 +155,8 @@ class Episodes(Runner):
         if spec is None or missing:
             what = f"the wrapper {missing[0]} of {self.name}" if missing else self.name
             raise InputError(
-                f"n_envs={self._n_envs} needs as many environments, and {what} does not say how it "
-                "is made; give a function that makes the environment"
+                Argument("n_envs", self._n_envs),
+                f" needs as many environments, and {what} does not say how it "
+                "is made; give a function that makes the environment",
             )
         return gym.make(spec)

@@ -13,6 +13,7 @@ from gymnasium.vector import VectorEnv
 
 import rtamt
 from rtamt import InputError, InputTypeError, Verdict
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.episodes import Episodes
 from rtamt_gym.evaluation.evaluation import Evaluation
@@ -176,12 +177,14 @@ def evaluate_policy(
         >>> result.replay(seed)
         <Run of CartPole-v1: terminated at 6.68 s, 335 samples>
     """
-    check_count("episodes=", episodes)
-    check_count("n_envs=", n_envs)
+    check_count(Argument("episodes"), episodes)
+    check_count(Argument("n_envs"), n_envs)
     given: dict[str, object] = {"keep": keep, "seed": seed}
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
-            raise InputError(f"expected {name}= as a whole number, 0 or more, got {value!r}")
+            raise InputError(
+                "expected ", Argument(name), f" as a whole number, 0 or more, got {value!r}"
+            )
     env, made = _made(env, n_envs)
     kind = VectorEpisodes if isinstance(made, VectorEnv) else partial(Episodes, n_envs=n_envs)
     runner: Episodes | VectorEpisodes = kind(
@@ -236,7 +239,8 @@ def _made(env: Any, n_envs: int) -> tuple[Any, Any]:  # noqa: ANN401
     made = env if isinstance(env, gym.Env | VectorEnv) or not callable(env) else env()
     if isinstance(made, VectorEnv) and n_envs not in (1, made.num_envs):
         raise InputError(
-            f"n_envs= comes from the vector environment, which has {made.num_envs}, got {n_envs}"
+            Argument("n_envs"),
+            f" comes from the vector environment, which has {made.num_envs}, got {n_envs}",
         )
     if not isinstance(made, gym.Env | VectorEnv):
         raise InputTypeError(

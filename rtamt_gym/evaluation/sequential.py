@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final, Protocol
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.results.intervals import check_confidence, wilson
 
@@ -123,10 +124,16 @@ class RatioTest:
     def __init__(self, target: float, alpha: float = 0.05, margin: float = MARGIN) -> None:
         self._target = check_number("target", target, high=1.0)
         if not 0 < alpha < 0.5:
-            raise InputError(f"expected alpha= above 0 and below 0.5, got {alpha!r}")
+            raise InputError(
+                "expected ", Argument("alpha"), f" above 0 and below 0.5, got {alpha!r}"
+            )
         if not 0 < margin < target:
             raise InputError(
-                f"expected margin= above 0 and below target={target:g}, got {margin!r}"
+                "expected ",
+                Argument("margin"),
+                " above 0 and below ",
+                Argument("target", target),
+                f", got {margin!r}",
             )
         refused = target - margin
         self._bound = -math.log(alpha)
@@ -210,8 +217,11 @@ def stopping_of(
     """
     if until_width is not None and target is not None:
         raise InputError(
-            f"expected one rule, got until_width={until_width!r} and target={target!r}; leave out "
-            "one of them"
+            "expected one rule, got ",
+            Argument("until_width", until_width),
+            " and ",
+            Argument("target", target),
+            "; leave out one of them",
         )
     if until_width is not None:
         return Stopping({name: Width(until_width) for name in requirements})

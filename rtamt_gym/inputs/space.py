@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import exact
@@ -162,8 +163,12 @@ class Space:
         duration = signal.duration or self.duration
         if duration is None:
             raise InputError(
-                f"signal {signal.name!r} has no duration; write Signal({signal.name!r}, ..., "
-                "duration=30) or Space(..., duration=30), in seconds"
+                f"signal {signal.name!r} has no duration; ",
+                Argument(
+                    "duration",
+                    words=f"write Signal({signal.name!r}, ..., duration=30) or "
+                    "Space(..., duration=30), in seconds",
+                ),
             )
         parts = signal.points if signal.interpolation == "hold" else signal.points - 1
         return _evenly(duration, parts, signal.points)

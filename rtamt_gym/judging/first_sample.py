@@ -9,18 +9,18 @@ from rtamt_gym.tables import shorten
 __all__ = ["first_sample_error"]
 
 
-def first_sample_error(what: str, spec: rtamt.Specification, option: str) -> SpecificationError:
+def first_sample_error(what: str, spec: rtamt.Specification, way: object) -> SpecificationError:
     """Makes the error.
 
     Args:
         what: Names the specification.
         spec: The specification.
-        option: How the caller asks for a requirement on every sample.
+        way: How the caller asks for a requirement on every sample, a text or an `Argument`.
     """
-    way_out = f"write always({shorten(str(spec.formula), 60)}) or {option}"
+    way_out = f"write always({shorten(str(spec.formula), 60)}) or "
     if spec.requirement is not None:
         way_out = (
             "no other formula uses it, so that it is a requirement by itself: use it in another, "
             + way_out
         )
-    return SpecificationError(f"{what} speaks of the first sample only; {way_out}")
+    return SpecificationError(f"{what} speaks of the first sample only; {way_out}", way)

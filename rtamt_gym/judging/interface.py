@@ -9,7 +9,8 @@ from typing import Literal, TypedDict
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 
 __all__ = [
     "EXACT",

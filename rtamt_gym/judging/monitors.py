@@ -10,6 +10,7 @@ import numpy as np
 
 import rtamt
 from rtamt import RtamtError
+from rtamt.errors import Argument
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.interface import Interface, InterfaceOptions
 from rtamt_gym.judging.specs import Align, Nan, View
@@ -150,7 +151,7 @@ def make_monitors(
     for name, options in interface.options(specs).items():
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
-            raise first_sample_error(f"specification {name!r}", spec, "view='step'")
+            raise first_sample_error(f"specification {name!r}", spec, Argument("view", "step"))
         make = of_instants if view == "step" else of_episode
         try:
             source = make(spec, **options)

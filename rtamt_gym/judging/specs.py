@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError, SpecificationError
+from rtamt.errors import Argument
 from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [
@@ -138,7 +139,11 @@ def read_period(env: Env) -> float | None:
         if len(periods) > 1:
             raise InputError(
                 f"expected environments of one period, got {', '.join(sorted(map(str, periods)))} "
-                f"s in {simulation}; give period=, or period=1 to count steps"
+                f"s in {simulation}; give ",
+                Argument("period"),
+                ", or ",
+                Argument("period", 1),
+                " to count steps",
             )
         return periods.pop()
     found = find_period(simulation)
@@ -260,7 +265,11 @@ def check_period(
     if period is None and timed is not None:
         raise SpecificationError(
             f"specification {timed!r} has bounds in time, but {system} does not say how long a "
-            f"step lasts{why and f': {why}'}; give period= in seconds, or period=1 to count steps"
+            f"step lasts{why and f': {why}'}; give ",
+            Argument("period"),
+            " in seconds, or ",
+            Argument("period", 1),
+            " to count steps",
         )
 
 

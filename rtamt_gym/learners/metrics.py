@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rtamt import InputError, Verdict
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.evaluation import Evaluation
@@ -154,7 +155,7 @@ class Satisfaction:
         self.period = period
         self.episodes = 0
         self.violations: dict[str, int] = {}
-        self._newest: deque[Outcomes] = deque(maxlen=check_count("window=", window))
+        self._newest: deque[Outcomes] = deque(maxlen=check_count(Argument("window"), window))
 
     def add(self, episode: Outcomes) -> None:
         """Adds an episode that has ended.

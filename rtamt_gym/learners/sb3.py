@@ -13,6 +13,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.evaluation.evaluate import evaluate_policy
 from rtamt_gym.evaluation.evaluation import Evaluation
@@ -116,8 +117,8 @@ class SatisfactionCallback(BaseCallback):  # type: ignore[misc]  # it has no typ
         self.best = Best()
         self.confirmed: RatioTest | None = None
         self._env = _single(env)
-        self._freq = check_count("eval_freq=", eval_freq)
-        self._episodes = check_count("episodes=", episodes)
+        self._freq = check_count(Argument("eval_freq"), eval_freq)
+        self._episodes = check_count(Argument("episodes"), episodes)
         self._seed = seed
         self._path = None if path is None else Path(os.fspath(path).removesuffix(".zip"))
         self._target = target

@@ -13,7 +13,7 @@ from rosbags.interfaces import Connection, Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.recorded.bag_paths import FieldPath, path_text
 from rtamt_gym.tables import shorten
 

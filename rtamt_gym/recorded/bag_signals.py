@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.recorded.bag_reader import Bag
 from rtamt_gym.recorded.bag_topics import TopicFields, topic_fields
 from rtamt_gym.recorded.columns import Columns

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import rtamt
 from rtamt import InputError, SubscribedField, Subscription
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.bag_paths import FieldPath, path_text, read_source
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.starts import starts_of

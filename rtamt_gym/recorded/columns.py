@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.checks.numbers import read_floats
 
 __all__ = ["NEAR", "UNITS", "Columns", "Missing", "read_columns"]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.names import (
     VALUE,

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Collection, Sequence
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 from rtamt_gym.recorded.times import TIME

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError, unit_of_times
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.recorded.columns import UNITS, Columns
 from rtamt_gym.recorded.recording import Floats, Recording, Rows
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.extras import naming_extra
 
@@ -164,7 +165,7 @@ def bootstrap(
         ((1.0, 1.0), (-inf, inf))
     """
     check_confidence(confidence)
-    check_count("resamples=", resamples)
+    check_count(Argument("resamples"), resamples)
     array = _checked(values)
     if not np.isfinite(array).all():
         raise InputError(

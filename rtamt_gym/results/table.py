@@ -7,8 +7,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, overload
 
 from rtamt import InputError, Verdict
+from rtamt.errors import nearest
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.results.outcome import Outcome, order
 from rtamt_gym.results.statistics import STATISTICS, SUCCESS, RequirementResult, result_of
 from rtamt_gym.results.trial import Trial

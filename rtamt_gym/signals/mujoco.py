@@ -13,7 +13,7 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Number, ParsedSignal
 

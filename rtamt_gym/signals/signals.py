@@ -31,7 +31,8 @@ import gymnasium as gym
 import numpy as np
 
 from rtamt import InputError, InputTypeError, RtamtError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, Message, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.selectors import Selector, Syntax, hint, parse_selector
 
 __all__ = [
@@ -164,13 +165,14 @@ class ParsedSignal:
         if default is None and row.at_reset is not True:
             may_have = "may have" if row.at_reset else "has"
             raise InputError(
-                f"signal {name!r}: {value} {may_have} no value at reset; "
-                f'say what it is there: "{name}": ("{value}", 0.0)'
+                f"signal {name!r}: {value} {may_have} no value at reset; say what it is there: ",
+                Argument("signals", {name: (value, 0.0)}, words=f'"{name}": ("{value}", 0.0)'),
             )
         if default is not None and row.at_reset is True:
             raise InputError(
                 f"signal {name!r}: {value} has a value at reset, which the default {default!r} "
-                f'would hide; write "{name}": "{value}"'
+                "would hide; write ",
+                Argument("signals", {name: value}, words=f'"{name}": "{value}"'),
             )
         return cls(name, selector, default, row)
 
@@ -306,8 +308,10 @@ def parse_signals(
         if name not in known:
             given = f"; the signals are {listing(known)}" if known else ""
             meant = nearest(name, [*others, *(own or {})])
-            way_out = meant or f'; give one: "{name}": "{example}"'
-            raise InputError(f"variable {name!r} has no signal{given}{way_out}")
+            way_out = meant or Message(
+                "; give one: ", Argument("signals", {name: example}, words=f'"{name}": "{example}"')
+            )
+            raise InputError(f"variable {name!r} has no signal{given}", way_out)
     for name in () if extra else others:
         raise InputError(
             f"signal {name!r} is read by no specification; the variables are "

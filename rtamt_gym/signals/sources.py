@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.signals.signals import (
     AbsentError,
     ElementRead,

@@ -9,7 +9,7 @@ from typing import Any, NoReturn, cast
 from gymnasium import spaces
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.signals.signals import ParsedSignal
 
 __all__ = ["described", "fit"]

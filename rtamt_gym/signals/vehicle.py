@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import Env, Number, ParsedSignal
 

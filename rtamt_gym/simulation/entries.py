@@ -8,7 +8,8 @@ from numbers import Integral
 from typing import NoReturn
 
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.waveform import Waveform
 
 __all__ = ["as_number", "as_waveform", "like", "refuse_unknown"]

@@ -15,7 +15,8 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.signals.spaces import described
@@ -161,7 +162,9 @@ class EnvironmentCase:
             if others is None:
                 raise InputError(
                     f"the case drives {listing(self._drives)} of {self._name}, and nothing drives "
-                    f"{listing(left)}; add them to the case, or give policy= for them"
+                    f"{listing(left)}; add them to the case, or give ",
+                    Argument("policy"),
+                    " for them",
                 )
         space, step = self._space, 0
 

@@ -10,7 +10,8 @@ from numbers import Real
 from typing import Any, Final, NamedTuple
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 
 __all__ = ["TYPES", "Variable", "Variables", "fit", "kind_of", "size_of", "start_values"]
 

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 
 __all__ = ["find_object", "line_in"]
 

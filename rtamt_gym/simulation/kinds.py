@@ -10,6 +10,7 @@ import gymnasium as gym
 from gymnasium.vector import VectorEnv
 
 from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.mujoco.values import PanelValues
 from rtamt_gym.simulation.systems import Drivable, Environment, Policy, SampleSource, System
@@ -68,7 +69,8 @@ def _as_kind(
     _refuse_seed(seed, system)
     if policy is not None:
         raise InputError(
-            f"policy= is for environments and MuJoCo models, got {policy!r} for {system!r}"
+            Argument("policy"),
+            f" is for environments and MuJoCo models, got {policy!r} for {system!r}",
         )
     if isinstance(system, System):
         return system
@@ -118,4 +120,9 @@ _MUJOCO = {"MjModel", "MjData"}
 
 def _refuse_seed(seed: int | None, system: object) -> None:
     if seed is not None:
-        raise InputError(f"seed= is for environments, got seed={seed!r} for {system!r}")
+        raise InputError(
+            Argument("seed"),
+            " is for environments, got ",
+            Argument("seed", seed),
+            f" for {system!r}",
+        )

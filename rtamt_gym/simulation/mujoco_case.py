@@ -12,7 +12,7 @@ import mujoco  # type: ignore[import-untyped]
 import numpy as np
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.signals.mujoco import field_of, index_in

@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 
 from rtamt import InputError, RtamtError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.signals.spaces import described
 from rtamt_gym.simulation.imported import find_object, line_in
 from rtamt_gym.simulation.systems import Policy

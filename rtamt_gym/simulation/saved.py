@@ -18,7 +18,7 @@ from zipfile import BadZipFile, ZipFile
 import gymnasium as gym
 
 from rtamt import InputError
-from rtamt_gym.checks.names import nearest
+from rtamt.errors import nearest
 from rtamt_gym.simulation.imported import find_object
 from rtamt_gym.simulation.models import WITHOUT_TRAINING, Model, Statistics, check_spaces
 

@@ -12,6 +12,7 @@ import gymnasium as gym
 
 import rtamt
 from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
@@ -89,8 +90,10 @@ class Simulation:
         check_choice("at_truncation", at_truncation, get_args(AtTruncation))
         if substeps and not isinstance(system, gym.Env):
             raise InputError(
-                "substeps=True is for environments, whose step makes several, got "
-                f"{system!r}; give a smaller period= where the system takes one"
+                Argument("substeps", value=True),
+                f" is for environments, whose step makes several, got {system!r}; give a smaller ",
+                Argument("period"),
+                " where the system takes one",
             )
         given = None if case is None else Case(case)
         ran = as_system(system, policy, seed, start, given, substeps=substeps)
@@ -114,7 +117,7 @@ class Simulation:
             if period is None and ran.needs_period:
                 lacks = ran.needs_period
                 reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
-                raise InputError(f"{ran.name} {reason}; give period= in seconds")
+                raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
             why = why_no_period(system) if isinstance(system, gym.Env) else ""
             check_period(loaded, period, ran.name, why)
             interface = Interface(semantics, inputs, outputs)
@@ -285,8 +288,11 @@ def _most(duration: float | None, period: Fraction | None, system: System) -> in
     if duration is None:
         if system.endless:
             raise InputError(
-                f"{system.name} does not end by itself; give duration= in seconds, or "
-                "duration=math.inf to run until it is stopped"
+                f"{system.name} does not end by itself; give ",
+                Argument("duration"),
+                " in seconds, or ",
+                Argument("duration", "inf", words="duration=math.inf"),
+                " to run until it is stopped",
             )
         return None
     if duration == math.inf:

@@ -15,7 +15,8 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import gymnasium as gym
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.specs import read_period
@@ -236,8 +237,10 @@ class Environment(System):
         policy = self._policy or baseline
         if policy is None:
             raise InputError(
-                "an environment needs a policy, a function from observation to action; "
-                "policy=lambda obs: env.action_space.sample() acts at random"
+                "an environment needs a policy, a function from observation to action; ",
+                Argument(
+                    "policy", words="policy=lambda obs: env.action_space.sample() acts at random"
+                ),
             )
         return policy
 

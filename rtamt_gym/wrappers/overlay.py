@@ -14,8 +14,9 @@ from gymnasium.vector import VectorEnv
 from gymnasium.wrappers import RenderCollection
 
 from rtamt import InputError, InputTypeError
+from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.wrappers.monitor import StlMonitor
 from rtamt_gym.wrappers.monitoring import single_env
 from rtamt_gym.wrappers.overlay_panel import Gauge, OverlayPanel, PanelPlace, Pixels, Sight

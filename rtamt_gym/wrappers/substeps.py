@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 from rtamt import InputError, Specification, SpecificationError, StateError
+from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
 from rtamt_gym.judging.panel import Assessment, Panel
 from rtamt_gym.judging.specs import View
@@ -64,16 +65,18 @@ class Inside:
         if fed() == before:
             raise StateError(
                 f"expected a step of {self.env.unwrapped} to step its simulation, got none: it "
-                "steps it in a way of its own; leave out substeps=True"
+                "steps it in a way of its own; leave out ",
+                Argument("substeps", value=True),
             )
         return result
 
     def _bind(self, signal: ParsedSignal) -> Read:
         if signal.source in STEP and signal.source != "action":
             raise InputError(
-                f"signal {signal.name!r}: {signal} is not known inside of a step, and "
-                "substeps=True takes samples there; read the simulation instead, such as qpos[0], "
-                "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read"
+                f"signal {signal.name!r}: {signal} is not known inside of a step, and ",
+                Argument("substeps", value=True),
+                " takes samples there; read the simulation instead, such as qpos[0], "
+                "body:torso.xpos[2], vehicle.speed, or a callable of a Step, whose env it may read",
             )
         return signal.bind(self.env)
 
@@ -136,16 +139,18 @@ def _follower(simulation: Any) -> _Follow:  # noqa: ANN401
         return lambda feed: _follow_road(simulation, feed)
     if not hasattr(simulation, "_step_mujoco_simulation"):
         raise InputError(
-            "substeps=True needs a MujocoEnv of Gymnasium or an environment of highway-env, got "
-            f"{simulation}; leave it out"
+            Argument("substeps", value=True),
+            " needs a MujocoEnv of Gymnasium or an environment of highway-env, got "
+            f"{simulation}; leave it out",
         )
     from gymnasium.envs.mujoco.mujoco_env import MujocoEnv
 
     loop = getattr(simulation._step_mujoco_simulation, "__func__", None)  # noqa: SLF001
     if loop is not MujocoEnv._step_mujoco_simulation:  # noqa: SLF001
         raise InputError(
-            "substeps=True exchanges MujocoEnv._step_mujoco_simulation, and "
-            f"{type(simulation).__name__} has one of its own; leave it out"
+            Argument("substeps", value=True),
+            " exchanges MujocoEnv._step_mujoco_simulation, and "
+            f"{type(simulation).__name__} has one of its own; leave it out",
         )
     return lambda feed: _follow_mujoco(simulation, feed)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from rtamt import InputError
+from rtamt.errors import Argument
 
 __all__ = ["Settings"]
 
@@ -54,7 +55,9 @@ class Settings:
                 f"expected a whole number of nanoseconds as the period, got {self.period}"
             )
         if self.dense and self.align is not None:
-            raise InputError("expected align= or dense time, which has no samples to round to")
+            raise InputError(
+                "expected ", Argument("align"), " or dense time, which has no samples to round to"
+            )
         for topic, seconds in {"": self.stale, **self.stale_of}.items():
             if seconds is not None and not seconds > 0:
                 of = f" of {topic}" if topic else ""

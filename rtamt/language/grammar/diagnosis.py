@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Sequence
 from collections.abc import Set as AbstractSet
@@ -11,7 +10,7 @@ from typing import Protocol
 
 from antlr4.Token import Token as AntlrToken
 
-from rtamt.errors import ParseError, SpecificationError, nearest
+from rtamt.errors import ParseError, SpecificationError, closest, nearest
 from rtamt.language.grammar.generated.StlParser import StlParser
 from rtamt.language.interval import MAX_DIGITS, UNITS, exact
 from rtamt.language.operators import OPERATORS
@@ -56,9 +55,9 @@ def similar(word: str, words: Iterable[str], otherwise: str = "") -> str:
 
 def similar_name(name: str, names: Iterable[str], declaration: str) -> str:
     """A hint for an unknown name: one that is like it, and how to declare it."""
-    close = difflib.get_close_matches(name, tuple(names), 1, cutoff=0.4)
+    close = closest(name, names, cutoff=0.4)
     declare = f"declare it: {declaration}"
-    return f"did you mean '{close[0]}'? If not, {declare}" if close else declare
+    return f"did you mean '{close}'? If not, {declare}" if close else declare
 
 
 _OPERANDS = frozenset(
@@ -268,9 +267,7 @@ def _misread(text: str, before: Token, token: Token) -> ParseError | None:
         hint = f"formulas have plain names: {word} = ..."
         return fail(text, token, f"'{before.text}' is an element and cannot name a formula", hint)
     timed = [s for s in (*_words("prefix"), *_words("infix")) if OPERATORS.words[s].timed]
-    meant = _ELSEWHERE.get(word.lower()) or next(
-        iter(difflib.get_close_matches(word, timed, 1)), ""
-    )
+    meant = _ELSEWHERE.get(word.lower()) or closest(word, timed)
     if meant and token.type in _OPERANDS | {StlParser.OPEN}:
         return fail(text, before, f"unknown operator '{word}'", f"write {meant}{bounds}")
     return None

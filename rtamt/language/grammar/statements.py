@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Literal, cast
 
-from rtamt.errors import ParseError
+from rtamt.errors import Advice, Argument, ParseError
 from rtamt.language.formula import Formula, Term, number, variable
 from rtamt.language.grammar.diagnosis import (
     Token,
@@ -136,7 +136,9 @@ class _Reader:
         if self.modules is None:  # then a type is a name
             return
         if module not in self.modules:
-            hint = similar(module, self.modules, f"modules=['{module}'] imports it")
+            hint = similar(
+                module, self.modules, Advice(Argument("modules", [module]), " imports it")
+            )
             raise self._fail(statement.module, f"module '{module}' was not given", hint)
         known = dir(self.modules[module])
         if name.text not in known:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtamt.errors import InputError
+from rtamt.errors import Advice, Argument, InputError
 from rtamt.inputs.event_reader import Column, EventReader
 from rtamt.inputs.events import Given
 from rtamt.machines.protocols import DenseMachine
@@ -111,8 +111,8 @@ class DenseForesight:
                 coarser *= 10
             raise InputError(
                 "expected a trace that lasts less than 2**62 ticks of "
-                f"{duration_text(resolution)} with the bounds of the formula, got {plan.end}; "
-                f"resolution={duration_text(coarser)!r} would do"
+                f"{duration_text(resolution)} with the bounds of the formula, got {plan.end}",
+                Advice("; ", Argument("resolution", duration_text(coarser)), " would do"),
             )
         given: list[Given] = []
         for ticks, values in self._columns:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from uuid import uuid4
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_number
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
@@ -38,7 +39,11 @@ def check_workers(
     if timeout is not None:
         timeout = check_number("timeout", timeout)
     if n_jobs is not None and (type(n_jobs) is not int or n_jobs == 0):
-        raise InputError(f"expected n_jobs= as a whole number, or -1 for all cores, got {n_jobs!r}")
+        raise InputError(
+            "expected ",
+            Argument("n_jobs"),
+            f" as a whole number, or -1 for all cores, got {n_jobs!r}",
+        )
     return timeout
 
 

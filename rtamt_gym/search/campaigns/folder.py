@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Self
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
@@ -114,13 +115,17 @@ class Folder:
         if not self._path.exists():
             return False
         if not self._path.is_dir():
-            raise InputError(f"expected folder= as a folder, got the file {self._path}")
+            raise InputError(
+                "expected ", Argument("folder"), f" as a folder, got the file {self._path}"
+            )
         if not (self._path / CAMPAIGN).exists():
             others = [each.name for each in self._path.iterdir() if not _is_own(each.name)]
             if others:
                 raise InputError(
-                    f"expected folder= as a new folder or that of a campaign, got {self._path}, "
-                    f"which holds {listing(sorted(others)[:3])}"
+                    "expected ",
+                    Argument("folder"),
+                    f" as a new folder or that of a campaign, got {self._path}, "
+                    f"which holds {listing(sorted(others)[:3])}",
                 )
             return False
         found = read(self._path)["identity"]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 
 from rtamt import InputError, Specification, Verdict
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_count
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
@@ -189,7 +190,7 @@ def falsify(
     """
     chosen = find_optimizer(optimizer)
     name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
-    budget, seed = check_count("budget=", budget), _checked_seed(seed)
+    budget, seed = check_count(Argument("budget"), budget), _checked_seed(seed)
 
     def make(specs: Requirements | None, stop: Stop) -> Runner:
         return Runner(
@@ -303,7 +304,9 @@ def _reproduced(search: Search, runner: Runner, space: Space, most: int) -> tupl
 
 def _checked_seed(seed: Any) -> int:  # noqa: ANN401 - checked here
     if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InputError(f"expected seed= as a whole number, 0 or more, got {seed!r}")
+        raise InputError(
+            "expected ", Argument("seed"), f" as a whole number, 0 or more, got {seed!r}"
+        )
     return int(seed)
 
 

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.search.falsification.evolution import Climb, population_of
 from rtamt_gym.search.falsification.points import extremes, quasi_random, take
 from rtamt_gym.search.falsification.portfolio import portfolio
@@ -40,7 +41,9 @@ def find_optimizer(given: OptimizerLike) -> Optimizer:
         return OPTIMIZERS[given]
     if not callable(given):
         raise InputTypeError(
-            f"expected optimizer= as a name or a function (evaluate, dimension, rng), got {given!r}"
+            "expected ",
+            Argument("optimizer"),
+            f" as a name or a function (evaluate, dimension, rng), got {given!r}",
         )
     return given
 

@@ -10,8 +10,9 @@ import numpy as np
 
 import rtamt
 from rtamt import Formula, InputError, Specification
+from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.search.runs.trace import Trace
 
 __all__ = ["given_scales", "in_scales", "needs_scales", "spreads"]

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, Final, Unpack
 import numpy as np
 
 from rtamt import InputError, InputTypeError
+from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_number
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal, WaveformInterpolation
 from rtamt_gym.inputs.space import Space, SpaceLike

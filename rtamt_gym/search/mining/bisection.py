@@ -8,6 +8,7 @@ from fractions import Fraction
 from typing import Final, NamedTuple
 
 from rtamt import InputError, Verdict
+from rtamt.errors import Advice, Argument, Message
 from rtamt_gym.search.mining.values import Candidates, text_of
 from rtamt_gym.tables import counted, number, shorten
 
@@ -193,9 +194,9 @@ def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
     )
     there = search.judged(trace, nearest)
     if there.verdict is Verdict.UNDECIDED:
-        way_out = (
-            "what would decide it was not recorded; leave it out, or take it for all there is with "
-            'end="complete"'
+        way_out: str = Message(
+            "what would decide it was not recorded; leave it out",
+            Advice(", or take it for all there is with ", Argument("end", "complete")),
         )
     elif nearest in {search.probes[0], search.probes[-1]}:
         way_out = "give a wider range"
@@ -206,7 +207,8 @@ def _refuse_never(search: _Bisection, never: Sequence[int]) -> None:
         f"none of the {len(search.probes)} values of {search.parameter!r} that were tried from "
         f"{_span(search)} satisfies the requirement on {_whole(search)}: "
         f"{shorten(search.names[trace], 60)} is nearest to it at {search.text(nearest)}, "
-        f"{there.verdict.name} with robustness {number(there.robustness + 0.0)}{others}; {way_out}"
+        f"{there.verdict.name} with robustness {number(there.robustness + 0.0)}{others}; ",
+        way_out,
     )
 
 

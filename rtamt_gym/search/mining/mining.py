@@ -10,6 +10,7 @@ from typing import Literal, Unpack, get_args
 
 import rtamt
 from rtamt import Explanation, InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.ends import AtTruncation
 from rtamt_gym.recorded.progress import progress as shown_progress
@@ -241,8 +242,10 @@ def _values(wanted: Template, traces: list[Samples], tolerance: float | None) ->
         return values_between(wanted.low, wanted.high, tolerance)
     if tolerance is not None:
         raise InputError(
-            f"expected no tolerance= for {wanted.parameter!r}, which bounds a time and is sought "
-            "among the multiples of the period"
+            "expected no ",
+            Argument("tolerance"),
+            f" for {wanted.parameter!r}, which bounds a time and is sought "
+            "among the multiples of the period",
         )
     first = traces[0]
     for trace in traces:
@@ -253,7 +256,8 @@ def _values(wanted: Template, traces: list[Samples], tolerance: float | None) ->
             ]
             raise InputError(
                 f"{wanted.parameter!r} bounds a time, so that all traces need one period; that of "
-                f"{first.name} is {texts[0]}, that of {trace.name} {texts[1]}; give period="
+                f"{first.name} is {texts[0]}, that of {trace.name} {texts[1]}; give ",
+                Argument("period"),
             )
     step = Fraction(1)
     if first.period is not None:

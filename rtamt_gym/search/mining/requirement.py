@@ -11,7 +11,8 @@ from numbers import Real
 
 import rtamt
 from rtamt import InputError, InputTypeError, SpecificationError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.tables import number
 
 __all__ = ["Ranges", "Template", "check_parameter", "template", "unmarked"]
@@ -161,7 +162,8 @@ def template(
     if len(ranges) != 1:
         raise InputError(
             f"expected the range of one parameter, got {listing(ranges)}; one is mined at a time, "
-            'and others have values: constants={"w": 3}'
+            "and others have values: ",
+            Argument("constants", {"w": 3}),
         )
     ((parameter, ends),) = ranges.items()
     fixed = dict(constants or {})
@@ -204,7 +206,8 @@ def check_parameter(
         if name not in fixed and name != parameter:
             raise InputError(
                 f"the parameter ?{name} has neither a range nor a value; one is mined at a time: "
-                f'write constants={{"{name}": 3}}'
+                "write ",
+                Argument("constants", {name: 3}),
             )
 
 

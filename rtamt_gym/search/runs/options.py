@@ -10,8 +10,9 @@ from gymnasium.vector import VectorEnv
 
 import rtamt
 from rtamt import InputTypeError
+from rtamt.errors import nearest
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.ends import AtTermination, AtTruncation
 from rtamt_gym.judging.interface import Names, Semantics
 from rtamt_gym.judging.specs import Align, Nan, View

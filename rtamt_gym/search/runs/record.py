@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt.errors import nearest
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.results.outcome import order
 from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import MEASURES, OF_TRIAL, Trial

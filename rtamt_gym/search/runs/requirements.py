@@ -7,7 +7,8 @@ from typing import Any
 
 import rtamt
 from rtamt import InputError, InputTypeError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.specs import SpecLike, load_specs
 
 __all__ = ["Requirements", "load_requirements"]

@@ -16,6 +16,7 @@ import gymnasium as gym
 
 import rtamt
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_count, check_number
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.inputs.case import Case
@@ -116,7 +117,7 @@ class Runner:
     ) -> None:
         check_choice("stop", stop, get_args(Stop))
         check_options(options)
-        check_count("batch=", batch)
+        check_count(Argument("batch"), batch)
         if duration is not None and duration != math.inf:
             duration = check_number("duration", duration)
         check_system(system)

@@ -17,7 +17,8 @@ import gymnasium as gym
 
 import rtamt
 from rtamt import InputError, Specification, Verdict
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name

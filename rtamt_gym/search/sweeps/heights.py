@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
-from rtamt_gym.checks.names import listing, nearest
+from rtamt.errors import Argument, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import shorten, table
@@ -102,7 +103,10 @@ def two_of(columns: Sequence[str], x: str | None, y: str | None) -> tuple[str, s
     if x is None or y is None:
         if len(columns) != 2 or x is not y:
             raise InputError(
-                f"expected x and y, two of the columns {listing(columns)}, got x={x!r} and y={y!r}"
+                f"expected x and y, two of the columns {listing(columns)}, got ",
+                Argument("x", x),
+                " and ",
+                Argument("y", y),
             )
         y, x = columns
     for column in (x, y):

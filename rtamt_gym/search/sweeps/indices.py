@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.search.runs.record import Record
@@ -96,7 +97,9 @@ def indices(
     """
     if sampler not in _MEASURES:
         raise InputError(
-            f"indices need sampler='morris' or 'saltelli', got a sweep with {sampler!r}"
+            "indices need ",
+            Argument("sampler", "morris"),
+            f" or 'saltelli', got a sweep with {sampler!r}",
         )
     name = record.name(requirement)
     heights = _heights(record, name)
@@ -124,7 +127,8 @@ def _heights(record: Record, name: str) -> NDArray[np.float64]:
         )
     if any(row.ended in {"violation", "decided"} for row in record):
         raise InputError(
-            "indices need simulations up to their end, and some were stopped; sweep with stop='end'"
+            "indices need simulations up to their end, and some were stopped; sweep with ",
+            Argument("stop", "end"),
         )
     heights = record.numbers(f"robustness({name})")
     infinite = int(np.count_nonzero(~np.isfinite(heights)))

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt import InputError
+from rtamt.errors import Argument, Message, nearest
 from rtamt_gym.checks.arguments import check_choice, check_count
 from rtamt_gym.checks.extras import naming_extra
-from rtamt_gym.checks.names import listing, nearest
+from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 
@@ -72,13 +73,22 @@ many points |
     if sampler == "grid":
         return _grid(space, samples)
     if isinstance(samples, Mapping):
-        raise InputError(f"expected samples= as one number with sampler={sampler!r}, got {samples}")
-    count = check_count("samples=", samples)
+        raise InputError(
+            "expected ",
+            Argument("samples"),
+            " as one number with ",
+            Argument("sampler", sampler),
+            f", got {samples}",
+        )
+    count = check_count(Argument("samples"), samples)
     if sampler == "saltelli" and count & (count - 1):
         less = 1 << (count.bit_length() - 1)
         raise InputError(
-            f"expected samples= as a power of two with sampler='saltelli', got {count}; "
-            f"use {less} or {2 * less}"
+            "expected ",
+            Argument("samples"),
+            " as a power of two with ",
+            Argument("sampler", "saltelli"),
+            f", got {count}; use {less} or {2 * less}",
         )
     if count * space.dimension > _MOST:
         raise InputError(f"expected fewer samples, got {count} in {space.dimension} columns")
@@ -108,8 +118,9 @@ def _grid(space: Space, samples: SampleCount) -> Points:
     total = math.prod(map(len, axes))
     if total * len(axes) > _MOST:
         raise InputError(
-            f"expected a smaller grid, got one of {total} points in {len(axes)} columns; "
-            "sampler='sobol' fills a space with any number"
+            f"expected a smaller grid, got one of {total} points in {len(axes)} columns; ",
+            Argument("sampler", "sobol"),
+            " fills a space with any number",
         )
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
 
@@ -117,26 +128,30 @@ def _grid(space: Space, samples: SampleCount) -> Points:
 def _counts(space: Space, samples: SampleCount) -> list[list[int]]:
     """How many values each column takes, by entry of the space."""
     if not isinstance(samples, Mapping):
-        count = check_count("samples=", samples)
+        count = check_count(Argument("samples"), samples)
         return [[count] * len(each.columns) for each in space]
     for name in samples:
         known = [each.name for each in space]
         if name not in known:
             raise InputError(
-                f"samples= names {name!r}, which is not varied; the space has {listing(known)}"
-                f"{nearest(name, known)}"
+                Argument("samples"),
+                f" names {name!r}, which is not varied; the space has {listing(known)}"
+                f"{nearest(name, known)}",
             )
     counts = []
     for each in space:
         chosen = isinstance(each, Parameter) and each.values is not None
         if chosen == (each.name in samples):
-            raise InputError(
-                f"samples= gives a number for {each.name!r}, which takes all of its values; "
-                "leave it out"
-                if chosen
-                else f"samples= gives no number for {each.name!r}"
+            few, many = (
+                f" gives no number for {each.name!r}",
+                (f" gives a number for {each.name!r}, which takes all of its values; leave it out"),
             )
-        count = 1 if chosen else check_count(f"samples= of {each.name!r}", samples[each.name])
+            raise InputError(Argument("samples"), many if chosen else few)
+        count = (
+            1
+            if chosen
+            else check_count(Message(Argument("samples"), f" of {each.name!r}"), samples[each.name])
+        )
         counts.append([count] * len(each.columns))
     return counts
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from rtamt import InputError, InputTypeError
+from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
@@ -355,7 +356,9 @@ def _also(space: Space, sampler: Sampler, seed: int, what: str) -> dict[str, Any
 def _checked_seed(seed: object) -> int:
     """The seed as an int; refuses one that no random generator takes."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"expected seed= as a whole number, 0 or more, got {seed!r}")
+        raise InputError(
+            "expected ", Argument("seed"), f" as a whole number, 0 or more, got {seed!r}"
+        )
     return int(seed)
 
 
@@ -367,8 +370,12 @@ def space_of(runner: Runner, space: SpaceLike | None, caller: str) -> Space:
     """
     if space is None and not runner.inputs:
         raise InputError(
-            f"{runner.name} does not say what to vary; give a space, as in "
-            f'{caller}(system, requirements, [Parameter("mass", 1, 2)], ...)'
+            f"{runner.name} does not say what to vary; ",
+            Argument(
+                "space",
+                words=f"give a space, as in {caller}(system, requirements, "
+                '[Parameter("mass", 1, 2)], ...)',
+            ),
         )
     if isinstance(space, Space):
         return Space(list(space), duration=space.duration or runner.duration)

@@ -65,7 +65,7 @@ def test_what_is_undecided_does_not_satisfy() -> None:
     assert refusal(text, recorded, {"v": (0, 17)}) == (
         "none of the 17 values of 'v' that were tried from 0 to 17 satisfies the requirement on "
         "the trace: trace 0 is nearest to it at v = 17, UNDECIDED with robustness -1; what would "
-        'decide it was not recorded; leave it out, or take it for all there is with end="complete"'
+        "decide it was not recorded; leave it out, or take it for all there is with end='complete'"
     )
 
 
@@ -105,7 +105,7 @@ def test_the_parameter_is_in_the_requirement_and_has_a_range() -> None:
     )
     assert refusal("always(speed < ?v or speed > ?w)") == (
         "the parameter ?w has neither a range nor a value; one is mined at a time: write "
-        'constants={"w": 3}'
+        "constants={'w': 3}"
     )
     assert refusal("always(speed < ?speed)", ranges={"speed": (0, 50)}) == (
         "'speed' stands with and without '?', as a parameter and as something else; give the "
@@ -114,11 +114,11 @@ def test_the_parameter_is_in_the_requirement_and_has_a_range() -> None:
     assert refusal(constants={"v": 3}) == "expected 'v' with a range or a value, got both"
     assert refusal(ranges={"v": (0, 1), "w": (0, 1)}) == (
         "expected the range of one parameter, got 'v', 'w'; one is mined at a time, and others "
-        'have values: constants={"w": 3}'
+        "have values: constants={'w': 3}"
     )
     assert refusal(ranges={}) == (
         "expected the range of one parameter, got none; one is mined at a time, and others "
-        'have values: constants={"w": 3}'
+        "have values: constants={'w': 3}"
     )
     assert refusal(ranges={"v": (20, 20)}) == (
         "expected the range of 'v' as two finite numbers, the least first, got 20 and 20"
