@@ -35,7 +35,7 @@ def pytest_make_collect_report(collector: pytest.Collector) -> pytest.CollectRep
         from ros_processes import missing
 
         if install := missing(int(collector.path.name[8])):
-            if type(collector) is not pytest.Module:  # that of doctests
+            if type(collector) is not pytest.Module:  # the collector of doctests
                 return pytest.CollectReport(collector.nodeid, "passed", None, [])
             return pytest.CollectReport(collector.nodeid, "failed", install, [])
     return None

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's own functions read the wrappers; the program is that of docs/learners.md."""
+"""Stable-Baselines3's own functions read the wrappers; the program is from docs/learners.md."""
 
 from __future__ import annotations
 

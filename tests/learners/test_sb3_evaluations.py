@@ -172,7 +172,7 @@ def test_training_stops_at_a_policy_that_meets_the_target(
     assert used.confirmed is not None
     assert used.confirmed.decision == "meets 0.7"
     assert used.best.evaluation is last
-    # The evaluations share their seeds; no test uses theirs, nor those of another test.
+    # The evaluations share their seeds; no test uses their seeds or another test's.
     shared = list(range(500, 500 + EPISODES))
     own = [seed for seed in seeds if seed not in shared]
     assert len(seeds) - len(own) == EPISODES * len(used.evaluations)

@@ -1,4 +1,4 @@
-"""Tianshou's collector reads what the wrappers give; the program is that of docs/learners.md."""
+"""Tianshou's collector reads what the wrappers give; the program is from docs/learners.md."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""TorchRL reads what the wrappers give; the program is that of docs/learners.md."""
+"""TorchRL reads what the wrappers give; the program is from docs/learners.md."""
 
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ def program_and_rides(
 
 
 def trained(program: dict[str, Any], rides: Rides) -> tuple[list[Ride], list[Ride]]:
-    """The episodes of the rollouts, and those of the evaluations."""
+    """The episodes of the rollouts, and the episodes of the evaluations."""
     own = program["env"].unwrapped
     ended = rides.ended(early=False)
     inside = [ride for ride in ended if ride.env is own]

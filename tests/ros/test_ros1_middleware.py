@@ -1,4 +1,4 @@
-"""The middleware of ROS 1 owes what that of ROS 2 owes, and these things of its own."""
+"""ROS 1 keeps the contract of every middleware, and these properties of its own."""
 
 import re
 import signal

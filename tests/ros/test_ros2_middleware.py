@@ -1,4 +1,4 @@
-"""The middleware of ROS 2 owes what that of ROS 1 owes, and these things of its own."""
+"""ROS 2 keeps the contract of every middleware, and these properties of its own."""
 
 from collections.abc import Iterator
 

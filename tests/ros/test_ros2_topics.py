@@ -1,4 +1,4 @@
-"""A monitor hears every publisher, late listeners hear it, and its time is that of the clock."""
+"""A monitor hears every publisher, late listeners hear it, and it takes time from the clock."""
 
 import itertools
 import math

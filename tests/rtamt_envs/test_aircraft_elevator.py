@@ -22,7 +22,7 @@ _INNER = [OFF, ACTIVE, ACTIVE, STANDBY]
 _NAMES = [each.name for each in SCENARIO.observations]
 
 
-def _fly(lanes: int = 1, /, **options: Any) -> Floats:  # noqa: ANN401 - those of reset
+def _fly(lanes: int = 1, /, **options: Any) -> Floats:  # noqa: ANN401 - options of reset
     """The observations under the baseline, shape (1001, lanes, 10)."""
     env = gym.make_vec(_ID, num_envs=lanes).unwrapped
     first = env.reset(seed=0, options=options)[0]

@@ -112,7 +112,7 @@ class Logic:
 
 
 def _histories() -> Iterator[list[tuple[Sequence[float], Sequence[float]]]]:
-    """Failures that come and go; those of positions, which isolate, seldom."""
+    """Failures that come and go; failures of positions, which isolate, are rare."""
     rng = np.random.default_rng(3)
     for chance in np.linspace(0.02, 0.5, 150):
         yield [

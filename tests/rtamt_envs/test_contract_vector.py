@@ -20,7 +20,7 @@ LANES = 3
 each_scenario = pytest.mark.parametrize("name", SCENARIOS)
 
 
-def many(name: str, **options: Any) -> ScenarioVectorEnv:  # noqa: ANN401 - those of gym.make_vec
+def many(name: str, **options: Any) -> ScenarioVectorEnv:  # noqa: ANN401 - as gym.make_vec
     env = gym.make_vec(f"rtamt/{name}-v0", LANES, **options)
     assert isinstance(env, ScenarioVectorEnv)
     return env

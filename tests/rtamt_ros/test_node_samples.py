@@ -1,4 +1,4 @@
-"""Samples of a node: the values held at start + n periods, judged as those of any trace."""
+"""Samples of a node: the values held at start + n periods, judged like the samples of any trace."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Heard:
 
     last = ""
 
-    def __call__(self, *arguments: Any) -> None:  # noqa: ANN401 - those of FMPy
+    def __call__(self, *arguments: Any) -> None:  # noqa: ANN401 - FMPy calls it
         _, _, self.last = arguments[-1].decode().partition(": ")
 
 

@@ -1,4 +1,4 @@
-"""Constants that a caller gives stand in place of those of the text, and are known by name."""
+"""Constants that a caller gives replace constants of the text, and are known by name."""
 
 import copy
 import pickle

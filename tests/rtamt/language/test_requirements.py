@@ -118,7 +118,7 @@ def test_the_canonical_text_and_pickles_have_the_same_requirements(
             {"b": "always(x > 0 and y > 0 and z > 0)"},
         ),
         ("d = x - y; b = always(abs(d) < 1)", {"b": "always(abs(x - y) < 1)"}),
-        # A last formula without a name has that of the whole, else "spec", unless it is taken.
+        # A last formula without a name is called like the whole, else "spec", if that is free.
         ("a = always(x > 0); always(y > 0)", {"a": "always(x > 0)", "spec": "always(y > 0)"}),
         (
             "specification s; a = always(x > 0); always(y > 0)",

@@ -75,7 +75,7 @@ def test_every_operator_has_words_in_one_table() -> None:
         *(phrases.NEGATIONS, phrases.INFIX, ["implies"], phrases.NEIGHBOURS, phrases.MOMENTS),
         timed,
     ]
-    # The row of the difference has the name of its symbol, as that of the sum has.
+    # The rows of difference and sum are named by their symbols.
     assert Counter(name for table in tables for name in table) == Counter(list(OPERATORS))
     assert timed == set(phrases.VERBS)
 

@@ -152,7 +152,7 @@ def test_what_is_derived_is_late_by_a_step_unless_it_is_derived_again(integrator
         now = height(late.data)
         assert fresh.values == {"seen": now, "sensed": now}
         assert late.values["sensed"] == before != now
-        # Under RK4 positions are those of a state that was only tried.
+        # Under RK4 positions come from a state that was only tried.
         assert (late.values["seen"] == before) == (integrator != "RK4")
         assert late.values["seen"] != now
         before = now
