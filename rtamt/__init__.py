@@ -22,6 +22,7 @@ from rtamt.errors import (
     StateError,
 )
 from rtamt.export.fmu import export_fmu
+from rtamt.inputs.between import Between
 from rtamt.inputs.events import Events
 from rtamt.inputs.frames import unit_of_times
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
@@ -51,6 +52,7 @@ __version__ = "0.5.0"
 
 __all__ = [
     "BACKEND",
+    "Between",
     "DenseExplanation",
     "DenseMonitor",
     "EpisodeMonitor",

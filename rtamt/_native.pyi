@@ -17,6 +17,15 @@ FOLDS: dict[str, int]  # names of the lattice folds of WINDOW, and the numbers i
 KINDS: tuple[str, ...]  # names of the kinds of instructions
 
 def read_only(slot: MemberDescriptorType) -> object: ...
+def term_ranges(
+    rows: Sequence[tuple[object, ...]],
+    variables: int,
+    observed: Sequence[int],
+    reader: SampleReader,
+    lower: Sequence[ArrayLike],
+    upper: Sequence[ArrayLike],
+    n: int,
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]: ...
 
 class DiscreteMachine:
     def __init__(

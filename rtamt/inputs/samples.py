@@ -6,7 +6,6 @@ argument forms that they do not read themselves and for every error.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from typing import Literal, NoReturn, cast
@@ -26,23 +25,29 @@ from rtamt.errors import (
     nearest,
 )
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of, line_of_numbers, number
+from rtamt.inputs.between import NO_BOUNDS, UNKNOWN, Between
 from rtamt.inputs.frames import named_columns
 from rtamt.inputs.messages import Field, Messages
-from rtamt.program.algebra import FUNCTIONS
-from rtamt.program.instructions import Const, Load, Map
 from rtamt.program.program import Program
+from rtamt.program.ranges import of_ends, ranges_of
 
 __all__ = [
     "Columns",
     "NanPolicy",
+    "Sample",
     "SampleReader",
+    "ends_of",
+    "in_between",
     "listed",
     "refuse_term",
     "unknown_variable",
     "wrong_shape",
 ]
 
-NanPolicy = Literal["raise", "hold"]
+NanPolicy = Literal["raise", "hold", "unknown"]
+Sample = list[float | Between]
+"""A value for each variable, in their order; those that are known are numbers."""
+
 Columns = Mapping[str, object] | ArrayLike
 """Values of every variable, or messages, by name; or an array with a column for each variable."""
 
@@ -52,21 +57,29 @@ class SampleReader:
 
     Args:
         program: Its variables are read; its terms are named in errors.
-        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value.
+        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value; ``"unknown"``
+            takes it for a value of which nothing is known.
         lane: The number of the signal among many, for errors.
+        bounds: Whether what reads the samples gives bounds, so that they need not be known.
 
     Raises:
         InputError: On another policy for nan.
     """
 
-    __slots__ = ("_known", "_messages", "_where", "nan", "program", "variables")
+    __slots__ = ("_known", "_messages", "_where", "bounds", "nan", "program", "variables")
 
-    def __init__(self, program: Program, nan: NanPolicy = "raise", lane: int | None = None) -> None:
-        if not is_one_of(nan, ("raise", "hold")):
-            raise InputError(f"expected nan='raise' or nan='hold', got {brief(nan)}")
+    def __init__(
+        self,
+        program: Program,
+        nan: NanPolicy = "raise",
+        lane: int | None = None,
+        *,
+        bounds: bool = False,
+    ) -> None:
+        self.nan: NanPolicy = _checked(nan, bounds=bounds)
         self.program = program
         self.variables = program.variables
-        self.nan = nan
+        self.bounds = bounds
         self._known = frozenset(program.variables)
         self._messages = Messages(program.specification, program.variables)
         self._where = "" if lane is None else f" of lane {lane}"
@@ -81,15 +94,26 @@ class SampleReader:
         """The sample that ``update(*args, **named)`` means, in the order of the variables.
 
         Raises:
-            InputError: On missing or unknown variables, a wrong count, a wrong shape, a nan.
+            InputError: On missing or unknown variables, a wrong count, a wrong shape, a nan, a
+                value that is not known.
             InputTypeError: On a value that is not a real number.
         """
+        return cast("list[float]", self.read_sample(args, named, sample, previous))
+
+    def read_sample(
+        self,
+        args: Sequence[object],
+        named: Mapping[str, object],
+        sample: int,
+        previous: Sequence[float | Between],
+    ) -> Sample:
+        """What `read` returns, with intervals in place of values that are not known."""
         if len(args) == len(self.variables) and not named:
             for value in args:  # the most frequent form by far: floats in order
                 if type(value) is not float or value != value:  # noqa: PLR0124 - nan
                     break
             else:
-                return cast("list[float]", list(args))
+                return cast("Sample", list(args))
         if args and named:
             raise InputError("expected values by position or by keyword, got both")
         if not args:
@@ -106,28 +130,51 @@ class SampleReader:
                 f"expected {_count(self.variables)} ({', '.join(self.variables)}), "
                 f"got {len(counted)}"
             )
-        return self._floats(counted, sample, previous)
+        return self._sample(counted, sample, previous)
 
-    def _floats(
-        self, values: Sequence[object], sample: int, previous: Sequence[float]
-    ) -> list[float]:
-        floats = []
+    def _sample(
+        self, values: Sequence[object], sample: int, previous: Sequence[float | Between]
+    ) -> Sample:
+        found: Sample = []
         for name, value in zip(self.variables, values, strict=True):
             read = number(value)
-            if read is None:
+            if read is not None:
+                found.append(read)
+            elif isinstance(value, Between):
+                found.append(self._interval(value, name, sample))
+            else:
                 raise InputTypeError(
                     f"expected a number for '{name}' at sample {sample}, got {kind_of(value)}"
                 )
-            floats.append(read)
-        for i, value in enumerate(floats):
+        for i, value in enumerate(found):
             if value != value:  # noqa: PLR0124 - nan
-                if self.nan != "hold" or not previous:
+                if self.nan == "unknown":
+                    found[i] = UNKNOWN
+                elif self.nan == "hold" and previous:
+                    found[i] = previous[i]
+                else:
                     self.refuse_nan(self.variables[i], sample)
-                floats[i] = previous[i]
-        return floats
+        return found
+
+    def _interval(self, value: Between, name: str, sample: int) -> float | Between:
+        """The interval that stands for a value; a number if it is known."""
+        lower, upper = value.lower, value.upper
+        if not (isinstance(lower, float) and isinstance(upper, float)):
+            raise InputTypeError(
+                f"expected a number at each end for '{name}' at sample {sample}, got "
+                f"{kind_of(value)}"
+            )
+        if of_ends(lower, upper).known:
+            return lower
+        if not self.bounds:
+            raise InputError(
+                f"expected a value that is known for '{name}' at sample {sample}, got {value!r}; "
+                f"{NO_BOUNDS}"
+            )
+        return value
 
     def _by_name(
-        self, named: Mapping[str, object], sample: int, previous: Sequence[float]
+        self, named: Mapping[str, object], sample: int, previous: Sequence[float | Between]
     ) -> Iterable[object]:
         if not isinstance(named, Mapping):  # a row of a data frame, which iterates over its values
             named = {name: named[name] for name in named.keys()}  # noqa: SIM118
@@ -140,7 +187,9 @@ class SampleReader:
                 self._refuse_names(named)
         return [named[name] for name in self.variables]
 
-    def _unsaid(self, names: AbstractSet[str], previous: Sequence[float]) -> dict[str, float]:
+    def _unsaid(
+        self, names: AbstractSet[str], previous: Sequence[float | Between]
+    ) -> dict[str, float | Between]:
         """The variables with a default that are absent: they are as before, at first the default.
 
         Args:
@@ -148,7 +197,7 @@ class SampleReader:
             previous: The sample before; empty if there is none.
         """
         held = dict(zip(self.variables, previous, strict=True)) if len(previous) else {}
-        defaults = self.program.specification.defaults
+        defaults: Mapping[str, float] = self.program.specification.defaults
         return {v: held.get(v, defaults[v]) for v in self.variables if v in defaults.keys() - names}
 
     def _refuse_names(self, named: Mapping[str, object]) -> NoReturn:
@@ -221,11 +270,11 @@ class SampleReader:
             if not self._known <= names and self._messages.names & names:
                 named = self._with_fields(named, names, sample)
                 names = named.keys()
-            held = self._unsaid(names, previous)
+            held = cast("dict[str, float]", self._unsaid(names, previous))
             if not self._known <= names | held.keys() or not (extra or names <= self._known):
                 named_ones = names & self._known if extra else names
                 self._refuse_names(dict.fromkeys(named_ones | held.keys()))
-            given = {v: line_of_numbers(named[v], f"'{v}'") for v in self.variables if v in names}
+            given = {v: self._line(named[v], v) for v in self.variables if v in names}
         else:
             table = array_of_numbers(data, "the block")
             if table.ndim != 2 or table.shape[1] != len(self.variables):
@@ -245,6 +294,34 @@ class SampleReader:
         length = lengths.pop()
         made = {v: np.full(length, value) for v, value in held.items()} | given
         return [made[v] for v in self.variables], length
+
+    def _line(self, values: object, name: str) -> Floats:
+        if isinstance(values, Between):
+            raise InputError(
+                f"expected values that are known for '{name}', got {kind_of(values)}; {NO_BOUNDS}"
+            )
+        return line_of_numbers(values, f"'{name}'")
+
+    def between(
+        self, data: Columns, *, n: int | None = None, extra: bool = False
+    ) -> tuple[list[Floats], list[Floats], int]:
+        """The least and the greatest values of the columns, and their length.
+
+        Every nan is still in both, unless it is unknown. If all values are known, both are one
+        list. It raises the errors of `columns`.
+        """
+        halves: list[Columns] = [data]
+        if isinstance(data, Mapping) and any(isinstance(v, Between) for v in data.values()):
+            halves = [
+                {k: getattr(v, end) if isinstance(v, Between) else v for k, v in data.items()}
+                for end in ("lower", "upper")
+            ]
+        found = [self.columns(half, n=n, extra=extra) for half in halves]
+        (lower, length), (upper, _) = found[0], found[-1]
+        if self.nan == "unknown" and any(np.isnan(column).any() for column in lower):
+            upper = [np.where(np.isnan(column), np.inf, column) for column in upper]
+            lower = [np.where(np.isnan(column), -np.inf, column) for column in lower]
+        return lower, upper, length
 
     def without_nan(
         self, columns: Sequence[Floats], sample: int = 0, previous: Sequence[float] = ()
@@ -292,12 +369,18 @@ class SampleReader:
         places = np.where(np.isnan(held), 0, np.arange(len(held)))
         return cast("Floats", held[np.maximum.accumulate(places)][offset:])
 
-    def refuse(self, values: Sequence[float], sample: int) -> NoReturn:
+    def refuse(self, values: Sequence[float | Between], sample: int) -> NoReturn:
         """Raise the error that names the first variable or term which is nan at a sample."""
         for name, value in zip(self.variables, values, strict=True):
-            if math.isnan(value):
+            if value != value:  # noqa: PLR0124 - nan
                 self.refuse_nan(name, sample)
         refuse_term(self.program, values, f"sample {sample}{self._where}")
+
+    def refuse_between(
+        self, lower: Iterable[float], upper: Iterable[float], sample: int
+    ) -> NoReturn:
+        """Raise the error of `refuse` for values that lie between these."""
+        self.refuse([in_between(*ends) for ends in zip(lower, upper, strict=True)], sample)
 
 
 def unknown_variable(name: object, variables: Sequence[str], messages: Messages) -> InputError:
@@ -313,33 +396,37 @@ def listed(variables: Sequence[str]) -> str:
     return f"; the variables are {names}" if names else "; the formula has no variables"
 
 
-def refuse_term(program: Program, values: Sequence[float], place: str) -> NoReturn:
-    """Raise the error that names the first term which is nan for values of the variables.
+def refuse_term(program: Program, values: Sequence[float | Between], place: str) -> NoReturn:
+    """Raise the error that names the first term which has no value for values of the variables.
 
-    The machine found one. If none is nan any more, another thread has written to the caller's array
+    The machine found one. If each has one now, another thread has written to the caller's array
     between the machine's look at it and this one.
     """
-    registers: list[float] = []
-    for instruction in program.instructions[: program.terms]:
-        match instruction:
-            case Load(variable):
-                registers.append(values[program.variables.index(variable)])
-            case Const(value):
-                registers.append(value)
-            case Map(function, args):
-                registers.append(FUNCTIONS[function].apply(*(registers[a] for a in args)))
-        if math.isnan(registers[-1]):
-            source = program.sources[len(registers) - 1]
-            where = ", ".join(
-                f"{v} = {x!r}"
-                for v, x in zip(program.variables, values, strict=True)
-                if v in source.variables
-            )
-            raise InputError(f"'{source}' is not a number at {place}, where {where}")
+    found = ranges_of(program, [of_ends(*ends_of(value)) for value in values])
+    if len(found) < program.terms:
+        source = program.sources[len(found)]
+        where = ", ".join(
+            f"{v} = {x!r}"
+            for v, x in zip(program.variables, values, strict=True)
+            if v in source.variables
+        )
+        raise InputError(f"'{source}' is not a number at {place}, where {where}")
     raise InputError(
         f"a term was not a number at {place} and is one now: the array was written to while it was "
         "read; copy it, or write to it after the call"
     )
+
+
+def ends_of(value: float | Between) -> tuple[float, float]:
+    """The least and the greatest number that a value of a sample may be."""
+    if not isinstance(value, Between):
+        return value, value
+    return cast("tuple[float, float]", (value.lower, value.upper))
+
+
+def in_between(lower: float, upper: float) -> float | Between:
+    """The value of a sample that lies between two numbers; one of them if it is known."""
+    return lower if of_ends(lower, upper).known else Between(lower, upper)
 
 
 def wrong_shape(
@@ -351,6 +438,17 @@ def wrong_shape(
         f"expected an array of shape ({leading}, {len(variables)}), {rows}{columns}, "
         f"got shape {table.shape}{hint}"
     )
+
+
+def _checked(nan: object, *, bounds: bool) -> NanPolicy:
+    policies: tuple[NanPolicy, ...] = ("raise", "hold", "unknown") if bounds else ("raise", "hold")
+    if is_one_of(nan, policies):
+        return cast("NanPolicy", nan)
+    *others, last = (f"nan={policy!r}" for policy in policies)
+    expected, reason = f"{', '.join(others)} or {last}", ""
+    if is_one_of(nan, ("unknown",)):
+        reason = f", under which a robustness lies between two bounds; {NO_BOUNDS}"
+    raise InputError(f"expected {expected}, got {brief(nan)}{reason}")
 
 
 def _count(variables: Sequence[str]) -> str:

@@ -15,7 +15,6 @@ from rtamt.machines import readout
 from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.discrete import PythonDiscreteMachine
-from rtamt.machines.episode.machine import PythonEpisodeMachine
 from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
 from rtamt.machines.protocols import (
     DenseMachine,
@@ -24,6 +23,8 @@ from rtamt.machines.protocols import (
     EpisodeBank,
     EpisodeMachine,
 )
+from rtamt.machines.ranges import FindRanges, term_ranges
+from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.program import Program
 
@@ -46,6 +47,7 @@ class Factories:
         dense_machine: ``(program, reader, observed)``: ``values`` lists the observed registers.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
+        term_ranges: See `rtamt.machines.ranges.term_ranges`.
     """
 
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
@@ -53,15 +55,17 @@ class Factories:
     dense_machine: Callable[[DenseProgram, EventReader, Sequence[int]], DenseMachine]
     discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
+    term_ranges: FindRanges
 
 
 BACKENDS: Final[dict[BackendName, Factories]] = {
     "python": Factories(
         PythonDiscreteMachine,
-        machine_with_neutrals(PythonEpisodeMachine),
+        machine_with_neutrals(PythonUncertainEpisode),
         PythonDenseMachine,
         PythonDiscreteBank,
         bank_with_neutrals(PythonEpisodeBank),
+        term_ranges,
     )
 }
 """The back-ends that are built, by name."""
@@ -81,6 +85,7 @@ else:
         native.dense_machine,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
+        native.term_ranges,
     )
     read_only = native.read_only
 

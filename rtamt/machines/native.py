@@ -7,6 +7,7 @@ from typing import NoReturn
 
 import rtamt._native as _native  # noqa: PLR0402 - `from` would hide which module is absent
 from rtamt.errors import StateError
+from rtamt.inputs.arrays import Floats
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
@@ -22,6 +23,7 @@ __all__ = [
     "episode_machine",
     "read_only",
     "refuse_running",
+    "term_ranges",
 ]
 
 
@@ -53,6 +55,19 @@ def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.Dis
 
 def episode_bank(program: Program, num: int, reader: LaneReader) -> _native.EpisodeBank:
     return _native.EpisodeBank(*encoded_episode(program), num, reader)
+
+
+def term_ranges(
+    program: Program,
+    reader: SampleReader,
+    observed: Sequence[int],
+    lower: Sequence[Floats],
+    upper: Sequence[Floats],
+    n: int,
+) -> tuple[list[Floats], list[Floats]]:
+    rows = encoded_discrete(program).rows
+    variables = len(program.variables)
+    return _native.term_ranges(rows, variables, observed, reader, lower, upper, n)
 
 
 def refuse_running() -> NoReturn:

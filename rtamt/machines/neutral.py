@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.inputs.between import Between
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines.protocols import End, EpisodeBank, EpisodeMachine, Snapshot, Stateful
@@ -103,7 +104,7 @@ class _NeutralMachine:
         return self._best.samples
 
     @property
-    def inputs(self) -> Sequence[float]:
+    def inputs(self) -> Sequence[float | Between]:
         return self._best.inputs
 
     @property

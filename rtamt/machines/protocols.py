@@ -22,6 +22,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.inputs.between import Between
 from rtamt.inputs.events import Given
 
 __all__ = [
@@ -66,7 +67,7 @@ class SampleMachine(Stateful, Protocol):
     @property
     def samples(self) -> int: ...
     @property
-    def inputs(self) -> Sequence[float]: ...
+    def inputs(self) -> Sequence[float | Between]: ...
     @property
     def update(self) -> Callable[..., float]: ...
     def reset(self) -> None: ...
@@ -75,6 +76,8 @@ class SampleMachine(Stateful, Protocol):
 class DiscreteMachine(SampleMachine, Protocol):
     """Runs a program whose every register has a latency."""
 
+    @property
+    def inputs(self) -> Sequence[float]: ...
     @property
     def registers(self) -> Sequence[float]: ...
     def run(self, columns: Sequence[Floats], n: int) -> list[Floats]:

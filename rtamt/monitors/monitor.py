@@ -6,12 +6,12 @@ import enum
 import math
 from array import array
 from collections.abc import Callable
-from typing import Any, TypeVar, Unpack
+from typing import Any, ClassVar, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.errors import StateError
+from rtamt.errors import InputError, StateError
 from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
@@ -57,6 +57,7 @@ class _Single(DirectUpdate, Sampled[_M]):
 
     __slots__ = ("_reader",)
 
+    _bounds: ClassVar = False
     update: Callable[..., float]
 
     @listed_in_signature(SampleOptions)
@@ -64,7 +65,7 @@ class _Single(DirectUpdate, Sampled[_M]):
         self, spec: Spec, period: Period | None = None, **options: Unpack[SampleOptions]
     ) -> None:
         self._compile(spec, period, options)
-        self._reader = SampleReader(self.program, self._nan)
+        self._reader = SampleReader(self.program, self._nan, bounds=self._bounds)
         self._machine = self._made(self._reader)
         self.update = self._machine.update
 
@@ -104,7 +105,8 @@ class Monitor(Late, NamedValues, _Single[DiscreteMachine]):
             the text declares ``output``. Only interface-aware semantics need them.
         backend: ``"native"`` runs the machine in C++, ``"python"`` the one in Python; ``"auto"``
             takes the one in C++ if it was built.
-        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value.
+        nan: ``"raise"`` refuses nan; ``"hold"`` keeps the variable's last value. Monitors that give
+            bounds also take ``"unknown"``: nothing is known of the value.
         align: How a bound becomes samples that is no whole number of them. None refuses it;
             ``"outward"`` takes the floor of the begin and the ceiling of the end, ``"inward"`` the
             reverse, and ``"nearest"`` the nearest sample, of two that which widens the window. The
@@ -201,12 +203,18 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     trace ends (``eventually[5:9]`` of a trace of 3 samples is -inf, ``always[5:9]`` +inf, under
     any polarity), ``robustness`` may lie outside the bounds, which are about longer traces.
 
+    A value of a sample may be a `Between`, which is known only to lie between two numbers. From
+    then on the bounds hold for all values in these intervals too: predicates follow by interval
+    arithmetic, ``robustness`` is the least one if the episode ends now, and `finish` may leave the
+    verdict open. An episode in which every sample is known costs and gives what it always does.
+
     Args:
         spec: Text, a formula, or a parsed specification.
         period: As for `Monitor`.
         history: Whether to keep the samples for `explain`: 8 bytes a value, until the reset.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`.
+            for `Monitor`; ``nan="unknown"`` takes a nan for a value of which nothing is known,
+            ``Between(-math.inf, math.inf)``.
 
     Raises:
         SpecificationError: On text that is not a specification, bounds that are not a whole number
@@ -220,6 +228,10 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         (4.0, -inf, 4.0, 'UNDECIDED')
         >>> e.update(x=0), e.lower, e.upper, e.verdict.name
         (-1.0, -inf, -1.0, 'VIOLATED')
+
+        >>> e = EpisodeMonitor("always(x > 1)", nan="unknown")
+        >>> e.update(x=5), e.update(x=math.nan), e.finish(), e.upper, e.verdict.name
+        (4.0, -inf, -inf, 4.0, 'UNDECIDED')
 
     Source: Nickovic and Yamaguchi, "RTAMT: Online Robustness Monitors from STL", ATVA 2020; bounds
     after Deshmukh et al., "Robust online monitoring of signal temporal logic", FMSD 2017.
@@ -236,6 +248,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         "verdict": "The verdict, decided as soon as both bounds have the same sign bit.",
     }
 
+    _bounds: ClassVar = True
     verdict: MachineValue[Verdict]
 
     @listed_in_signature(SampleOptions)
@@ -306,6 +319,7 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
 
         Raises:
             StateError: Without ``history=True``, or before the first sample.
+            InputError: If a sample is not known (`Between`, ``nan="unknown"``).
 
         Example:
             >>> e = EpisodeMonitor("always(x > 1)", history=True)
@@ -321,6 +335,12 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
         if not self.samples:
             raise StateError("explain() needs at least one sample, got none since reset")
         table = np.array(self._history).reshape(self.samples, len(self.variables))
+        if len(unknown := np.argwhere(np.isnan(table))):
+            sample, variable = unknown[0]
+            raise InputError(
+                f"explain() needs samples that are known, and '{self.variables[variable]}' is not "
+                f"known at sample {sample}"
+            )
         return explain(self.specification, table, n=self.samples, **super()._arguments())
 
     def reset(self) -> None:
@@ -364,12 +384,15 @@ for _slot in _SHOWN:
 
 
 def _recording(machine: EpisodeMachine, history: array[float]) -> Callable[..., float]:
-    """The machine's update, which puts every sample that it takes in into the history."""
+    """The machine's update, which puts every sample that it takes in into the history.
+
+    What is not known is nan there.
+    """
     update, keep = machine.update, history.extend
 
     def recorded(*args: object, **named: object) -> float:
         robustness = update(*args, **named)
-        keep(machine.inputs)
+        keep([x if isinstance(x, float) else math.nan for x in machine.inputs])
         return robustness
 
     return recorded

@@ -16,6 +16,19 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rtamt.program.intervals import (
+    Rule,
+    corners,
+    even,
+    logarithm,
+    meeting,
+    monotone,
+    near,
+    opposite,
+    power,
+    quotient,
+)
+
 __all__ = [
     "FOLDS",
     "FUNCTIONS",
@@ -33,11 +46,17 @@ INF = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A total function on doubles; the C++ machines have one of the same name."""
+    """A total function on doubles; the C++ machines have one of the same name.
+
+    Attributes:
+        apply: The function.
+        rule: Its values where operands are not known; see `rtamt.program.intervals`.
+    """
 
     name: str
     arity: int
     apply: Callable[..., float]
+    rule: Rule
 
 
 def _div(x: float, y: float) -> float:
@@ -124,30 +143,30 @@ def _holds(comparison: Callable[[float, float], bool]) -> Callable[[float, float
 FUNCTIONS: Mapping[str, Function] = {
     f.name: f
     for f in (
-        Function("neg", 1, operator.neg),
-        Function("abs", 1, abs),
-        Function("sqrt", 1, _sqrt),
-        Function("exp", 1, _exp),
-        Function("ln", 1, _ln),
-        Function("add", 2, operator.add),
-        Function("sub", 2, operator.sub),
-        Function("mul", 2, operator.mul),
-        Function("div", 2, _div),
-        Function("pow", 2, _pow),
-        Function("log", 2, _log),
-        Function("min", 2, _min),
-        Function("max", 2, _max),
+        Function("neg", 1, operator.neg, monotone("-")),
+        Function("abs", 1, abs, even),
+        Function("sqrt", 1, _sqrt, monotone("+", least=-0.0)),
+        Function("exp", 1, _exp, monotone("+", wider=True)),
+        Function("ln", 1, _ln, monotone("+", least=-0.0, wider=True)),
+        Function("add", 2, operator.add, monotone("++")),
+        Function("sub", 2, operator.sub, monotone("+-")),
+        Function("mul", 2, operator.mul, corners),
+        Function("div", 2, _div, quotient),
+        Function("pow", 2, _pow, power),
+        Function("log", 2, _log, logarithm(_ln, _div)),
+        Function("min", 2, _min, monotone("++")),
+        Function("max", 2, _max, monotone("++")),
         # By how much a comparison holds: 0.0 if it just does, -0.0 if it just does not.
-        Function("at_least", 2, _at_least),
-        Function("above", 2, _above),
-        Function("equal", 2, _equal),
-        Function("unequal", 2, _unequal),
-        Function("nonnegative", 1, lambda x: x + 0.0),
+        Function("at_least", 2, _at_least, monotone("+-")),
+        Function("above", 2, _above, monotone("+-")),
+        Function("equal", 2, _equal, near),
+        Function("unequal", 2, _unequal, opposite(near)),
+        Function("nonnegative", 1, lambda x: x + 0.0, monotone("+")),
         # Whether a comparison holds, as +inf or -inf.
-        Function("ge", 2, _holds(operator.ge)),
-        Function("gt", 2, _holds(operator.gt)),
-        Function("eq", 2, _holds(operator.eq)),
-        Function("ne", 2, _holds(operator.ne)),
+        Function("ge", 2, _holds(operator.ge), monotone("+-")),
+        Function("gt", 2, _holds(operator.gt), monotone("+-")),
+        Function("eq", 2, _holds(operator.eq), meeting),
+        Function("ne", 2, _holds(operator.ne), opposite(meeting)),
     )
 }
 

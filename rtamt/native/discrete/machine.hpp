@@ -60,6 +60,7 @@ private:
     friend class Bank;
     friend class DiscreteBank;
     friend class RegisterColumns;
+    friend class TermRanges;
 
     void compile(const DiscreteRow& row, std::size_t terms);
 

@@ -79,6 +79,45 @@ inline nb::object doubles(const double* values, std::size_t n) {
     return array.make<double>(n, [values](std::size_t i) { return values[i]; });
 }
 
+// The columns of a call, and new arrays for the observed registers.
+class Arrays {
+public:
+    // For so many variables and so many observed registers.
+    Arrays(std::size_t variables, std::size_t observed, const nb::sequence& columns,
+           std::size_t n) {
+        const auto numpy = nb::module_::import_("numpy");
+        for (nb::handle column : columns) {
+            in_.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
+            sources_.push_back(in_.back().data<double>());
+        }
+        if (in_.size() != variables)
+            throw nb::value_error("expected a column for every variable");
+        for (std::size_t i = 0; i < observed; ++i) {
+            out_.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
+            targets_.push_back(out_.back().data<double>());
+        }
+    }
+
+    const double* const* sources() const { return sources_.data(); }
+    double* const* targets() const { return targets_.data(); }
+    std::vector<double> sample(std::size_t i) const {
+        std::vector<double> values;
+        for (const double* source : sources_) values.push_back(source[i]);
+        return values;
+    }
+    nb::list made() const {
+        nb::list arrays;
+        for (const ArrayView& view : out_) arrays.append(view.array());
+        return arrays;
+    }
+
+private:
+    std::vector<ArrayView> in_;
+    std::vector<ArrayView> out_;
+    std::vector<const double*> sources_;
+    std::vector<double*> targets_;
+};
+
 inline nb::list list_of(const double* values, std::size_t n) {
     nb::list list;
     for (std::size_t i = 0; i < n; ++i) list.append(values[i]);

@@ -30,47 +30,10 @@ nb::list registers(const DiscreteObject& object) {
     return list_of(values.data(), values.size());
 }
 
-// The columns of a call, and new arrays for the observed registers.
-class Arrays {
-public:
-    Arrays(const DiscreteMachine& machine, const nb::sequence& columns, std::size_t n) {
-        const auto numpy = nb::module_::import_("numpy");
-        for (nb::handle column : columns) {
-            in_.emplace_back(numpy.attr("ascontiguousarray")(column, "float64"), n, PyBUF_ND);
-            sources_.push_back(in_.back().data<double>());
-        }
-        if (in_.size() != machine.variables())
-            throw nb::value_error("expected a column for every variable");
-        for (std::size_t i = 0; i < machine.observed(); ++i) {
-            out_.emplace_back(numpy.attr("empty")(n), n, PyBUF_ND | PyBUF_WRITABLE);
-            targets_.push_back(out_.back().data<double>());
-        }
-    }
-
-    const double* const* sources() const { return sources_.data(); }
-    double* const* targets() const { return targets_.data(); }
-    std::vector<double> sample(std::size_t i) const {
-        std::vector<double> values;
-        for (const double* source : sources_) values.push_back(source[i]);
-        return values;
-    }
-    nb::list made() const {
-        nb::list arrays;
-        for (const ArrayView& view : out_) arrays.append(view.array());
-        return arrays;
-    }
-
-private:
-    std::vector<ArrayView> in_;
-    std::vector<ArrayView> out_;
-    std::vector<const double*> sources_;
-    std::vector<double*> targets_;
-};
-
 nb::list run(DiscreteObject& object, const nb::sequence& columns, std::size_t n) {
     require_idle(object);
     DiscreteMachine& machine = object.machine;
-    const Arrays arrays(machine, columns, n);
+    const Arrays arrays(machine.variables(), machine.observed(), columns, n);
     require_idle(object);
     const std::int64_t sample = machine.samples();
     const std::size_t taken =
@@ -84,7 +47,7 @@ nb::list evaluate(DiscreteObject& object, const nb::sequence& columns, std::size
                   bool backwards) {
     require_idle(object);
     const DiscreteMachine& machine = object.machine;
-    const Arrays arrays(machine, columns, n);
+    const Arrays arrays(machine.variables(), machine.observed(), columns, n);
     require_idle(object);
     const std::size_t taken = run_long(object, n, [&] {
         return machine.evaluate(arrays.sources(), n, backwards, arrays.targets());

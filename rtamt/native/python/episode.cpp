@@ -1,4 +1,6 @@
 // The episode machine as a Python class.
+#include "episode/uncertain.hpp"
+
 #include <nanobind/nanobind.h>
 
 #include <utility>
@@ -10,7 +12,7 @@
 namespace rtamt {
 namespace {
 
-struct EpisodeObject : NamedObject<EpisodeMachine> {
+struct EpisodeObject : NamedObject<UncertainEpisode> {
     Readout readout;
 };
 
@@ -18,7 +20,7 @@ void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequenc
                const nb::sequence& initial, const nb::sequence& streams,
                const nb::tuple& variables, nb::object reader) {
     new (self) EpisodeObject{
-        {{EpisodeMachine(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
+        {{UncertainEpisode(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
                          registers_of(initial), registers_of(streams)),
           std::move(reader)},
          Arguments(variables)},
@@ -39,7 +41,7 @@ void show_in(EpisodeObject& object, nb::handle monitor, const nb::sequence& slot
 }
 
 // The number that a function of the machine gives.
-template <double (EpisodeMachine::*number)() const>
+template <double (UncertainEpisode::*number)() const>
 double get(const EpisodeObject& object) {
     return (object.machine.*number)();
 }
@@ -62,11 +64,11 @@ void bind_episode(nb::module_& m) {
         methods)
         .def("__init__", construct, nb::arg("terms"), nb::arg("formulas"), nb::arg("initial"),
              nb::arg("streams"), nb::arg("variables"), nb::arg("reader"))
-        .def_prop_ro("robustness", get<&EpisodeMachine::result>,
+        .def_prop_ro("robustness", get<&UncertainEpisode::result>,
                      "The robustness if the episode ended now.")
-        .def_prop_ro("lower", get<&EpisodeMachine::lower>,
+        .def_prop_ro("lower", get<&UncertainEpisode::lower>,
                      "The least robustness over all continuations.")
-        .def_prop_ro("upper", get<&EpisodeMachine::upper>,
+        .def_prop_ro("upper", get<&UncertainEpisode::upper>,
                      "The greatest robustness over all continuations.")
         .def_prop_ro("finished", [](const EpisodeObject& o) { return o.machine.finished(); },
                      "Whether the episode has ended.")

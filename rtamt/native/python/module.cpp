@@ -11,6 +11,7 @@ NB_MODULE(_native, m) {
     bind_episode(m);
     bind_dense(m);
     bind_banks(m);
+    bind_ranges(m);
 
     nb::dict functions;
     nb::dict folds;

@@ -198,5 +198,6 @@ void bind_discrete(nb::module_& m);
 void bind_episode(nb::module_& m);
 void bind_dense(nb::module_& m);
 void bind_banks(nb::module_& m);
+void bind_ranges(nb::module_& m);
 
 }  // namespace rtamt

@@ -4,16 +4,34 @@
 #include <nanobind/nanobind.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "python/arrays.hpp"
 #include "python/object.hpp"
 
 namespace rtamt {
 
+// Whether a machine takes in samples that are not known.
+template <class M>
+concept Uncertain = requires(M& machine, const double* ends) { machine.take(ends, ends); };
+
+// A sample that lies between two others: numbers, and intervals where it is not known.
+inline nb::list sample_between(const double* lower, const double* upper, std::size_t n) {
+    nb::list sample = list_of(lower, n);
+    for (std::size_t i = 0; i < n; ++i)
+        if (!same(lower[i], upper[i]))
+            sample[i] = nb::module_::import_("rtamt.inputs.between").attr("Between")(lower[i], upper[i]);
+    return sample;
+}
+
 template <class M>
 nb::list inputs(const NamedObject<M>& object) {
     const M& machine = object.machine;
-    return list_of(machine.inputs(), machine.samples() > 0 ? machine.variables() : 0);
+    const std::size_t n = machine.samples() > 0 ? machine.variables() : 0;
+    if constexpr (Uncertain<M>)
+        return sample_between(machine.inputs(), machine.upper_inputs(), n);
+    else
+        return list_of(machine.inputs(), n);
 }
 
 // Raises the error of a call that the state of an episode does not allow; its text is in Python.
@@ -26,16 +44,38 @@ template <class M>
     refuse(object.reader, "refuse", list_of(values, object.machine.variables()), sample);
 }
 
+// Takes in a sample that the reader has made, if a value of it is not known.
+template <Uncertain M>
+bool take_between(NamedObject<M>& object, nb::handle values) {
+    std::vector<double> lower;
+    std::vector<double> upper;
+    bool known = true;
+    for (nb::handle value : values) {
+        const bool number = PyFloat_Check(value.ptr());
+        known &= number;
+        lower.push_back(nb::cast<double>(number ? value : value.attr("lower")));
+        upper.push_back(nb::cast<double>(number ? value : value.attr("upper")));
+    }
+    if (known) return false;
+    if (!object.machine.take(lower.data(), upper.data()))
+        refuse(object.reader, "refuse", values, object.machine.samples());
+    return true;
+}
+
 // Leaves the rare forms of arguments, nan and all errors to the reader.
 template <class M>
 void take_slowly(NamedObject<M>& object, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
     M& machine = object.machine;
     const auto [positional, named] = packed(args, n, kwnames);
+    const char* const form = Uncertain<M> ? "read_sample" : "read";
     const nb::object values =
-        object.reader.attr("read")(positional, named, machine.samples(), inputs(object));
+        object.reader.attr(form)(positional, named, machine.samples(), inputs(object));
     require_idle(object);
     if (nb::len(values) != machine.variables())
         throw std::runtime_error("the reader gave another number of values");
+    if constexpr (Uncertain<M>) {
+        if (take_between(object, values)) return;
+    }
     double* pending = machine.pending();
     for (nb::handle value : values) *pending++ = nb::cast<double>(value);
     if (!machine.take()) refuse_nan(object, machine.pending(), machine.samples());

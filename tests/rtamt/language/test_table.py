@@ -16,6 +16,7 @@ from rtamt.language.formula import Formula, Term, make, variable
 from rtamt.language.operators import OPERATORS, _function
 from rtamt.language.table import KEYWORDS, Operator
 from rtamt.program.algebra import FUNCTIONS, Function
+from rtamt.program.intervals import monotone
 
 Add = Callable[[Operator], None]
 
@@ -136,9 +137,8 @@ def test_a_function_is_a_row_here_and_one_in_the_algebra(
     add: Add, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add(TWICE)
-    monkeypatch.setitem(
-        cast("dict[str, Function]", FUNCTIONS), "twice", Function("twice", 1, lambda x: 2 * x)
-    )
+    row = Function("twice", 1, lambda x: 2 * x, monotone("+"))
+    monkeypatch.setitem(cast("dict[str, Function]", FUNCTIONS), "twice", row)
     made = cast("Term", make("twice", (x,))) > 0.25
     assert formula("twice(x) > 0.25") is made
     assert str(made.always()) == "always(twice(x) > 0.25)"

@@ -1,0 +1,223 @@
+"""Interval arithmetic: which values a function can have where its operands are not known.
+
+The rules below say that for a function of doubles, from the least and the greatest value of each
+operand. Least and greatest go by the order in which -0.0 is below 0.0, so bounds keep the sign bit
+that says whether a predicate holds. Each row of `rtamt.program.algebra.FUNCTIONS` names its rule;
+`everything` is right for all of them. The C++ machines have the same rules in
+``core/intervals.hpp``, and find the same bounds bit for bit.
+
+Operands without a value, such as -1 of a square root, are left out. An end that is no number, such
+as inf - inf, makes the range everything.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+__all__ = [
+    "EVERYTHING",
+    "Ends",
+    "Range",
+    "Rule",
+    "corners",
+    "even",
+    "everything",
+    "logarithm",
+    "meeting",
+    "monotone",
+    "near",
+    "opposite",
+    "power",
+    "quotient",
+    "range_of",
+]
+
+INF = math.inf
+Ends = tuple[float, float]
+"""The least and the greatest value."""
+
+EVERYTHING: Ends = (-INF, INF)
+
+
+class Range(NamedTuple):
+    """The values that a term can have.
+
+    Attributes:
+        lower: The least one.
+        upper: The greatest one.
+        known: Whether the term reads no unknown sample, so that both are its value.
+    """
+
+    lower: float
+    upper: float
+    known: bool = False
+
+
+_Apply = Callable[..., float]
+Rule = Callable[..., Ends | None]
+"""Takes the function and the range of each operand; None if the function has no value there."""
+
+
+def range_of(apply: _Apply, rule: Rule, *operands: Range) -> Range | None:
+    """The values of a function; None if there is none, or it is nan for known operands."""
+    if all(operand.known for operand in operands):
+        value = apply(*(operand.lower for operand in operands))
+        return None if value != value else Range(value, value, known=True)  # noqa: PLR0124 - nan
+    ends = rule(apply, *operands)
+    return None if ends is None else Range(*ends)
+
+
+def everything(apply: _Apply, *operands: Range) -> Ends:  # noqa: ARG001 - it is a rule
+    """The rule of a function of which nothing else is known."""
+    return EVERYTHING
+
+
+def monotone(directions: str, *, least: float = -INF, wider: bool = False) -> Rule:
+    """The rule of a function that rises (``+``) or falls (``-``) with each operand.
+
+    Args:
+        directions: A sign for each operand.
+        least: The least operand that has a value.
+        wider: Whether the function is rounded such that it may fall by a step where it rises.
+    """
+
+    def rule(apply: _Apply, *operands: Range) -> Ends | None:
+        low, high = [], []
+        for direction, operand in zip(directions, operands, strict=True):
+            if operand.upper < least:
+                return None
+            ends = _greatest((operand.lower, least)), operand.upper
+            low.append(ends[direction == "-"])
+            high.append(ends[direction == "+"])
+        found = _hull((apply(*low), apply(*high)))
+        return _outward(found) if wider else found
+
+    return rule
+
+
+def even(apply: _Apply, x: Range) -> Ends:
+    """The rule of the absolute value."""
+    ends = apply(x.lower), apply(x.upper)
+    spans = _negative(x.lower) and not _negative(x.upper)
+    return 0.0 if spans else _least(ends), _greatest(ends)
+
+
+def corners(apply: _Apply, *operands: Range) -> Ends:
+    """The rule of a function that is monotone in each operand, whichever way."""
+    return _hull(apply(*values) for values in itertools.product(*(o[:2] for o in operands)))
+
+
+def quotient(apply: _Apply, x: Range, y: Range) -> Ends:
+    """The rule of a division: everything if an unknown divisor may be 0."""
+    if not y.known and y.lower <= 0.0 <= y.upper:
+        return EVERYTHING
+    return corners(apply, x, y)
+
+
+def near(apply: _Apply, x: Range, y: Range) -> Ends:  # noqa: ARG001 - it is a rule
+    """The rule of ``-abs(x - y)``, which is 0.0 where both are equal."""
+    lower, upper = _hull((x.lower - y.upper, x.upper - y.lower))
+    far = max(abs(lower), abs(upper))
+    close = 0.0 if lower <= 0.0 <= upper else min(abs(lower), abs(upper))
+    return 0.0 - far, 0.0 - close
+
+
+def meeting(apply: _Apply, x: Range, y: Range) -> Ends:  # noqa: ARG001 - it is a rule
+    """The rule of ``x == y`` without a margin."""
+    always = x.lower == x.upper == y.lower == y.upper
+    ever = x.lower <= y.upper and y.lower <= x.upper
+    return INF if always else -INF, INF if ever else -INF
+
+
+def opposite(rule: Rule) -> Rule:
+    """The rule of the function with the other sign."""
+
+    def negated(apply: _Apply, *operands: Range) -> Ends | None:
+        ends = rule(apply, *operands)
+        return None if ends is None else (-ends[1], -ends[0])
+
+    return negated
+
+
+def power(apply: _Apply, x: Range, y: Range) -> Ends | None:
+    """The rule of ``pow``: everything, unless it is monotone in both operands."""
+    if _negative(x.lower):
+        if x.lower > -INF and not _has_whole(y):  # a negative base has no such power
+            if x.upper < 0.0:
+                return None
+            x = Range(0.0, x.upper + 0.0)
+        elif not _is_monotone_power(x, y):
+            return EVERYTHING
+    return _outward(corners(apply, x, y))
+
+
+def _has_whole(y: Range) -> bool:
+    """Whether a whole number lies in a range; both infinities count as whole."""
+    if math.isinf(y.lower) or math.isinf(y.upper):
+        return True
+    return math.ceil(y.lower) <= y.upper
+
+
+def _is_monotone_power(x: Range, y: Range) -> bool:
+    """Whether a power is monotone on a range of bases some of which are negative or -0.0."""
+    n = y.lower
+    if n != y.upper or not _has_whole(y):
+        return False
+    if not math.isinf(n) and math.fmod(n, 2.0) != 0.0:
+        return n > 0.0 or _negative(x.upper)  # an odd one jumps at 0 if it is negative
+    return n == 0.0 or x.upper <= 0.0 or x.lower >= 0.0
+
+
+def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]) -> Rule:
+    """The rule of ``log``, which is the quotient of two natural logarithms."""
+    of = functools.partial(monotone("+", least=-0.0), ln)
+
+    def rule(apply: _Apply, x: Range, base: Range) -> Ends | None:  # noqa: ARG001 - it is a rule
+        over, under = of(x), of(base)
+        if over is None or under is None:
+            return None
+        if not base.known and under[0] <= 0.0 <= under[1]:
+            return EVERYTHING
+        exact = corners(div, Range(*over), Range(*under))
+        # A step of the logarithm may be more than one of the quotient.
+        under = under if base.known else _outward(under)
+        stepped = corners(div, Range(*_outward(over)), Range(*under))
+        return _hull((*_outward(exact), *stepped))
+
+    return rule
+
+
+def _hull(values: Iterable[float]) -> Ends:
+    """The least and the greatest of some numbers; everything if one is nan."""
+    found = list(values)
+    return EVERYTHING if any(map(math.isnan, found)) else (_least(found), _greatest(found))
+
+
+def _outward(ends: Ends) -> Ends:
+    """The range with each end one step further, but never of the other sign."""
+    lower, upper = ends
+    if lower != 0.0 or _negative(lower):
+        lower = math.nextafter(lower, -INF)
+    if upper != 0.0 or not _negative(upper):
+        upper = math.nextafter(upper, INF)
+    return lower, upper
+
+
+def _order(x: float) -> tuple[float, float]:
+    return x, math.copysign(1.0, x)
+
+
+def _least(values: Iterable[float]) -> float:
+    return min(values, key=_order)
+
+
+def _greatest(values: Iterable[float]) -> float:
+    return max(values, key=_order)
+
+
+def _negative(x: float) -> bool:
+    return math.copysign(1.0, x) < 0.0

@@ -1,0 +1,328 @@
+"""Samples that are not known, or not exactly: bounds around every trace that they may be."""
+
+import copy
+import itertools
+import math
+import pickle
+import random
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from bits import bits, identical
+from episode_monitors import offered
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from interval_oracle import order
+from strategies import VARIABLES, formulas, traces
+from uncertain_traces import UNKNOWN, Uncertain, one_of, uncertain_traces
+
+from rtamt import (
+    Between,
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    Monitor,
+    VectorMonitor,
+    Verdict,
+    evaluate,
+    evaluate_many,
+    explain,
+    number,
+    variable,
+)
+from rtamt.machines.backend import BACKENDS
+
+Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+INF, NAN = math.inf, math.nan
+SPEC = "always(a > 1 implies eventually[0:2](b >= 0))"
+
+
+def sample(trace: Uncertain, i: int, names: tuple[str, ...]) -> list[float | Between]:
+    return [trace[name][i] for name in names]
+
+
+def signed(*values: float) -> list[tuple[float, float]]:
+    return [order(value) for value in values]
+
+
+@given(formulas(3, endless=True), uncertain_traces(), st.integers(0, 2**32))
+def test_every_trace_inside_has_its_value_inside_the_bounds(
+    formula: Formula, trace: Uncertain, seed: int
+) -> None:
+    rng = random.Random(seed)
+    n = len(trace["a"])
+    for _ in range(3):
+        its = one_of(trace, rng)
+        end, stop = rng.choice(ENDS), rng.randrange(n) + 1
+        bounded, plain = EpisodeMonitor(formula), EpisodeMonitor(formula)
+        for i in range(stop):
+            bounded.update(sample(trace, i, bounded.variables))
+            plain.update([its[name][i] for name in plain.variables])
+            lower, robustness, its_lower, value, its_upper, upper = signed(
+                *(bounded.lower, bounded.robustness),
+                *(plain.lower, plain.robustness, plain.upper, bounded.upper),
+            )
+            assert lower <= its_lower, i
+            assert robustness <= value, i
+            assert its_upper <= upper, i
+        bounded.finish(end)
+        plain.finish(end)
+        assert signed(bounded.lower) <= signed(plain.lower), end
+        assert signed(plain.upper) <= signed(bounded.upper), end
+        if bounded.verdict is not Verdict.UNDECIDED:
+            assert plain.verdict is bounded.verdict
+
+
+@given(formulas(3, endless=True), uncertain_traces(), st.sampled_from(ENDS))
+@settings(max_examples=60)
+def test_both_back_ends_agree_to_the_bit(formula: Formula, trace: Uncertain, end: End) -> None:
+    monitors = [EpisodeMonitor(formula, backend=name) for name in BACKENDS]
+    for i in range(len(trace["a"])):
+        for monitor in monitors:
+            monitor.update(sample(trace, i, monitor.variables))
+        assert all(identical(offered(m), offered(monitors[0])) for m in monitors)
+        assert len({str(m._machine.inputs) for m in monitors}) == 1
+    for monitor in monitors:
+        monitor.finish(end)
+    assert all(identical(offered(m), offered(monitors[0])) for m in monitors)
+
+
+@given(formulas(3, endless=True), traces(), st.sampled_from(ENDS))
+@settings(max_examples=60)
+def test_without_an_unknown_sample_nothing_changes(
+    formula: Formula, trace: dict[str, list[float]], end: End
+) -> None:
+    for backend in BACKENDS:
+        plain = EpisodeMonitor(formula, backend=backend)
+        ready = EpisodeMonitor(formula, backend=backend, nan="unknown")
+        # An episode with unknown samples leaves nothing behind.
+        ready.update([NAN] * len(ready.variables))
+        ready.reset()
+        for i in range(len(trace["a"])):
+            row = [trace[name][i] for name in plain.variables]
+            assert identical([plain.update(row)], [ready.update([Between(x, x) for x in row])])
+            assert identical(offered(plain), offered(ready))
+        assert identical([plain.finish(end)], [ready.finish(end)])
+        assert identical(offered(plain), offered(ready))
+        assert plain.verdict is ready.verdict
+
+
+def read_once(rng: random.Random, names: list[str], depth: int) -> Formula:
+    """A formula that reads each variable once, and has no operator that reads an operand twice."""
+    if len(names) == 1 and (depth == 0 or rng.random() < 0.3):
+        term, bound = variable(names[0]), number(rng.choice([-1.0, 0.0, 0.5]))
+        return rng.choice([term > bound, term <= bound, (-term) >= bound, term * 2 - bound < 1])
+    if len(names) == 1 or rng.random() < 0.3:
+        below = read_once(rng, names, depth - 1)
+        end = rng.choice([1, 2, None])
+        return rng.choice([below.always(0, end), below.eventually(0, end), below.once(), ~below])
+    cut = rng.randrange(1, len(names))
+    p, q = (read_once(rng, part, depth - 1) for part in (names[:cut], names[cut:]))
+    return rng.choice([p & q, p | q, p.implies(q), p.until(q, 0, 2), p.since(q)])
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_where_each_variable_is_read_once_the_bounds_are_reached(
+    seed: int, backend: Backend
+) -> None:
+    rng = random.Random(seed)
+    formula = read_once(rng, list(VARIABLES), 2)
+    n = rng.randrange(1, 5)
+    ends: dict[tuple[str, int], tuple[float, float]] = {}
+    for name in VARIABLES:
+        for i in range(n):
+            x = rng.randrange(-8, 9) / 4
+            ends[name, i] = x, x
+    for place in rng.sample(list(ends), min(5, len(ends))):
+        ends[place] = ends[place][0], ends[place][0] + rng.choice([0.25, 1.0, 3.0, INF])
+    monitors = [EpisodeMonitor(each, backend=backend) for each in (formula, ~formula)]
+    for monitor in monitors:
+        for i in range(n):
+            monitor.update([Between(*ends[name, i]) for name in monitor.variables])
+    places = list(ends)
+    values = []
+    for corner in itertools.product(*({x, y} for x, y in ends.values())):
+        at = dict(zip(places, corner, strict=True))
+        data = {name: [at[name, i] for i in range(n)] for name in VARIABLES}
+        values.append(float(evaluate(formula, data)[0]))
+    least, greatest = min(values, key=order), max(values, key=order)
+    found = [monitor.robustness for monitor in monitors]
+    assert identical(found, [least, -greatest]), (str(formula), ends)
+
+
+def test_bounds_go_by_polarity(backend: Backend) -> None:
+    e = EpisodeMonitor("a > 1 implies b > 0", backend=backend)
+    # At the left, which counts negated, the greatest value is the worst case.
+    assert e.update(a=Between(0, 4), b=-2.0) == -2.0
+    assert identical(e.bounds(), (-2.0, 1.0))
+    e = EpisodeMonitor("(a > 1) iff (a > 1)", backend=backend)  # it reads both polarities
+    e.update(a=Between(0, 3))
+    assert identical(e.bounds(), (-1.0, 2.0))
+
+
+def test_terms_by_interval_arithmetic(backend: Backend) -> None:
+    def verdict(text: str, **sample: float | Between) -> Verdict:
+        monitor = EpisodeMonitor(text, backend=backend, nan="unknown")
+        monitor.update(**sample)
+        return monitor.verdict
+
+    assert verdict("abs(x) >= 0", x=NAN) is Verdict.SATISFIED
+    assert verdict("exp(x) >= 0", x=NAN) is Verdict.SATISFIED
+    assert verdict("exp(x) < 0", x=NAN) is Verdict.VIOLATED
+    assert verdict("min(x, 1) <= 1", x=NAN) is Verdict.SATISFIED
+    assert verdict("abs(x) > 0", x=NAN) is Verdict.UNDECIDED
+    assert verdict("x - x == 0", x=NAN) is Verdict.UNDECIDED  # each x is an interval of its own
+    assert verdict("x == y", x=Between(1, 2), y=Between(3, 4)) is Verdict.VIOLATED
+    assert verdict("x != y", x=Between(1, 2), y=Between(3, 4)) is Verdict.SATISFIED
+    assert verdict("x == y", x=Between(1, 2), y=Between(2, 4)) is Verdict.UNDECIDED
+    assert verdict("1 / x > 0", x=Between(0.5, 2)) is Verdict.SATISFIED
+    assert verdict("1 / x > 0", x=Between(0, 2)) is Verdict.UNDECIDED
+    assert verdict("sqrt(x) >= 0", x=Between(0, 4)) is Verdict.SATISFIED
+
+
+def test_a_complete_trace_may_stay_undecided(backend: Backend) -> None:
+    e = EpisodeMonitor("always(x > 1)", nan="unknown", backend=backend)
+    for value in (5.0, NAN, 3.0):
+        e.update(value)
+    for end in ENDS:
+        assert e.finish(end) == -INF
+        assert identical(e.bounds(), (-INF, 2.0))
+        assert e.verdict is Verdict.UNDECIDED
+    e.reset()
+    assert [e.update(5.0), e.upper, e.finish(), e.lower] == [4.0, 4.0, 4.0, 4.0]
+
+
+@pytest.mark.parametrize("semantics", ["input-vacuity", "output-vacuity", "input-robustness"])
+def test_neutral_predicates_and_unknown_samples_together(
+    semantics: Literal["input-vacuity", "output-vacuity", "input-robustness"], backend: Backend
+) -> None:
+    text = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
+    rng = random.Random(7)
+    for _ in range(40):
+        e, plain = (EpisodeMonitor(text, semantics=semantics, backend=backend) for _ in range(2))
+        for _ in range(3):
+            req, gnt = (float(rng.randrange(0, 6)) for _ in range(2))
+            e.update(req=Between(req - rng.choice([0, 1]), req), gnt=Between(gnt, gnt + 1))
+            plain.update(req=req, gnt=gnt)
+            assert signed(e.lower, plain.upper) <= signed(plain.lower, e.upper)
+        e.finish()
+        plain.finish()
+        assert signed(e.lower) <= signed(plain.lower)
+        assert signed(plain.upper) <= signed(e.upper)
+
+
+DUPLICATES: list[Callable[[Any], Any]] = [copy.copy, lambda m: pickle.loads(pickle.dumps(m))]
+
+
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "pickle"])
+@given(trace=uncertain_traces(least=3, most=6), seed=st.integers(0, 9))
+@settings(max_examples=20)
+def test_duplicates_go_on_alike_and_apart(
+    duplicate: Callable[[Any], Any], trace: Uncertain, seed: int
+) -> None:
+    for backend in BACKENDS:
+        original = EpisodeMonitor(SPEC, nan="unknown", backend=backend)
+        for i in range(seed % 3):
+            original.update(sample(trace, i, original.variables))
+        twin = duplicate(original)
+        before = bits(offered(original))
+        twin.update(sample(trace, 2, twin.variables))
+        assert bits(offered(original)) == before
+        original.update(sample(trace, 2, twin.variables))
+        assert identical(offered(original), offered(twin))
+        twin.reset()
+        assert identical(offered(twin), offered(EpisodeMonitor(SPEC)))
+
+
+def test_a_default_stays_as_it_was(backend: Backend) -> None:
+    text = "input float x; input float limit = 2.0; always(x <= limit)"
+    e = EpisodeMonitor(text, backend=backend)
+    e.update(x=0.0)
+    e.update(x=0.0, limit=Between(1.0, 3.0))
+    assert identical(e.bounds(), (-INF, 2.0))
+    e.update(x=2.0)  # whose limit is still not known
+    assert identical([e.robustness, e.upper], [-1.0, 1.0])
+
+
+def test_hold_keeps_an_interval(backend: Backend) -> None:
+    e = EpisodeMonitor("always(x > 0)", nan="hold", backend=backend)
+    e.update(Between(1.0, 2.0))
+    e.update(NAN)
+    assert identical([e.robustness, e.upper], [1.0, 2.0])
+    assert e._machine.inputs == [Between(1.0, 2.0)]
+
+
+def test_an_error_leaves_the_monitor_as_it_was(backend: Backend) -> None:
+    e = EpisodeMonitor("always(sqrt(x) + y > 0)", nan="unknown", backend=backend)
+    for known in (1.0, Between(1.0, 2.0)):
+        e.update(x=known, y=0.0)
+        before = bits(offered(e)), e.samples
+        for x, y in ((Between(-4.0, -1.0), 0.0), (-1.0, NAN), (-1.0, 0.0)):
+            with pytest.raises(InputError, match=r"^'sqrt\(x\)' is not a number at sample \d"):
+                e.update(x=x, y=y)
+        assert (bits(offered(e)), e.samples) == before
+
+
+def test_who_gives_no_bounds_refuses_with_the_reason(backend: Backend) -> None:
+    reason = "EpisodeMonitor, VectorEpisodeMonitor and judge give bounds"
+    for call in (
+        lambda: Monitor("x > 0", nan="unknown", backend=backend),
+        lambda: VectorMonitor("x > 0", 2, nan="unknown", backend=backend),
+        lambda: evaluate("x > 0", {"x": [1.0]}, nan="unknown", backend=backend),
+        lambda: evaluate_many("x > 0", {"x": [[1.0]]}, nan="unknown", backend=backend),
+        lambda: explain("x > 0", {"x": [1.0]}, nan="unknown", backend=backend),
+        lambda: Monitor("x > 0", backend=backend).update(UNKNOWN),
+        lambda: Monitor("x > 0", backend=backend).update_many({"x": Between([1], [2])}),
+        lambda: evaluate("x > 0", {"x": Between([1], [2])}, backend=backend),
+    ):
+        with pytest.raises(InputError, match=reason):
+            call()
+    assert Monitor("x > 0", backend=backend).update(Between(1, 1)) == 1.0  # it is known
+    with pytest.raises(InputError, match=r"^expected nan='raise', nan='hold' or nan='unknown'"):
+        EpisodeMonitor("x > 0", nan="skip", backend=backend)  # type: ignore[arg-type]
+
+
+def test_an_explanation_needs_samples_that_are_known(backend: Backend) -> None:
+    e = EpisodeMonitor("always(x > 0)", nan="unknown", history=True, backend=backend)
+    e.update(1.0)
+    e.update(Between(1.0, 2.0))
+    with pytest.raises(InputError, match=r"^explain\(\) needs samples that are known, and"):
+        e.explain()
+    assert identical(offered(pickle.loads(pickle.dumps(e))), offered(e))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "message"),
+    [
+        (2, 1, "expected a lower end of Between that is not above the upper one, got 2.0 and 1.0"),
+        (0.0, -0.0, "expected a lower end of Between that is not above the upper one, got 0.0 "),
+        (NAN, 1, "expected numbers as ends of Between, and Between(-math.inf, math.inf) of what"),
+        ([1, 2], [1, NAN], "expected numbers as ends of Between"),
+        ([1, 2], [1, 0], "is not above the upper one, got 2.0 and 0.0 at 1"),
+        ([1, 2], [1, 2, 3], "expected two ends of Between of one shape, got (2,) and (3,)"),
+    ],
+)
+def test_ends_that_are_none(lower: Any, upper: Any, message: str) -> None:  # noqa: ANN401
+    with pytest.raises(InputError) as error:
+        Between(lower, upper)
+    assert message in str(error.value)
+
+
+def test_an_interval_is_a_value() -> None:
+    x = Between(1, 2)
+    same = Between(1.0, 2.0)
+    assert (x, hash(x), repr(x)) == (same, hash(same), "Between(1.0, 2.0)")
+    assert x != Between(1, 3)
+    assert x != 1.0
+    columns = Between(0, np.array([1.0, 2.0]))
+    assert columns == Between([0, 0], [1, 2]) == pickle.loads(pickle.dumps(columns))
+    assert repr(columns) == "Between([0.0, 0.0], [1.0, 2.0])"
+    assert isinstance(columns.lower, np.ndarray)
+    with pytest.raises(ValueError, match="read-only"):
+        columns.lower[0] = 5.0
+    with pytest.raises(AttributeError, match="does not change"):
+        x.lower = 3.0
