@@ -16,7 +16,7 @@ from types import MemberDescriptorType
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Readout", "read_only", "verdict_of", "verdicts_of"]
+__all__ = ["Readout", "moved", "read_only", "verdict_of", "verdicts_of"]
 
 
 class Readout:
@@ -51,6 +51,15 @@ def verdict_of(lower: float, upper: float) -> int:
 def verdicts_of(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.int8]:
     """What `verdict_of` gives, for each lane."""
     return np.subtract(~np.signbit(lower), np.signbit(upper), dtype=np.int8)
+
+
+def moved(robustness: float, lower: float, upper: float) -> float:
+    """The robustness, or the bound that is nearest to it, -0.0 below 0.0."""
+    return max(lower, min(robustness, upper, key=_order), key=_order)
+
+
+def _order(value: float) -> tuple[float, float]:
+    return value, copysign(1.0, value)
 
 
 def read_only(slot: MemberDescriptorType) -> object:

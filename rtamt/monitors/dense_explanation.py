@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from numbers import Real
@@ -25,7 +25,7 @@ from rtamt.language.parser import as_specification
 from rtamt.language.printing import number_text
 from rtamt.language.table import Operator
 from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.foresight import MakeDense
+from rtamt.machines.protocols import DenseMachine
 from rtamt.monitors.dense_provenance import StepFunction, dense_origin_of
 from rtamt.monitors.explanation import idle_registers, with_all_named
 from rtamt.monitors.explanation_text import as_text
@@ -34,6 +34,8 @@ from rtamt.monitors.provenance import Origin, visits
 from rtamt.program.dense_lowering import NANOSECOND, DenseProgram
 from rtamt.program.interface import PredicateValue
 from rtamt.program.timing import Period
+
+_MakeDense = Callable[[DenseProgram, EventReader, Sequence[int]], DenseMachine]
 
 __all__ = ["DenseCause", "DenseExplanation", "DenseExplanationStep", "explain_dense"]
 
@@ -262,7 +264,7 @@ class _Course:
         self,
         whole: DenseProgram,
         names: Mapping[str, Formula],
-        machine: MakeDense,
+        machine: _MakeDense,
         columns: Sequence[Column],
         trace: tuple[int, int],
     ) -> None:

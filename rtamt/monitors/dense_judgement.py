@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Unpack
 
-import numpy as np
-
-from rtamt.inputs.event_reader import Column, EventReader
-from rtamt.inputs.events import EventsLike, Given
-from rtamt.machines.backend import BACKENDS
-from rtamt.machines.dense.foresight import DenseForesight, MakeDense
+from rtamt.inputs.event_reader import EventReader
+from rtamt.inputs.events import EventsLike
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, dense_of, rows_of
+from rtamt.machines.dense.outlook import Outlook
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.dense_untested import found_untested_dense
@@ -18,8 +16,7 @@ from rtamt.monitors.judgement import Judgement
 from rtamt.monitors.monitor import Verdict
 from rtamt.monitors.options import Options, Spec, checked_end, compiled_dense, listed_in_signature
 from rtamt.monitors.untested import Untested
-from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.polarity import positive
+from rtamt.program.dense_regions import compile_regions
 from rtamt.program.timing import Period
 
 __all__ = ["judge_dense"]
@@ -36,10 +33,11 @@ def judge_dense(
 ) -> Judgement:
     """The verdict on a whole trace in dense time, by what its end means.
 
-    It is about the first time at which all variables are known; the trace ends at the earliest of
-    their last events, an instant that is known. Invariants are written ``always(...)``. It costs
-    about ten evaluations of the trace; the attributes `untested` and `decided_at` of the result
-    cost more, when they are first asked for.
+    It is about the first time at which all variables are known, and exact at that instant: values
+    at single instants count, those inside nested formulas too, which `evaluate_dense` leaves out.
+    The trace ends at the earliest of the variables' last events, an instant that is known.
+    Invariants are written ``always(...)``. The attributes `untested` and `decided_at` of the result
+    cost extra, when they are first asked for.
 
     Args:
         spec: Text, a formula, or a parsed specification.
@@ -71,67 +69,37 @@ def judge_dense(
     Source: see `DenseMonitor`.
     """
     reading = checked_end(end)
-    specification, _, backend, whole = compiled_dense(
+    specification, interface, _, whole = compiled_dense(
         judge_dense, spec, resolution, options, online=False
     )
-    alone = whole.result_alone()
-    reader = EventReader(alone)
-    given = reader.whole(signals)
-    machine = BACKENDS[backend].dense_machine
-    worst, robustness = _complete(alone, machine, given)
-    columns, dated = reader.counted(given, [-np.inf] * len(given), None)
-    begin = max(int(ticks[0]) for ticks, _ in columns)
-    last = min(int(ticks[-1]) for ticks, _ in columns)
-    known = [_between(column, begin, last) for column in columns]
-    foresight = DenseForesight(whole, machine, known, last - begin)
-    lower, upper = foresight.bounds(cut=False)
-    decided = verdict_of(lower, upper) != 0
-    if not decided and reading == "complete":
-        lower, upper = worst, robustness
-    elif not decided and reading == "cut":
-        lower, upper = foresight.bounds(cut=True)
+    regions = compile_regions(specification, whole.resolution, interface=interface)
+    machine = PythonDenseEpisodeMachine(regions, EventReader(dense_of(regions)))
+    given = machine.reader.whole(signals)
+    machine.run(given)
+    decided = verdict_of(machine.lower, machine.upper) != 0
+    worst, robustness = machine.complete()
+    machine.finish(reading)
+    lower, upper = machine.lower, machine.upper
 
     def untested() -> tuple[Untested, ...]:
         if reading == "complete" or verdict_of(lower, upper) != 0:
             return ()
-        return found_untested_dense(foresight, begin, whole.resolution, cut=reading == "cut")
+        begin, last, rows = rows_of(regions, given)
+        outlook = Outlook(regions.program, rows, last, cut=reading == "cut")
+        return found_untested_dense(outlook, begin, whole.resolution, cut=reading == "cut")
+
+    def decided_at() -> float | None:
+        if not decided:
+            return None
+        again = PythonDenseEpisodeMachine(regions, machine.reader)
+        again.run(given, decided=True)
+        return again.decided_at
 
     return Judgement.of(
-        (robustness, lower, upper),
+        (machine.robustness, lower, upper),
         reading,
         str(specification.formula),
         Verdict(verdict_of(worst, robustness)),
         untested,
-        lambda: reader.time(begin + _first_decided(foresight), dated) if decided else None,
+        decided_at,
     )
-
-
-def _complete(alone: DenseProgram, machine: MakeDense, given: list[Given]) -> tuple[float, float]:
-    """The robustness if the trace is all there is: two zeros if it hangs on neutral predicates."""
-    readings = [alone.program]
-    if alone.program.neutral:
-        readings = [positive(alone.program).reading(zero) for zero in (-0.0, 0.0)]
-    found = []
-    for program in readings:
-        part = DenseProgram(program, alone.resolution)
-        _, values = machine(part, EventReader(part), ()).run(given)
-        found.append(float(values[0]))
-    return found[0], found[-1]
-
-
-def _between(column: Column, begin: int, last: int) -> Column:
-    """The events of the trace, counted from its begin, where the first one is."""
-    ticks, values = column
-    first = int(np.searchsorted(ticks, begin, "right")) - 1
-    after = int(np.searchsorted(ticks, last, "right"))
-    return np.maximum(ticks[first:after], begin) - begin, values[first:after]
-
-
-def _first_decided(foresight: DenseForesight) -> int:
-    """The first tick at which the open reading of the trace up to it is decided."""
-    low, high = -1, foresight.last
-    while high - low > 1:
-        middle = (low + high) // 2
-        decided = verdict_of(*foresight.until(middle).bounds(cut=False)) != 0
-        low, high = (low, middle) if decided else (middle, high)
-    return high

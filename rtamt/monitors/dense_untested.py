@@ -5,38 +5,41 @@ from __future__ import annotations
 from fractions import Fraction
 
 from rtamt.language.node import Node
-from rtamt.machines.dense.foresight import DenseForesight, Steps
+from rtamt.machines.dense.outlook import Outlook, Places
 from rtamt.monitors.untested import Untested
 from rtamt.program.instructions import Window
 
 __all__ = ["found_untested_dense"]
 
-_Place = tuple[int, float]
-"""A register, and a tick at which its value is needed."""
+_Place = tuple[int, int]
+"""A register, and a position at which its value is needed."""
 
 
 def found_untested_dense(
-    foresight: DenseForesight, begin: int, tick: Fraction, *, cut: bool
+    outlook: Outlook, begin: int, tick: Fraction, *, cut: bool
 ) -> tuple[Untested, ...]:
     """What an undecided verdict hangs on: the outermost formulas that need more than was recorded.
 
     It goes from the root to operands that are undecided, and to the first time at which they are.
 
     Args:
-        foresight: The bounds of the trace.
+        outlook: The bounds of the trace.
         begin: The tick at which the trace begins.
         tick: The length of a tick in seconds.
-        cut: Whether the trace was cut; else it goes on for ever.
+        cut: Whether the trace was cut; else anything may follow.
     """
-    walk = _Walk(foresight, cut=cut)
+    walk = _Walk(outlook, cut=cut)
     walk.walk()
 
-    def moment(ticks: float) -> float:
-        time = (begin + int(ticks)) * tick
+    def moment(position: int) -> float:
+        time = (begin + position // 2) * tick
         return int(time) if time.denominator == 1 else float(time)
 
+    def last(position: int | None) -> float | None:
+        return None if position is None else moment(position + 1)
+
     return tuple(
-        Untested(str(node), moment(at), moment(since), None if end is None else moment(end), "s")
+        Untested(str(node), moment(at), moment(since), last(end), "s")
         for (node, at), (since, end) in sorted(walk.found.items(), key=lambda item: item[0][1])
     )
 
@@ -44,13 +47,13 @@ def found_untested_dense(
 class _Walk:
     """From the root of the formulas down to what was not recorded."""
 
-    def __init__(self, foresight: DenseForesight, *, cut: bool) -> None:
+    def __init__(self, outlook: Outlook, *, cut: bool) -> None:
         self._cut = cut
-        self._last = foresight.last
-        self._program = foresight.program(cut=cut)
-        self._foresight = foresight
-        self._known: dict[int, Steps] = {}
-        self.found: dict[tuple[Node, float], tuple[float, float | None]] = {}
+        self._last = outlook.last
+        self._program = outlook.program
+        self._outlook = outlook
+        self._known: dict[int, Places] = {}
+        self.found: dict[tuple[Node, int], tuple[int, int | None]] = {}
 
     def walk(self) -> None:
         program = self._program
@@ -68,17 +71,20 @@ class _Walk:
             below = [operand for operand in instruction.args if operand >= program.terms]
             stack += [(r, at) for r in below if self._undecided(r).first(at, at) is not None]
 
-    def _undecided(self, register: int) -> Steps:
+    def _undecided(self, register: int) -> Places:
         """Where a register is undecided; found once."""
         if register not in self._known:
-            self._known[register] = self._foresight.undecided(register, cut=self._cut)
+            self._known[register] = self._outlook.undecided(register)
         return self._known[register]
 
-    def _through(self, register: int, window: Window, at: float) -> list[_Place]:
+    def _through(self, register: int, window: Window, at: int) -> list[_Place]:
         """The operands of a window that are undecided at recorded times; notes what is beyond."""
         begin = 0 if window.lo is None else max(0, at + window.lo)
         end = None if window.hi is None else at + window.hi
-        missing = end is None and not self._cut
+        if self._cut:
+            missing = window.endless and at + window.begin > self._last
+        else:  # what was not seen may not be there
+            missing = end is None or ((window.hi or 0) > 0 and end > self._last)
         deeper: list[_Place] = []
         for operand in window.args:
             its = self._undecided(operand)
@@ -88,28 +94,14 @@ class _Walk:
             if end is not None:
                 missing = missing or its.first(max(begin, self._last + 1), end) is not None
         if missing:
-            self._note(register, at, max(begin, self._last), end)
+            self._note(register, at, max(begin, self._last), None if window.endless else end)
         return deeper
 
-    def _note(self, register: int, at: float, begin: float, end: float | None) -> None:
+    def _note(self, register: int, at: int, begin: int, end: int | None) -> None:
         """Note what a window needs of the time after the trace."""
         node = self._program.sources[register]
-        if self._shifts_endless(register):
-            end = None
         before = self.found.get((node, at))
         if before is not None:
             begin = min(begin, before[0])
             end = None if end is None or before[1] is None else max(end, before[1])
         self.found[node, at] = begin, end
-
-    def _shifts_endless(self, register: int) -> bool:
-        """Whether a window is the shift of one of its formula that has no end."""
-        program = self._program
-        inner = program.window(register).args[-1]
-        node = program.sources[register]
-        while inner >= program.terms and program.sources[inner] is node:
-            instruction = program.formula(inner)
-            if isinstance(instruction, Window):
-                return instruction.hi is None
-            inner = instruction.args[0]  # a mask, as those come second
-        return False

@@ -25,6 +25,7 @@ from rtamt.program.timing import Period, as_period, seconds_text
 __all__ = [
     "MAX_TICKS",
     "NANOSECOND",
+    "DenseBuilder",
     "DenseProgram",
     "as_resolution",
     "compile_dense",
@@ -109,7 +110,7 @@ class DenseProgram:
         return replace(self, program=self.program.restricted(result, {}))
 
 
-class _DenseBuilder(ProgramBuilder):
+class DenseBuilder(ProgramBuilder):
     """Writes instructions over intervals of time instead of samples."""
 
     def __init__(
@@ -202,7 +203,7 @@ class _DenseBuilder(ProgramBuilder):
         register = super().lower(node, known)
         reach = max((self._reaches[a] for a in node.args), default=0)
         if node.op is not None and node.op.timed:
-            begin, end = self.bounds(node)
+            begin, end = DenseBuilder.bounds(self, node)
             reach += begin if end is None else end
             if reach >= MAX_TICKS:
                 raise self._too_far(node, "the bounds nested here are together", reach)
@@ -253,7 +254,7 @@ def _cached(
         instead = Argument("dense", words="use evaluate_dense()")
         program = offline.program.online("DenseMonitor", instead)
         return DenseProgram(program, resolution)
-    program = _DenseBuilder(specification, resolution, interface).program()
+    program = DenseBuilder(specification, resolution, interface).program()
     if not program.variables:
         raise specification.error(
             specification.formula,

@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import assert_never
 
 from rtamt.language.printing import number_text
@@ -59,23 +59,52 @@ class Map:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A lattice fold over offsets ``lo`` to ``hi`` from now; None is unbounded."""
+    """A lattice fold over offsets ``lo`` to ``hi`` from now; None is unbounded.
+
+    The last two fields say how the end of a trace is read, and nothing to machines that only
+    compute robustness.
+
+    Attributes:
+        guard: Whether it is what has to hold before a witness of ``until``, or of its dual. If the
+            witness is there, so is everything before it; of other windows of the future an unseen
+            element may not be there.
+        endless: Whether it is a part of an operator without end, which begins at `begin`.
+    """
 
     fold: str
     lo: int | None
     hi: int | None
     args: tuple[int, ...]
+    guard: bool = False
+    endless: bool = False
 
     @property
     def length(self) -> int | None:
         """The number of samples that it covers; None is unbounded."""
         return None if self.lo is None or self.hi is None else self.hi - self.lo + 1
 
+    @property
+    def begin(self) -> int:
+        """The offset at which the operator begins that an ``endless`` window is a part of."""
+        return (self.hi or 0) + 1 if self.guard else self.lo or 0
+
+    def skips(self, *, best: bool) -> bool:
+        """Whether an unseen element counts nothing in a bound, as it may not be there.
+
+        It is so for minima in the upper bound and for maxima in the lower; but not for the element
+        of the window's own time.
+
+        Args:
+            best: Whether it is the upper bound.
+        """
+        ahead = self.hi is None or self.hi > 0
+        return ahead and not self.guard and (FOLDS[self.fold].identity[-1] > 0) == best
+
     def mirrored(self) -> Window:
         """The same window with time flipped: future is past."""
         lo = None if self.hi is None else -self.hi
         hi = None if self.lo is None else -self.lo
-        return Window(FOLDS[self.fold].mirror, lo, hi, self.args)
+        return replace(self, fold=FOLDS[self.fold].mirror, lo=lo, hi=hi)
 
 
 Instruction = Load | Const | Map | Window
@@ -103,7 +132,8 @@ def listed(instruction: Instruction) -> str:
             return " ".join(["MAP", function, *map(str, args)])
         case Window(fold, lo, hi, args):
             bounds = f"[{'-inf' if lo is None else lo}, {'inf' if hi is None else hi}]"
-            return " ".join(["WINDOW", fold, bounds, *map(str, args)])
+            marks = [", guard"] * instruction.guard + [", endless"] * instruction.endless
+            return " ".join(["WINDOW", fold, bounds, *map(str, args)]) + "".join(marks)
         case _ as never:
             assert_never(never)
 

@@ -151,7 +151,11 @@ class ProgramBuilder:
             raise AssertionError(msg)
         if lo == hi == 0:
             return args[-1]
-        return self._emit(Window(fold, lo, hi, args), term=False)
+        return self.emit(Window(fold, lo, hi, args))
+
+    def emit(self, window: Window) -> int:
+        """The register of a window."""
+        return self._emit(window, term=False)
 
     def since(self, bounds: Bounds, p: int, q: int) -> int:
         """Since: the fold up to the begin of the interval, and p from there to now."""

@@ -84,13 +84,15 @@ class _Writer:
             case Map(function):
                 name = FOLDS[function].dual if negated else function
                 return self._emit(Map(name, args), register, term=False)
-            case Window(fold, lo, hi):
+            case Window(fold, lo, None) if lo:
                 name = FOLDS[fold].dual if negated else fold
-                if hi is None and lo:
-                    open_end = self._emit(Window(name, 0, None, args), register, term=False)
-                    shift = "max" if FOLDS[name].identity[-1] < 0 else "min"
-                    return self._emit(Window(shift, lo, lo, (open_end,)), register, term=False)
-                return self._emit(Window(name, lo, hi, args), register, term=False)
+                open_end = self._emit(Window(name, 0, None, args), register, term=False)
+                shift = "max" if FOLDS[name].identity[-1] < 0 else "min"
+                late = Window(shift, lo, lo, (open_end,), endless=True)
+                return self._emit(late, register, term=False)
+            case Window(fold) as window:
+                name = FOLDS[fold].dual if negated else fold
+                return self._emit(replace(window, fold=name, args=args), register, term=False)
             case _ as never:
                 assert_never(never)
 

@@ -1,21 +1,22 @@
 """`judge_dense`: the verdict on a trace in dense time, against its definition."""
 
 import inspect
+import itertools
 import pickle
 from collections.abc import Callable
 from typing import Literal
 
+import golden_cases
 import numpy as np
 import pytest
 from bits import identical
-from dense_end_oracle import dense_bounds, first_decided, recorded
 from dense_oracle import STEP
 from dense_signals import INTEGERS, Signals, relevant, signals
-from end_oracle import holds
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from interface_cases import Case, cases, read
 from interface_oracle import SEMANTICS
+from region_oracle import Regions, inside
 from strategies import VARIABLES, formulas
 
 import rtamt
@@ -27,6 +28,7 @@ from rtamt import (
     RtamtError,
     Verdict,
     evaluate_dense,
+    holds,
     judge,
     judge_dense,
 )
@@ -50,28 +52,15 @@ def values(found: Judgement) -> tuple[float, float, float]:
     return found.robustness, found.lower, found.upper
 
 
-def begin_of(whole: Signals) -> float:
-    return max(events[0][0] for events in whole.values())
-
-
 def agrees(formula: Formula, whole: Signals, backend: Backend) -> None:
     """Compare every reading of the end with the definition."""
     assume(formula.variables)
     its = relevant(whole, formula.variables)
-    trace, n = recorded(its)
-    now = evaluate_dense(formula, its, backend=backend).values[0]
-    going_on = dense_bounds(formula, trace, n, cut=False)
-    decided = holds(going_on[0]) == holds(going_on[1])
-    place = first_decided(formula, trace, n)
-    when = None if place is None else begin_of(its) + place * STEP
+    definition = Regions(its, STEP)
+    when = definition.first_decided(formula)
     for end in ENDS:
         found = judge_dense(formula, its, end=end, backend=backend)
-        expected = going_on
-        if not decided and end == "complete":
-            expected = (now, now)
-        elif not decided and end == "cut":
-            expected = dense_bounds(formula, trace, n, cut=True)
-        assert identical(values(found), (now, *expected)), end
+        assert identical(values(found), definition.ended(formula, end)), end
         assert bool(found.untested) == (found.verdict is U)
         assert found.decided_at == when
 
@@ -100,23 +89,10 @@ def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
     spec, semantics = case
     assume(spec.variables)
     its = relevant(whole, spec.variables)
-    trace, n = recorded(its)
-    complete, cut, going_on = (
-        judge_dense(spec, its, end=end, semantics=semantics, backend=backend) for end in ENDS
-    )
-    low, high = dense_bounds(spec.formula, trace, n, cut=False, read=read(case))
-    assert identical((going_on.lower, going_on.upper), (low, high))
-    now = evaluate_dense(spec, its, semantics=semantics, backend=backend).values[0]
-    assert complete.robustness == cut.robustness == going_on.robustness == now
-    if going_on.verdict is U:
-        low, high = dense_bounds(spec.formula, trace, n, cut=True, read=read(case))
-        assert complete.lower == complete.upper == now
-        assert cut.lower in (low, going_on.lower)
-        assert cut.upper in (high, going_on.upper)
-        assert holds(low) <= holds(cut.lower)
-        assert holds(cut.upper) <= holds(high)
-    else:
-        assert values(complete) == values(cut) == values(going_on)
+    definition = Regions(its, STEP, read(case))
+    for end in ENDS:
+        found = judge_dense(spec, its, end=end, semantics=semantics, backend=backend)
+        assert identical(values(found), definition.ended(spec.formula, end)), end
 
 
 @settings(max_examples=60)
@@ -132,7 +108,7 @@ def test_no_continuation_contradicts_what_was_decided(
         known = [event for event in events if event[0] <= end]
         new = [(end + STEP + time, value) for time, value in after[name]]
         longer[name] = [*known, *new, (end + 1000, new[-1][1])]
-    later = evaluate_dense(formula, longer, backend=backend).values[0]
+    later = judge_dense(formula, longer, "complete", backend=backend).robustness
     for reading in ENDS[1:]:
         found = judge_dense(formula, its, end=reading, backend=backend)
         assert found.lower <= later <= found.upper
@@ -179,7 +155,9 @@ def test_on_uniform_samples_it_is_judge(period: float, backend: Backend) -> None
         for end in ENDS[1:]:
             discrete = judge(text, {"x": x}, period, end, backend=backend)
             dense = judge_dense(text, steps, end, backend=backend)
-            assert identical(values(dense)[1:], values(discrete)[1:])
+            assert dense.verdict == discrete.verdict
+            if end == "open":
+                assert identical(values(dense)[1:], values(discrete)[1:])
             place = discrete.decided_at
             assert dense.decided_at == (None if place is None else place * period)
 
@@ -224,6 +202,72 @@ def test_the_end_is_an_instant_that_is_known(backend: Backend) -> None:
     assert judge_dense("eventually[2:2](x > 0)", whole, backend=backend).verdict is V
     longer = judge_dense("eventually[0:2.000000001](x > 1)", whole, backend=backend)
     assert (longer.verdict, longer.upper) == (U, np.inf)
+
+
+INSTANTS = [
+    ("eventually[2:2](x > 0)", {"x": [(0, -1), (2, 5)]}, 5.0),
+    (
+        "(idle > 0) until[1:2] (active > 0)",
+        {"idle": [(0, 1), (1, -1), (3, -1)], "active": [(0, -1), (1, 1), (3, 1)]},
+        1.0,
+    ),
+    ("eventually(x > 0 and once[1:1](x < 0))", {"x": [(0, -1), (1, 2), (2, 2)]}, 1.0),
+    ("eventually[1:1](x < 0 since[1:1] x < 0)", {"x": [(0, -1), (1, 2), (2, 2)]}, -2.0),
+]
+
+
+@pytest.mark.parametrize(("text", "whole", "robustness"), INSTANTS)
+def test_a_single_instant_counts(
+    text: str, whole: Signals, robustness: float, backend: Backend
+) -> None:
+    found = judge_dense(text, whole, "complete", backend=backend)
+    assert identical(values(found), (robustness,) * 3)
+    assert (found.verdict is S) == (robustness > 0)
+
+
+def test_golden_instants(backend: Backend) -> None:
+    for case in golden_cases.cases("dense_instant.json"):
+        found = judge_dense(case["formula"], case["signals"], "complete", backend=backend)
+        assert found.robustness == float(case["robustness"])
+        assert found.lower == found.upper == found.robustness
+        assert holds(found.robustness) == (found.verdict is S)
+
+
+@settings(max_examples=60)
+@given(formula=formulas(depth=2, endless=True, dense=True), whole=signals(INTEGERS))
+def test_what_is_open_holds_at_every_later_end(
+    formula: Formula, whole: Signals, backend: Backend
+) -> None:
+    assume(formula.variables)
+    its = relevant(whole, formula.variables)
+    definition = Regions(its, STEP)
+    ends = [definition.begin + k * STEP for k in range(definition.steps + 1)]
+    ended = [judge_dense(formula, until(its, end), "open", backend=backend) for end in ends]
+    for before, after in itertools.pairwise(ended):
+        assert inside(before.lower, after.lower, before.upper)
+        assert inside(before.lower, after.upper, before.upper)
+    for k, found in enumerate(ended):
+        assert inside(found.lower, found.robustness, found.upper)
+        cut = judge_dense(formula, until(its, ends[k]), "cut", backend=backend)
+        assert inside(found.lower, cut.lower, found.upper)
+        assert inside(found.lower, cut.upper, found.upper)
+        assert cut.verdict is U or (cut.verdict is S) == holds(cut.robustness)
+        for later in range(k, len(ends)):
+            low, high = definition.complete(formula, later)
+            assert inside(found.lower, low, found.upper)
+            assert inside(found.lower, high, found.upper)
+
+
+def until(whole: Signals, end: float) -> Signals:
+    """The signals up to a time, which all have an event there."""
+    return {
+        name: [*(event for event in events if event[0] < end), (end, _at(events, end))]
+        for name, events in whole.items()
+    }
+
+
+def _at(events: list[tuple[float, float]], time: float) -> float:
+    return [value for t, value in events if t <= time][-1]
 
 
 def test_the_deciding_time_is_one_of_the_callers(backend: Backend) -> None:
@@ -282,7 +326,7 @@ def test_other_errors() -> None:
         judge_dense("always once[0:2e9](x > 0)", {"x": [(0, 1), (3e9, 1)]})
     assert str(long.value) == (
         "expected a trace that lasts less than 2**62 ticks of 1ns with the bounds of the formula, "
-        "got 5000000000000000003; resolution='10ns' would do"
+        "got 5000000000000000000; resolution='10ns' would do"
     )
     with pytest.raises(TypeError) as unknown:
         judge_dense("x > 0", {"x": [(0, 1)]}, period=1)  # type: ignore[call-arg] # refused

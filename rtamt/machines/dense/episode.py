@@ -1,0 +1,405 @@
+"""The machine of `DenseEpisodeMonitor` in Python: robustness and bounds at the begin of a trace.
+
+It is that of `EpisodeMonitor` (`rtamt.machines.episode.machine`) over the regions of dense time.
+Position 0 is the begin of the trace, and the last position that was seen is the instant of the
+earliest of the variables' last events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, assert_never
+
+import numpy as np
+
+from rtamt.errors import InputError
+from rtamt.inputs.event_reader import Column, Dated, EventReader
+from rtamt.inputs.events import EventsLike, Given
+from rtamt.machines.dense.regions import (
+    CUT,
+    WORLDS,
+    AtBegin,
+    Constant,
+    Pointwise,
+    Predicate,
+    Sliding,
+    Stream,
+    UnboundedFuture,
+    UnboundedPast,
+)
+from rtamt.machines.dense.runs import Runs
+from rtamt.machines.dense.streams import Joint
+from rtamt.machines.protocols import End
+from rtamt.machines.readout import moved, verdict_of
+from rtamt.machines.state import StateFields
+from rtamt.machines.terms import Registers, Terms
+from rtamt.program.algebra import FOLDS, FUNCTIONS
+from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram, duration_text
+from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.instructions import Const, Map, Window
+from rtamt.program.placement import Placement, place
+from rtamt.program.polarity import positive
+from rtamt.program.program import Program
+
+__all__ = [
+    "PythonDenseEpisodeMachine",
+    "Regions",
+    "Row",
+    "dense_of",
+    "readings_of",
+    "rows_of",
+]
+
+Row = tuple[int, Registers]
+"""A position and the terms from there on."""
+
+
+def readings_of(program: Program) -> tuple[Program, ...]:
+    """The program without negations; if it has neutral predicates, with -0.0 and with 0.0."""
+    known = positive(program)
+    return (known.reading(-0.0), known.reading(0.0)) if program.neutral else (known,)
+
+
+def _check_reach(program: RegionProgram, ticks: int) -> None:
+    """Refuse a trace of so many ticks if its positions with the formula's bounds are too many.
+
+    Raises:
+        InputError: Naming a resolution that would do.
+    """
+    total = ticks + program.reach
+    if total < MAX_TICKS:
+        return
+    resolution = coarser = program.resolution
+    while total * resolution >= MAX_TICKS * coarser:
+        coarser *= 10
+    raise InputError(
+        "expected a trace that lasts less than 2**62 ticks of "
+        f"{duration_text(resolution)} with the bounds of the formula, got {total}; "
+        f"resolution={duration_text(coarser)!r} would do"
+    )
+
+
+class Regions(StateFields):
+    """The registers of a program, at all positions or at the begin alone.
+
+    Args:
+        placement: The program, and at which positions registers are read.
+    """
+
+    STATE = ("t", "_first", "_keepers")
+    t: int
+    _first: Registers
+
+    def __init__(self, placement: Placement) -> None:
+        self.program = placement.program
+        self._initial = placement.initial
+        self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
+        self.streams: dict[int, Stream] = {}
+        for register in placement.streams:
+            self.streams[register] = self._made(register)
+        self._folds = {
+            register: AtBegin(window, [self.streams[a] for a in window.args])
+            for register in placement.initial
+            if isinstance(window := self.program.instructions[register], Window)
+        }
+        self._keepers: list[Any] = [*self.streams.values(), *self._folds.values()]
+        self.unknowns = np.zeros((5, len(self._axes)))
+        self.reset()
+
+    def _made(self, register: int) -> Stream:
+        instruction = self.program.instructions[register]
+        corners = (2,) * len(self._axes)
+        if isinstance(instruction, Const):
+            return Constant(corners, instruction.value)
+        if register < self.program.terms:
+            return Predicate(corners)
+        match self.program.formula(register):
+            case Map(function, args):
+                return Pointwise(FOLDS[function], [self.streams[a] for a in args])
+            case Window(_, lo, hi, args) as window:
+                streams = [self.streams[a] for a in args]
+                if hi is None:
+                    return UnboundedFuture(window, self._axes.get(register), streams)
+                if lo is None:
+                    return UnboundedPast(window, hi, streams)
+                return Sliding(window, lo, hi, streams)
+            case _ as never:
+                assert_never(never)
+
+    def advance(self, rows: Sequence[Row], t: int) -> None:
+        """Take in the terms at new positions; all positions up to t have been seen."""
+        if self.t < 0:
+            self._first = rows[0][1]
+        self.t = t
+        starts = np.array([position for position, _ in rows], np.int64)
+        for register, stream in self.streams.items():
+            if isinstance(stream, Predicate):
+                stream.take(starts, np.array([terms[register] for _, terms in rows]))
+            runs = stream.settle(t)
+            if runs is None:
+                continue
+            if isinstance(stream, UnboundedFuture):
+                axis = self._axes[register]
+                for keeper in self._keepers:
+                    keeper.substitute(axis, runs.last[..., 0])
+            stream.append(runs, t)
+        for fold in self._folds.values():
+            fold.settle()
+        for stream in self.streams.values():
+            stream.trim()
+
+    def unfold(self, rows: Sequence[Row], t: int, worlds: Sequence[int]) -> None:
+        """Take in a whole trace, of which nothing settles but predicates, and find all runs."""
+        self.t = t
+        starts = np.array([position for position, _ in rows], np.int64)
+        for register, stream in self.streams.items():
+            if isinstance(stream, Predicate):
+                stream.take(starts, np.array([terms[register] for _, terms in rows]))
+            if isinstance(stream, Predicate | Constant) and (runs := stream.settle(t)):
+                stream.append(runs, t)
+            for world in worlds:
+                stream.look(world, t, self.unknowns)
+
+    def look(self, worlds: Sequence[int]) -> list[float]:
+        """The robustness at the begin in some worlds."""
+        for stream in self.streams.values():
+            for world in worlds:
+                stream.look(world, self.t, self.unknowns)
+        found: dict[int, list[float]] = {}
+        for register in self._initial:
+            found[register] = self._at_zero(register, found, worlds)
+        return found[self.program.result]
+
+    def _at_zero(
+        self, register: int, found: dict[int, list[float]], worlds: Sequence[int]
+    ) -> list[float]:
+        instruction = self.program.instructions[register]
+        if isinstance(instruction, Const):
+            return [instruction.value] * len(worlds)
+        if register < self.program.terms:
+            if self.t >= 0:
+                return [self._first[register]] * len(worlds)
+            return [math.nan, -math.inf, math.inf]
+        fold = self._folds.get(register)
+        if fold is not None:
+            return [fold.value(world, self.t, self.unknowns) for world in worlds]
+        match self.program.formula(register):
+            case Map(function, args):
+                choose = FUNCTIONS[function].apply
+                return [choose(*x) for x in zip(*(found[a] for a in args), strict=True)]
+            case Window():
+                raise AssertionError
+            case _ as never:
+                assert_never(never)
+
+    def seen(self, register: int, world: int) -> Runs:
+        """All runs of a register that is a stream, in a world; if nothing has settled."""
+        return self.streams[register].seen(world, 0, self.unknowns)
+
+    def reset(self) -> None:
+        self.t = -1
+        self._first = []
+        for keeper in self._keepers:
+            keeper.reset()
+
+
+class PythonDenseEpisodeMachine(StateFields):
+    """Bounds the robustness at the begin of a trace, from events in chunks of any size.
+
+    Args:
+        regions: The program.
+        reader: Turns arguments into events, and refuses them.
+    """
+
+    STATE = (
+        "finished",
+        "robustness",
+        "lower",
+        "upper",
+        "_decided",
+        "_dated",
+        "_first",
+        "_last",
+        "_inputs",
+        "_readings",
+    )
+    finished: bool
+    robustness: float
+    lower: float
+    upper: float
+    _decided: int | None
+    _dated: Dated
+    _first: list[float]
+    _last: list[float]
+
+    def __init__(self, regions: RegionProgram, reader: EventReader) -> None:
+        self.reader = reader
+        self._program = regions
+        programs = readings_of(regions.program)
+        self._terms = [Terms(program, reader.refuse) for program in programs]
+        self._readings = [Regions(place(program)) for program in programs]
+        self._inputs = Joint(len(reader.variables))
+        self.reset()
+
+    @property
+    def settled(self) -> float:
+        return self.reader.time(self._end, self._dated)
+
+    @property
+    def decided_at(self) -> float | None:
+        if self._decided is None:
+            return None
+        return self.reader.time(max(self._first) + self._decided, self._dated)
+
+    @property
+    def _end(self) -> float:
+        """The last tick at which all variables are known."""
+        end = min(self._last)
+        return end if end >= max(self._first) else -math.inf
+
+    def update(self, *events: Mapping[str, EventsLike], **named: EventsLike) -> float:
+        if self.finished:
+            self.reader.refuse_update()
+        given = self.reader.given(events, named)
+        self._take(*self.reader.read(given, self._last, self._dated))
+        return self.robustness
+
+    def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
+        """Take in a whole trace, with times as they were given.
+
+        Args:
+            given: For every variable the times of its events, and the values.
+            decided: Whether to find when the verdict was decided.
+        """
+        columns, dated = self.reader.counted(given, self._last, self._dated)
+        self._take(columns, dated, decided=decided)
+        if math.isinf(self._end):
+            self.reader.refuse_end(self._first, self._last, self._dated)
+
+    def complete(self) -> tuple[float, float]:
+        """The robustness if the trace is all there is: two zeros where it hangs on neutral ones."""
+        found = [reading.look((0,))[0] for reading in self._readings]
+        return found[0], found[-1]
+
+    def _take(self, columns: Sequence[Column], dated: Dated, *, decided: bool = True) -> None:
+        times = [t for t, _ in columns]
+        first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
+        last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
+        begin, end = max(first), min(last)
+        before = self._end
+        self._inputs.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
+        try:
+            rows = [self._rows(terms, begin, end, dated) for terms in self._terms]
+            if begin <= end < math.inf:
+                _check_reach(self._program, int(end - begin))
+        except BaseException:
+            self._inputs.retract([len(t) for t in times])
+            raise
+        self._first, self._last, self._dated = first, last, dated
+        while self._inputs.next <= end:
+            self._inputs.take()
+        if begin <= end and end != before:
+            known = -1 if math.isinf(before) else int(before - begin)
+            if decided and self._decided is None:
+                self._decide(rows, known, int(end - begin))
+            else:
+                self._go(rows, known, int(end - begin))
+
+    def _rows(self, terms: Terms[Any], begin: float, end: float, dated: Dated) -> list[Row]:
+        """The terms at all new times of the trace; changes nothing."""
+        if begin > end:
+            return []
+        return [
+            (2 * int(time - begin), terms(list(values), (time, dated)))
+            for time, values in self._inputs.ahead(end)
+            if time >= begin
+        ]
+
+    def _decide(self, rows: Sequence[Sequence[Row]], known: int, ticks: int) -> None:
+        """Go from the last tick that was known to another; find where the verdict is decided."""
+        low, high, state = known, ticks, self._states()
+        self._go(rows, known, ticks)
+        if verdict_of(self.lower, self.upper) == 0:
+            return
+        found = self._states(), (self.robustness, self.lower, self.upper)
+        while high - low > 1:  # bounds never widen
+            middle = (low + high) // 2
+            self._restore(state)
+            self._go(rows, low, middle)
+            if verdict_of(self.lower, self.upper) == 0:
+                low, state = middle, self._states()
+            else:
+                high = middle
+        self._decided = high
+        after, (self.robustness, self.lower, self.upper) = found
+        self._restore(after)
+
+    def _states(self) -> list[list[Any]]:
+        return [reading.state() for reading in self._readings]
+
+    def _restore(self, states: Sequence[list[Any]]) -> None:
+        for reading, state in zip(self._readings, states, strict=True):
+            reading.restore(state)
+
+    def _go(self, rows: Sequence[Sequence[Row]], known: int, ticks: int) -> None:
+        begin, t = 2 * known, 2 * ticks
+        for reading, its in zip(self._readings, rows, strict=True):
+            reading.advance([row for row in its if begin < row[0] <= t], t)
+        self._conclude()
+
+    def _conclude(self) -> None:
+        worst, *_ = found = [reading.look(WORLDS) for reading in self._readings]
+        self.lower, self.robustness, self.upper = worst[1], found[-1][0], found[-1][2]
+        if self._readings[0].t < 0:
+            self.robustness = math.nan
+
+    def finish(self, end: End = "complete") -> float:
+        if self.finished:
+            return self.robustness
+        if math.isinf(self._end):
+            self.reader.refuse_end(self._first, self._last, self._dated)
+        if end == "complete":
+            self.lower, self.robustness = self.complete()
+            self.upper = self.robustness
+        elif end == "cut":
+            found = [reading.look((*WORLDS, *CUT)) for reading in self._readings]
+            self.lower, self.upper = found[0][3], found[-1][4]
+            self.robustness = moved(self.robustness, self.lower, self.upper)
+        self.finished = True
+        return self.robustness
+
+    def reset(self) -> None:
+        width = len(self.reader.variables)
+        self.finished = False
+        self._decided = None
+        self._dated = None
+        self._first, self._last = [math.inf] * width, [-math.inf] * width
+        self._inputs.reset()
+        for reading in self._readings:
+            reading.reset()
+        self._conclude()
+
+
+def dense_of(regions: RegionProgram) -> DenseProgram:
+    """The program for a reader of its events."""
+    return DenseProgram(regions.program, regions.resolution)
+
+
+def rows_of(regions: RegionProgram, given: Sequence[Given]) -> tuple[int, int, list[list[Row]]]:
+    """The first tick of a whole trace, its last position, and for each reading the terms.
+
+    The trace is one that a machine has taken in before.
+    """
+    reader = EventReader(dense_of(regions))
+    columns, dated = reader.counted(given, [-math.inf] * len(given), None)
+    begin = max(int(ticks[0]) for ticks, _ in columns)
+    last = min(int(ticks[-1]) for ticks, _ in columns)
+    events = Joint(len(columns))
+    events.extend([zip(t.tolist(), v.tolist(), strict=True) for t, v in columns])
+    rows = []
+    for program in readings_of(regions.program):
+        terms: Terms[tuple[float, Dated]] = Terms(program, reader.refuse)
+        its = [(time, values) for time, values in events.ahead(last) if time >= begin]
+        rows.append([(2 * int(time - begin), terms(list(x), (time, dated))) for time, x in its])
+    return begin, 2 * (last - begin), rows

@@ -1,0 +1,208 @@
+"""Signals over the regions of dense time as runs of equal values, and their folds.
+
+`rtamt.program.dense_regions` says what positions are. A run lasts from its start to the next one;
+the last run of a signal lasts as far as the caller knows the signal. The last axis of values is
+that of runs; axes in front of it are those of corners (`rtamt.machines.episode.machine`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rtamt.program.algebra import FOLDS, Arrays, LatticeFold, greater, lesser
+
+__all__ = ["Runs", "clipped", "concatenated", "folded", "joint", "paired", "scanned", "slid"]
+
+Floats = NDArray[np.float64]
+Positions = NDArray[np.int64]
+
+
+class Runs(NamedTuple):
+    """Runs of one signal, or of elements of several numbers.
+
+    Attributes:
+        starts: The positions at which runs begin, increasing.
+        values: For every number of an element its values in each run.
+    """
+
+    starts: Positions
+    values: Arrays
+
+    @property
+    def last(self) -> Floats:
+        """The values of the last number of each element."""
+        return self.values[-1]
+
+    def places(self, positions: Positions) -> NDArray[np.intp]:
+        """The run in which each position lies."""
+        return np.searchsorted(self.starts, positions, "right") - 1
+
+    def shifted(self, offset: int) -> Runs:
+        """The same runs, later by an offset."""
+        return Runs(self.starts + offset, self.values)
+
+    def merged(self) -> Runs:
+        """The same signal without runs that are equal to the one before, to the sign of zeros."""
+        if len(self.starts) < 2:
+            return self
+        new = np.zeros(len(self.starts), bool)
+        new[0] = True
+        for values in self.values:
+            bits = values.view(np.int64).reshape(-1, values.shape[-1])
+            new[1:] |= np.any(bits[:, 1:] != bits[:, :-1], axis=0)
+        return (
+            self if new.all() else Runs(self.starts[new], tuple(a[..., new] for a in self.values))
+        )
+
+
+def clipped(runs: Runs, begin: int, end: int | None = None) -> Runs:
+    """The runs from a position on; with an end, those that begin up to there."""
+    first = max(0, int(np.searchsorted(runs.starts, begin, "right")) - 1)
+    after = len(runs.starts)
+    if end is not None:
+        after = int(np.searchsorted(runs.starts, end, "right"))
+    starts = runs.starts[first:after]
+    if len(starts) and starts[0] < begin:
+        starts = starts.copy()
+        starts[0] = begin
+    return Runs(starts, tuple(a[..., first:after] for a in runs.values))
+
+
+def concatenated(*parts: Runs) -> Runs:
+    """Parts of a signal that follow one another."""
+    parts = tuple(part for part in parts if len(part.starts)) or parts[:1]
+    if len(parts) == 1:
+        return parts[0]
+    starts = np.concatenate([part.starts for part in parts])
+    numbers = zip(*(part.values for part in parts), strict=True)
+    return Runs(starts, tuple(np.concatenate(number, axis=-1) for number in numbers))
+
+
+def joint(signals: Sequence[Runs]) -> Runs:
+    """Signals that begin together as one, whose elements have all their numbers."""
+    if len(signals) == 1:
+        return signals[0]
+    starts = np.unique(np.concatenate([each.starts for each in signals]))
+    return Runs(starts, tuple(each.last[..., each.places(starts)] for each in signals))
+
+
+def paired(name: str, runs: Runs, end: int | None) -> Runs:
+    """The elements of a fold: of two operands p and q those at instants and at intervals.
+
+    At an instant the last number is q, at an interval also p is needed (for dual folds: p is
+    enough). Inside a run nothing tells an instant from an interval but at the end where the fold
+    begins: for futures the first position, else the last one.
+
+    Args:
+        name: The fold.
+        runs: The operands.
+        end: The last position of the last run; None: it has none.
+    """
+    if len(runs.values) == 1 or not len(runs.starts):
+        return runs
+    starts, (p, q) = runs
+    reduced = (greater if FOLDS[name].identity[-1] > 0 else lesser)(p, q)
+    after = np.append(starts[1:], np.iinfo(np.int64).max if end is None else end + 1)
+    if name in ("until", "release"):
+        alone = (starts % 2 == 0) & (after - starts > 1)  # an instant, and then the rest
+        last = np.where(starts % 2 == 0, q, reduced)
+        more, values = starts[alone] + 1, reduced[..., alone]
+    else:
+        ends = (after % 2 == 1) & (after < np.iinfo(np.int64).max)
+        alone = ends & (after - starts > 1)
+        last = np.where(ends & ~alone, q, reduced)
+        more, values = after[alone] - 1, q[..., alone]
+    if not len(more):
+        return Runs(starts, (p, last))
+    every = np.concatenate([starts, more])
+    order = np.argsort(every, kind="stable")
+    return Runs(
+        every[order],
+        (
+            np.concatenate([p, p[..., alone]], axis=-1)[..., order],
+            np.concatenate([last, values], axis=-1)[..., order],
+        ),
+    )
+
+
+def identities(fold: LatticeFold, corners: tuple[int, ...], start: int) -> Runs:
+    """A run of elements that are the identity of a fold."""
+    return Runs(np.array([start]), tuple(np.full((*corners, 1), e) for e in fold.identity))
+
+
+def scanned(fold: LatticeFold, elements: Arrays) -> Arrays:
+    """For each element the fold of all up to it."""
+    size, count = 1, elements[0].shape[-1]
+    while size < count:
+        later = fold.combine_arrays(
+            tuple(a[..., :-size] for a in elements), tuple(a[..., size:] for a in elements)
+        )
+        elements = tuple(
+            np.concatenate([a[..., :size], b], axis=-1)
+            for a, b in zip(elements, later, strict=True)
+        )
+        size *= 2
+    return elements
+
+
+def suffixes(fold: LatticeFold, elements: Arrays) -> Arrays:
+    """For each element the fold of all from it on."""
+    mirror = FOLDS[fold.mirror]
+    backwards = scanned(mirror, tuple(a[..., ::-1] for a in elements))
+    return tuple(np.ascontiguousarray(a[..., ::-1]) for a in backwards)
+
+
+def folded(fold: LatticeFold, elements: Arrays) -> Arrays:
+    """The fold of all elements, as arrays of one."""
+    while (count := elements[0].shape[-1]) > 1:
+        half = count // 2
+        pairs = fold.combine_arrays(
+            tuple(a[..., 0 : 2 * half : 2] for a in elements),
+            tuple(a[..., 1 : 2 * half : 2] for a in elements),
+        )
+        elements = tuple(
+            np.concatenate([b, a[..., 2 * half :]], axis=-1)
+            for a, b in zip(elements, pairs, strict=True)
+        )
+    return elements
+
+
+def slid(fold: LatticeFold, runs: Runs, lo: int, hi: int, begin: int, end: int | None) -> Runs:
+    """The fold over offsets lo to hi of every position from begin to end.
+
+    Args:
+        fold: The fold.
+        runs: Its elements; before the first there is nothing.
+        lo: The first offset.
+        hi: The last offset.
+        begin: The first position.
+        end: The last one; None: there is none.
+    """
+    corners = runs.last.shape[:-1]
+    if not len(runs.starts) or begin + lo < runs.starts[0]:
+        runs = concatenated(identities(fold, corners, begin + lo), runs)
+    starts = np.concatenate([np.array([begin]), runs.starts - hi, runs.starts - lo])
+    starts = np.unique(
+        starts[starts >= begin if end is None else (starts >= begin) & (starts <= end)]
+    )
+    first, last = runs.places(starts + lo), runs.places(starts + hi)
+    found = np.empty((*corners, len(starts)))
+    power, size = runs.values, 1
+    width = last - first + 1
+    while True:
+        now = (width >= size) & (width < 2 * size)
+        if now.any():
+            # Folds are idempotent: two windows of a power of two may overlap.
+            left = tuple(a[..., first[now]] for a in power)
+            right = tuple(a[..., last[now] - size + 1] for a in power)
+            found[..., now] = fold.combine_arrays(left, right)[-1]
+        if not np.any(width >= 2 * size):
+            return Runs(starts, (found,)).merged()
+        power = fold.combine_arrays(
+            tuple(a[..., :-size] for a in power), tuple(a[..., size:] for a in power)
+        )
+        size *= 2

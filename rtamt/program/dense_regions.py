@@ -1,0 +1,122 @@
+"""Compiles a specification over the regions of dense time, on which every value is exact.
+
+Times and bounds are whole ticks, so everything is constant on each instant t and on each open
+interval (t, t + 1) between two of them. These regions are numbered: instant t has position 2t, the
+interval after it 2t + 1. A window [a, b] from any point of a region meets the regions at offsets 2a
+to 2b, so a formula over dense time is one over positions, and isolated instants count.
+
+A witness of `until` inside an interval needs p on the rest of that interval too. So the pairs of
+``WINDOW until`` and the other folds of two operands mean here: q at an instant, q and p together at
+an interval (for the dual folds: q or p). A window whose last offset is odd ends before an instant:
+it is what `until[a:b]` and its dual ask before any witness.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from fractions import Fraction
+
+from rtamt.language.node import Node
+from rtamt.language.specification import Specification
+from rtamt.language.table import Bounds
+from rtamt.program.dense_lowering import DenseBuilder, compile_dense
+from rtamt.program.instructions import Instruction, Map, Window
+from rtamt.program.interface import STANDARD, Interface
+from rtamt.program.program import Program
+
+__all__ = ["RegionProgram", "compile_regions"]
+
+
+@dataclass(frozen=True, eq=False, slots=True, weakref_slot=True)
+class RegionProgram:
+    """A compiled specification whose offsets are positions, two in a tick.
+
+    Attributes:
+        program: The instructions.
+        resolution: The length of a tick in seconds.
+        reach: How far beyond or before a time, in ticks, its result looks at most.
+    """
+
+    program: Program
+    resolution: Fraction
+    reach: int
+
+
+class _RegionBuilder(DenseBuilder):
+    """Writes instructions over positions."""
+
+    def bounds(self, node: Node) -> Bounds:
+        begin, end = super().bounds(node)
+        return 2 * begin, None if end is None else 2 * end
+
+    def since(self, bounds: Bounds, p: int, q: int) -> int:
+        """Since: p on (t', t]; the operator's own time needs no p."""
+        begin, end = bounds
+        if end == 0:
+            return q
+        fold = self.emit(Window("since", None if end is None else begin - end, 0, (p, q)))
+        if begin == 0:
+            return self.map("max", q, fold)
+        held = self.window("min", 1 - begin, 0, p)
+        return self.map("min", held, self.window("max", -begin, -begin, fold))
+
+    def until(self, bounds: Bounds, p: int, q: int) -> int:
+        """Until: p on [t, t'); the operator's own time needs no p."""
+        begin, end = bounds
+        if end == 0:
+            return q
+        fold = self.emit(Window("until", 0, None if end is None else end - begin, (p, q)))
+        if begin == 0:
+            return self.map("max", q, fold)
+        endless = end is None
+        guard = self.emit(Window("min", 0, begin - 1, (p,), guard=True, endless=endless))
+        late = self.emit(Window("max", begin, begin, (fold,), endless=endless))
+        return self.map("min", guard, late)
+
+
+def _reach(program: Program) -> int:
+    """The sum of the longest offsets on a path of windows, in ticks."""
+    reaches: list[int] = []
+    for instruction in program.instructions:
+        reaches.append(_own_reach(instruction, reaches))
+    return (reaches[program.result] + 1) // 2
+
+
+def _own_reach(instruction: Instruction, reaches: list[int]) -> int:
+    if not isinstance(instruction, Map | Window):
+        return 0
+    reach = max(reaches[a] for a in instruction.args)
+    if isinstance(instruction, Window):
+        reach += max(abs(instruction.lo or 0), abs(instruction.hi or 0))
+    return reach
+
+
+def compile_regions(
+    specification: Specification, resolution: Fraction, *, interface: Interface = STANDARD
+) -> RegionProgram:
+    """The program of a specification over the regions of dense time.
+
+    Args:
+        specification: What to compile.
+        resolution: The length of a tick in seconds.
+        interface: Whose robustness it computes; see `rtamt.program.interface`.
+
+    Raises:
+        SpecificationError: As `compile_dense` does.
+    """
+    # Equal specifications may differ in their text, at which errors point.
+    return _cached(specification, specification.text, resolution, interface)
+
+
+@functools.lru_cache(maxsize=512)
+def _cached(
+    specification: Specification,
+    text: str,  # noqa: ARG001 - a key of the cache
+    resolution: Fraction,
+    interface: Interface,
+) -> RegionProgram:
+    compile_dense(specification, resolution, interface=interface)  # raises what it refuses
+    program = _RegionBuilder(specification, resolution, interface).program()
+    program = program.restricted(program.result, {})
+    return RegionProgram(program, resolution, _reach(program))
