@@ -235,7 +235,7 @@ def closest(name: str, names: Iterable[object], cutoff: float = 0.6) -> str | No
 
     Args:
         name: The name.
-        names: The known names. Those of columns may be numbers, or anything else that a mapping
+        names: The known names. Names of columns may be numbers, or anything else that a mapping
             takes, which are similar to nothing.
         cutoff: How similar it has to be, from 0 to 1.
     """

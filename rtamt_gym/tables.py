@@ -138,7 +138,7 @@ class Terminal:
 
     @classmethod
     def present(cls) -> Self:
-        """That of the standard output: 80 columns without colours, unless it is a terminal."""
+        """The standard output's: 80 columns without colours, unless it is a terminal."""
         if not sys.stdout.isatty():
             return cls()
         plain = "NO_COLOR" in os.environ or os.environ.get("TERM") == "dumb"

@@ -165,7 +165,7 @@ class EventReader:
         """Raise the error that names the first term which is nan.
 
         Args:
-            values: Those of the variables.
+            values: The values of the variables.
             place: The tick, and whether times are dates.
         """
         refuse_term(self.program, values, f"time {shown(self.time(*place))}")
@@ -200,7 +200,7 @@ class EventReader:
         raise StateError("the trace is finished; call reset() before the next update")
 
     def _named(self, events: object) -> Mapping[str, object]:
-        """The events by variable, with those of the fields in place of those of their messages."""
+        """The events by variable; events of a message become events of its fields."""
         if not isinstance(events, Mapping):
             raise InputTypeError(
                 "expected a mapping of variables to events, as in {'x': [(0.0, 1.5)]}, "
@@ -220,7 +220,7 @@ _NONE: Given = (_NOTHING, _NOTHING)
 
 
 def _started(column: Given, default: float, given: Sequence[Times]) -> Given:
-    """The events of a variable with those of its default, which lasts until its first one.
+    """The events of a variable, begun by its default, which lasts until its first event.
 
     Args:
         column: The events; perhaps none.

@@ -73,7 +73,7 @@ class Field:
         """The values of the field in a message whose fields are columns.
 
         The column of a list has a list for every sample: an array of shape (n, elements), or n
-        sequences. Errors name the sample; that of the first row is given.
+        sequences. Errors name the sample; ``sample`` is the number of the first row.
 
         Raises:
             InputError: If there is no such field or element.
@@ -164,7 +164,7 @@ class Messages:
         Args:
             named: Values or columns of variables and messages, by name. A field is taken from the
                 innermost of its messages that is present.
-            split: Gives the value or column of a field from that of its message.
+            split: Gives the value or column of a field from the value or column of its message.
         """
         spread: dict[str, object] = {n: v for n, v in named.items() if n not in self.names}
         for variable, fields in self._fields.items():

@@ -193,7 +193,7 @@ class SampleReader:
         """The variables with a default that are absent: they are as before, at first the default.
 
         Args:
-            names: Those that have a value.
+            names: The variables that have a value.
             previous: The sample before; empty if there is none.
         """
         held = dict(zip(self.variables, previous, strict=True)) if len(previous) else {}
@@ -335,7 +335,7 @@ class SampleReader:
     def _with_fields(
         self, named: Mapping[str, object], names: AbstractSet[str], sample: int
     ) -> Mapping[str, object]:
-        """The columns, with those of the fields in place of those of their messages."""
+        """The columns by variable; the column of a message becomes columns of its fields."""
 
         def column(field: Field, messages: object) -> object:
             if isinstance(messages, Mapping):  # a message of columns

@@ -24,7 +24,7 @@ def number_text(value: float) -> str:
 def node_text(
     root: Node, names: Mapping[Node, str] = _NO_NAMES, runs: Collection[Node] = ()
 ) -> str:
-    """The text of a term or formula, in which the formulas that have a name are that name.
+    """The text of a term or formula; formulas inside that have a name are written as their name.
 
     Args:
         root: The term or formula.

@@ -41,7 +41,7 @@ class Traced(float):
 
     @cached_property
     def constants(self) -> frozenset[str]:
-        """The names of the constants that it follows from."""
+        """The names of the constants from which this number follows."""
         if not self.operands:
             return frozenset((self.source,))
         traced = [each for each in self.operands if isinstance(each, Traced)]

@@ -126,7 +126,7 @@ class EpisodeMachine(SampleMachine, Protocol):
     @property
     def finished(self) -> bool: ...
     def finish(self, end: End = "complete") -> float:
-        """End the trace, make the bounds those of this reading, and return the robustness."""
+        """End the trace, set the bounds as this reading says, and return the robustness."""
 
     def show_in(
         self, monitor: object, slots: Sequence[MemberDescriptorType], verdicts: Sequence[object]
@@ -184,10 +184,10 @@ class DiscreteBank(Bank, Protocol):
 
 
 class EpisodeBank(Bank, Protocol):
-    """Episode machines in lockstep; the attributes are those of `EpisodeMachine`, for every lane.
+    """Episode machines in lockstep, with the attributes of `EpisodeMachine` for every lane.
 
     Attributes:
-        verdict: 1 where the sign bit of lower is clear, -1 where that of upper is set, else 0.
+        verdict: 1 where the sign bit of lower is clear, -1 where upper's is set, else 0.
     """
 
     @property

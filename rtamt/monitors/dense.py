@@ -51,7 +51,7 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
     The robustness is one too, and exact: nothing is sampled. The trace begins when the last
     variable has its first event. The robustness of a time is given, once and for all, when every
     variable has an event later than that by `horizon`, whatever the chunks in which events come.
-    Memory holds the events inside the longest windows, and those of variables that run ahead.
+    Memory holds the events inside the longest windows, and events of variables that run ahead.
 
     Future operators need an end, except a top-level ``always p`` or ``eventually p``: there
     ``update`` gives the least or greatest robustness of p so far. Bounds without a unit are in the
@@ -157,8 +157,8 @@ class DenseMonitor(NamedValues, DirectUpdate, Online[DenseMachine, DenseProgram]
         """End the trace, and give the breakpoints that are left.
 
         The trace ends at the earliest of the variables' last events, and windows are cut to it. The
-        end is an instant of the trace: it is the last breakpoint if the robustness differs there
-        from that just before. Calling it again gives nothing.
+        end is an instant of the trace: it is the last breakpoint if the robustness there differs
+        from the value just before. Calling it again gives nothing.
 
         Raises:
             StateError: If a variable has no event.

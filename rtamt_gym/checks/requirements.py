@@ -22,7 +22,7 @@ def requirement_named(
         own: The requirements that the system has of its own, by name.
 
     Raises:
-        InputError: If it is nearly the name of one, and not that of a variable of theirs.
+        InputError: If it is nearly the name of a requirement, and no variable has this name.
 
     Example:
         >>> own = rtamt.parse("near = always(gap > 1); slow = always(v < 5)").requirements

@@ -49,13 +49,13 @@ def read_requirements(
     constants: Mapping[str, str] | None = None,
     own: Mapping[str, rtamt.Specification] = MappingProxyType({}),
 ) -> dict[str, rtamt.Specification]:
-    """Reads specifications of which every requirement is judged, each under a different name.
+    """Reads specifications, and gives every requirement in them a name of its own.
 
-    The name of a requirement that the system has of its own is that requirement.
+    An argument that names a requirement of the system stands for that requirement.
 
-    One with a single requirement has the name that is given in ``name=path``, else that in the
-    text, else that of the file, else ``spec``, ``spec2`` and so on. Of several requirements each
-    has its own name in the text, behind that given in ``name=path``: ``safe.near``.
+    A text with a single requirement gives it the name in ``name=path``, else its name in the text,
+    else the name of the file, else ``spec``, ``spec2`` and so on. Several requirements of a text
+    keep their names in it, behind the name in ``name=path``: ``safe.near``.
 
     Args:
         arguments: Formulas and paths of files, ``name=path`` too.

@@ -36,7 +36,7 @@ class Compared:
         interval: The 95 % interval of Tango for the difference, `paired.tango`.
         p: The p-value of McNemar's exact test.
         adjusted: The same, adjusted by Holm's method for the number of requirements.
-        robustness: How far the robustness of B is above that of A, over the seeds with which
+        robustness: The robustness of B minus the robustness of A, over the seeds with which
             neither failed; None if there is no such seed.
     """
 
@@ -70,7 +70,7 @@ class Compared:
 
     @property
     def difference(self) -> float:
-        """The rate of B less that of A."""
+        """The rate of B minus the rate of A."""
         return (self.only_b - self.only_a) / self.pairs
 
     @property

@@ -88,7 +88,7 @@ class Lane:
         return replace(row, wall=self._wall)
 
     def share(self, wall: float) -> None:
-        """Adds seconds to those of the episode, its share of what is done for all at once."""
+        """Adds the episode's share of the seconds that a step of all episodes took."""
         self._wall += wall
 
 

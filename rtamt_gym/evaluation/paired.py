@@ -28,8 +28,8 @@ class Effect:
     """How far two measurements on the same episodes are apart, B less A.
 
     Attributes:
-        statistic: What ``value`` is of the differences: their mean, or their median, as that of
-            `quantiles`, where one of them is infinite.
+        statistic: ``"mean"``: ``value`` is the mean of the differences; ``"median"``: where one of
+            them is infinite it is their median, as `quantiles` defines it.
         value: The difference.
         interval: Its 95 % interval: by the bootstrap for a mean, by ranks for a median.
         pairs: The measurements of A and B in each episode that has both.
@@ -69,7 +69,7 @@ def effect_of(first: ArrayLike, second: ArrayLike, *, seed: int = 0) -> Effect |
 def mcnemar(only_a: int, only_b: int) -> float:
     """The p-value of McNemar's exact test: how likely so uneven a split is if both rates are equal.
 
-    Of the episodes in which one alone succeeds, half are A's then. Without such an episode it is 1.
+    Then A has half of the episodes in which one alone succeeds. Without such an episode it is 1.
 
     Example:
         >>> mcnemar(0, 6), mcnemar(3, 3), mcnemar(0, 0)
@@ -81,7 +81,7 @@ def mcnemar(only_a: int, only_b: int) -> float:
 
 
 def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """The interval of the difference of two rates on the same episodes, that of B less that of A.
+    """The interval of a difference of rates on the same episodes: B's rate minus A's.
 
     It holds each difference that the score test does not refuse, as the interval of Wilson does for
     one rate (Tango 1998, "Equivalence test and confidence interval for the difference in
@@ -90,7 +90,7 @@ def tango(only_a: int, only_b: int, pairs: int, confidence: float = 0.95) -> tup
 
     Args:
         only_a: The episodes in which A alone succeeds.
-        only_b: Those in which B alone does.
+        only_b: The episodes in which B alone succeeds.
         pairs: All episodes; of 0 nothing is known, and the interval is (-1, 1).
         confidence: How often an interval shall cover the difference: between 0 and 1.
 

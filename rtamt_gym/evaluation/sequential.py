@@ -88,7 +88,7 @@ class RatioTest:
     """Decides whether a rate meets a target, by the sequential probability ratio test of Wald.
 
     It tells two claims apart: the rate is ``target`` or more, and the rate is ``target - margin``
-    or less. Each is refused although it is true with a chance of ``alpha`` at most. Of a rate
+    or less. Each is refused although it is true with a chance of ``alpha`` at most. For a rate
     between the two either answer is right, and both occur; the test takes longest there.
 
     After each episode it compares how likely the outcomes are at the two rates. If they are
@@ -161,8 +161,8 @@ class RatioTest:
 class Stopping:
     """Waits until every requirement has its answer.
 
-    Each has a rule of its own, and keeps the answer that it had first. The chances of errors are
-    those of each rule alone.
+    Each has a rule of its own, and keeps the answer that it had first. Each rule keeps its chances
+    of errors for its own requirement, not for all together.
 
     Attributes:
         episodes: How many episodes have been added.

@@ -137,7 +137,7 @@ class Waves:
         return ended
 
     def _read(self, result: Any, actions: Any, begun: Mask | None) -> Any:  # noqa: ANN401
-        """The signals after a step, those of an episode that it has ended included."""
+        """The signals after a step, also of the episodes that the step has ended."""
         obs, rewards, terminated, truncated, infos = result
         ended = np.logical_or(terminated, truncated)
         if self._mode is AutoresetMode.SAME_STEP and ended.any():

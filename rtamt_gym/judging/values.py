@@ -17,7 +17,7 @@ class MonitorValues(NamedTuple, Generic[Numeric]):
 
     Attributes:
         robustness: The robustness of the sources.
-        judged: The robustness of the judges: that of the whole episode.
+        judged: The robustness of the judges, which judge the whole episode.
         lower: The lower bounds of ``judged``.
         upper: The upper bounds of ``judged``.
         samples: Samples since the reset, of every environment: an int or an array.

@@ -67,7 +67,7 @@ class Bag:
         given = any(connection.msgdef.data for connection in reader.connections)
         self.notes: list[str] = []
         if reader.connections and not given:
-            self.notes.append("the bag defines no classes of messages: they are those of Humble")
+            self.notes.append("the bag defines no classes of messages: Humble's are taken")
 
     def stamped(self, kind: str) -> bool:
         """Whether messages of a class have a header."""
@@ -79,7 +79,7 @@ class Bag:
         return self._fields(_long(self.types[topic])) or ()
 
     def class_at(self, topic: str, path: FieldPath) -> str | None:
-        """The class of the message at a path in those of a topic; None if a number is there.
+        """The class of the message at a path in messages of a topic; None if a number is there.
 
         Raises:
             InputError: If nothing is there, or neither a message nor a number.

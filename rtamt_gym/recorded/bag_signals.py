@@ -174,8 +174,8 @@ def _times(
 ) -> tuple[Stamps, NDArray[np.intp]]:
     """The times of a topic's messages, which increase, and the places of these messages.
 
-    Of messages with equal times the last counts, and one whose stamp is older than that of the
-    message before it does not.
+    Where messages have equal times the last counts. A message whose stamp is older than the stamp
+    before it does not count.
     """
     if not messages.logged:  # though the index of the bag counts some
         raise InputError(f"{bag.source}: expected messages on {messages.topic}, got none")
@@ -186,7 +186,7 @@ def _times(
         times = np.array(messages.stamps, np.int64)
         if not times.any():  # no header, or one that nobody has set
             times = logged
-            notes.append(f"{messages.topic} has no stamps: its times are those of recording")
+            notes.append(f"{messages.topic} has no stamps: its times are when it was recorded")
     if times is not logged:
         latest = np.maximum.accumulate(times)
         back = (latest - times) / 1e9

@@ -35,11 +35,11 @@ class Columns:
 
     Attributes:
         signals: The column of each variable that is called otherwise in the recording.
-        time: The column of times. None: that which is recognised by its name, such as ``time``,
+        time: The column of times. None: the column with a known name, such as ``time``,
             ``timestamp`` or ``Time [s]``.
-        time_unit: The unit of the times, a name of `UNITS`. None: that in the name or the type of
-            the column, else seconds.
-        separator: The character between the cells of a text. None: that of its first line.
+        time_unit: The unit of the times, a name of `UNITS`. None: the unit in the name or the type
+            of the column, else seconds.
+        separator: The character between the cells of a text. None: what its first line uses.
         decimal: The decimal mark of a text, ``.`` or ``,``. None: the mark that its first rows
             use.
         missing: What an empty cell does.

@@ -27,7 +27,7 @@ VARIABLE, VALUE = "variable", "value"
 
 
 def are_long(names: Collection[str], variables: Collection[str]) -> bool:
-    """Whether the columns are those of a recording each row of which is one event."""
+    """Whether each row of a recording with these columns is one event."""
     return {VARIABLE, VALUE} <= {*names} and not {*variables} <= {*names}
 
 

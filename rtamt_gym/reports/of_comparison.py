@@ -28,7 +28,7 @@ def of_comparison(comparison: Comparison) -> Section:
         effect = comparison.returns
         low, high = effect.interval
         text = f"{effect.value:.4g} ({effect.statistic}, 95 %: {low:.4g} to {high:.4g})"
-        facts.append(Fact("return of B less that of A", text))
+        facts.append(Fact("return of B minus return of A", text))
     return Section(
         kind="comparison",
         title=f"{comparison.b} against {comparison.a}",

@@ -31,7 +31,7 @@ def write_report(path: str | os.PathLike[str], *results: Result, title: str | No
         results: `Evaluation`, `Comparison`, `Sweep`, `Record`, `Falsification` and `SavedCase`, and
             the paths of their files: JSON and Parquet that they save, folders of campaigns, and
             what ``rtamt sweep``, ``falsify``, ``monitor`` and others write with ``--json``.
-        title: The title of the page. None: that of the only result, or how many there are.
+        title: The title of the page. None: the title of the only result, or how many there are.
 
     Raises:
         InputError: If there is no result, a file holds none, or the page has another ending.

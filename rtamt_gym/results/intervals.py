@@ -80,7 +80,7 @@ def quantiles(values: ArrayLike, shares: Sequence[float] = QUANTILES) -> Mapping
     even number of values is the lower of the two in the middle.
 
     Args:
-        values: The values, in any order, without nan. Of no values the result is empty.
+        values: The values, in any order, without nan. Without values the result is empty.
         shares: Numbers from 0 to 1.
 
     Raises:
@@ -112,8 +112,8 @@ def median(values: ArrayLike) -> float:
 def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
     """The interval of the median, between two of the values: it assumes nothing about them.
 
-    Of independent values with any distribution, infinities and ties included, it covers the median
-    at least as often as ``confidence`` says: how many values lie below the median is binomial. It
+    If values are independent, with any distribution, infinities and ties included, it covers the
+    median at least as often as ``confidence`` says: how many lie below the median is binomial. It
     needs no random numbers. Fewer than six values cannot be that sure of 95 %: their interval is
     (-inf, inf).
 

@@ -34,7 +34,7 @@ class Column(NamedTuple):
     """A column of a record.
 
     Attributes:
-        name: Its name; that of a requirement has the requirement in brackets behind it.
+        name: Its name; a column of a requirement has the requirement in brackets behind it.
         of: Its cell, from an outcome or a trial.
         kind: What its cells are.
     """
@@ -62,7 +62,7 @@ OF_TRIAL: Final = (
     Column("wall", lambda trial: trial.wall),
     Column("error", lambda trial: trial.error, "text"),
 )
-"""The columns of a trial beside those of its case and of its requirements."""
+"""The columns of a trial beside the columns of its case and of its requirements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +130,7 @@ class Trial:
         *,
         timed: bool = True,
     ) -> Self:
-        """The trial whose columns, but for those of the case, are these cells.
+        """Makes a trial from the cells of its columns; the case is given by itself.
 
         Args:
             cells: The cells, by name of the column.

@@ -112,7 +112,7 @@ class EnvironmentCase:
             for each, own, value in reversed(before):
                 if own:
                     setattr(each.owner, each.field, value)
-                else:  # the value was that of the class
+                else:  # the class had the value
                     delattr(each.owner, each.field)
 
     def check(self) -> None:

@@ -17,7 +17,7 @@ __all__ = ["PACKAGES", "families", "make", "register"]
 
 PACKAGES: Final[Mapping[str, str]] = {"rtamt": "rtamt_envs", "": "highway_env"}
 """The package that registers the environments of a namespace, ``NAMESPACE/Name-v0``, when it is
-imported; those of Gymnasium are there without it."""
+imported; Gymnasium's own are there without it."""
 
 
 def make(

@@ -38,8 +38,8 @@ class Model:
     The state of a recurrent model starts anew with every episode. Observations are normalised where
     the model was trained under a ``VecNormalize``.
 
-    A model that draws its actions draws from generators of the episode: those of Torch and NumPy
-    are as before afterwards.
+    A model that draws its actions draws from generators of the episode; the global generators of
+    Torch and NumPy are left as they were.
 
     Attributes:
         name: What it says that it is called, else the name of its class.
@@ -211,7 +211,7 @@ class _Dice:
 
     @contextmanager
     def thrown(self) -> Iterator[None]:
-        """A context in which random numbers are those of the episode."""
+        """A context in which random numbers come from the generators of the episode."""
         outside = self._read()
         self._set(self._own)
         try:
@@ -242,8 +242,8 @@ def check_spaces(model: Any, env: gym.Env[Any, Any], what: str) -> None:  # noqa
         trained, has = getattr(model, f"{which}_space", None), getattr(env, f"{which}_space")
         if trained is not None and not _alike(trained, has):
             raise InputError(
-                f"{what} was trained with the {which} space {described(trained)}, and that of "
-                f"{env.spec.id if env.spec else env} is {described(has)}"
+                f"{what} was trained with the {which} space {described(trained)}, and "
+                f"{env.spec.id if env.spec else env} has {described(has)}"
             )
 
 

@@ -60,7 +60,7 @@ class MujocoModel(System):
         self._steps = whole_steps(period or timestep, timestep, "period", of)
 
     def start(self) -> list[float]:
-        """Derives everything that depends on the state."""
+        """Derives everything that depends on the state; gives the values of the first sample."""
         if self._driven is not None and self._driven.inputs:
             self._set_inputs = self._driven.setter()
         derive(self._model, self._data)

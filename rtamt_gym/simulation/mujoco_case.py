@@ -70,7 +70,7 @@ class Driven(NamedTuple):
     inputs: list[tuple[Any, int, Waveform]]
 
     def setter(self) -> Callable[[], None]:
-        """The function that sets the inputs of a step; its first call those of the first step."""
+        """A function that sets the inputs of a step: the first call those for the first step."""
         period = self.model.opt.timestep
         drives = [(array, at, waveform.stepper(period)) for array, at, waveform in self.inputs]
         step = 0
@@ -89,13 +89,13 @@ def drive(model: Any, data: Any, case: Case, name: str) -> Driven:  # noqa: ANN4
 
     Args:
         model: The model.
-        data: Its data, whose present state is that of the copy where the case does not say another.
+        data: Its data; the copy takes its present state, except for what the case says.
         case: The case.
         name: The name of the model, for messages.
 
     Raises:
         InputError: If the model has nothing of a name, with the nearest; if a number does not fit,
-            or MuJoCo derives it from others; or if two names are those of one number.
+            or MuJoCo derives it from others; or if two names mean one number.
     """
     model, present = copy.copy(model), data
     data = mujoco.MjData(model)
@@ -137,7 +137,7 @@ def changed(model: Any, case: Case, name: str) -> Any:  # noqa: ANN401
 
 
 def is_of_model(name: str) -> bool:
-    """Whether the name of an entry begins as those of a model do."""
+    """Whether the name of an entry begins as names in a model do."""
     return re.match(r"\w*", name)[0] in _WRITES  # type: ignore[index]  # an empty match is one
 
 

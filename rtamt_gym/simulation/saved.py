@@ -1,7 +1,7 @@
 """Policies that Stable-Baselines3 and sb3-contrib have saved, for the command line.
 
-The file that ``model.save`` writes names the class of the policy, but not that of the algorithm,
-which is needed to load it. The attributes of the algorithm are there: `ALGORITHMS` says which of
+The file that ``model.save`` writes names the class of the policy, but not of the algorithm, which
+is needed to load it. The attributes of the algorithm are there: `ALGORITHMS` says which of
 them tell it.
 """
 

@@ -56,7 +56,7 @@ class EpisodeMonitoring(Monitoring):
 
     @property
     def samples(self) -> int:
-        """Samples fed since :meth:`reset`, that of the reset included."""
+        """Samples fed since :meth:`reset`, counting the sample of the reset."""
         return self._panel.samples
 
     @property

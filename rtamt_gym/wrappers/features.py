@@ -44,9 +44,9 @@ class StateFeatures:
     Attributes:
         weights: A factor of the numbers of each specification.
         clip: The bound to which they are clipped.
-        horizons: Of each specification, the samples after the first on which it depends.
-        whole: Whether the robustness is that of the whole episode in every view.
-        operators: Of each specification the temporal operators whose clocks and margins are shown;
+        horizons: For each specification, how many samples after the first it depends on.
+        whole: Whether the robustness judges the whole episode in every view.
+        operators: For each specification the temporal operators whose clocks and margins are shown;
             None if none are.
     """
 
@@ -72,7 +72,7 @@ class StateFeatures:
         return spaces.Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)
 
     def names(self, specs: Iterable[str]) -> list[str]:
-        """What each feature is, for a reader."""
+        """A name for each feature, for a reader."""
         found = []
         for name, operators in zip(specs, self.operators or repeat(()), strict=False):
             found += [f"{name}: {what}" for what in ("robustness", "lower", "upper", "time left")]

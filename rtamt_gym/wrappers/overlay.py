@@ -76,7 +76,7 @@ class RobustnessOverlay(gym.Wrapper[ObsType, ActType, ObsType, ActType], RecordC
 
         Raises:
             InputError: If there is no monitor inside, if the environment renders no pictures, or if
-                a name is not that of a signal
+                there is no signal of a name
         """
         RecordConstructorArgs.__init__(self, place=place, signals=signals)
         self._monitor = monitor_inside(env, type(self).__name__)

@@ -25,8 +25,8 @@ class DenseJudge:
     """Judges a requirement on events: a value lasts until the next message of its topic.
 
     A run begins when every input has come and none is stale. The robustness of a time is reported
-    as soon as it is known: with receive times, when a message comes or a look is taken, that of the
-    message included, as topics that are silent have kept their values; with stamps, when every
+    as soon as it is known: with receive times, when a message comes or a look is taken, up to the
+    message's own time, as topics that are silent have kept their values; with stamps, when every
     topic has a later one.
 
     Args:
@@ -153,14 +153,14 @@ class DenseJudge:
                     self._record.row(time, event)
 
     def _extend_defaults(self, events: _Events) -> None:
-        """Values before the first message last while those of stamped messages do."""
+        """Makes defaults last, before the first message, as long as all stamped values do."""
         lasting = [each for each in self.inputs if each.time is None]
         stamped = [time for each, time in self._last.items() if each.time is not None]
         if lasting and stamped:
             self._extend(events, lasting, min(stamped))
 
     def _extend(self, events: _Events, sources: Sequence[Input], until: int) -> None:
-        """Values last until then: those of a message for a nanosecond, and so are judged."""
+        """Makes values last until then; a new message lasts a nanosecond, so that it is judged."""
         for source in sources:
             if self._last[source] < until:
                 self._last[source] = until

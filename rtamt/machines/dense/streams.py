@@ -115,7 +115,7 @@ def _labelled(i: int, steps: Iterable[Breakpoint]) -> Iterator[tuple[float, int,
 
 
 class StreamNode(StateFields):
-    """Makes the stream of a register from those of its operands."""
+    """Makes the stream of a register from the streams of its operands."""
 
     STATE: ClassVar[tuple[str, ...]] = ("_joint",)
 

@@ -165,7 +165,7 @@ class SuffixNode(StreamNode):
         for time, x in reversed(steps):
             fold = self._fold.combine(x, fold)
             folds.append((time, fold[-1]))
-        # Several folds may come to the same time, as at the begin: that of the latest step counts.
+        # Several folds may come to the same time, as at the begin: the latest step's counts.
         values = {max(begin, time - self._lo): value for time, value in reversed(folds)}
         for time, value in values.items():
             self._out.push(time, value)

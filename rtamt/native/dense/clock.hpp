@@ -68,7 +68,7 @@ private:
     static constexpr double kPowers[] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                          1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
 
-    // The product is off by less than 2^-51 of it, that of the text of the double included: if it is
+    // The product is off by less than 2^-51 of it, with the error of the double's text: if it is
     // not that near to the middle between two ticks, it rounds as the exact number does. Returns 0
     // if so: bits instead of bools, so that the loop over an array works on several at once.
     Time quick(double time, Time& out) const {

@@ -81,7 +81,7 @@ private:
     std::vector<dense::Pending> pending_;
     std::vector<dense::Events> events_;
     std::vector<dense::Stream> streams_;  // of the registers that nodes or observers read
-    std::vector<std::size_t> published_;  // those of them that the sampler computes
+    std::vector<std::size_t> published_;  // the registers among them that the sampler computes
     std::vector<std::unique_ptr<dense::StreamNode>> nodes_;
     Observer result_;
     std::vector<Observer> observed_;

@@ -1,4 +1,4 @@
-// Nodes: each computes the stream of one register from those of its operands.
+// Nodes: each computes the stream of one register from the streams of its operands.
 #pragma once
 
 #include <cstddef>

@@ -45,7 +45,7 @@ public:
     // Whether the sampler computes this register: no window comes before it.
     bool samples(std::size_t i) const { return sampled_[i]; }
 
-    // Whether these events may follow those of the variable: times rise, and no value is nan.
+    // Whether these events may follow the variable's last ones: times rise, no value is nan.
     bool fits(std::size_t variable, Events events) const {
         return fit(inputs_[variable].last_time(), events);
     }

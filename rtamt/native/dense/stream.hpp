@@ -78,7 +78,7 @@ public:
         t[end] = kAfter;
     }
 
-    // Sets the value from a time on: that of the last step, if nobody has read it, or a later one.
+    // Sets the value from a time on: the last step's time, if nobody has read it, or a later one.
     void set(Time time, double value) {
         if (last_time() == time && end_ > read()) {
             --end_;

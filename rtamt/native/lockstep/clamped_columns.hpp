@@ -21,7 +21,7 @@ struct ClampedWindow {
 // What a fold over the times begin to end has seen of its operand, in columns.
 struct Seen {
     double* settled;  // the values that no sample will change
-    double* now;      // .. and those of open windows: if the trace ended now,
+    double* now;      // .. and the values of open windows: if the trace ended now,
     double* best;     // if all unseen samples were the best,
     double* worst;    // .. and the worst
 };

@@ -52,7 +52,7 @@ inline void each_stretch(const Lanes& lanes, bool together, Run run) {
 
 // The place of every lane in the rings that keep its last samples: a count that rises with each
 // sample and is never reset. Lanes that take every sample share one place, whatever their times;
-// a lane without samples has no place of its own, and takes that of the others.
+// a lane without samples has no place of its own, and takes the others' place.
 class Places {
 public:
     explicit Places(std::size_t num) : late_(num) {}

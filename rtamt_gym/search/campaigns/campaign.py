@@ -55,7 +55,7 @@ def run_campaign(
             -1: as many as there are cores. None: one after the other in this process, unless
             ``backend`` or ``timeout`` is given.
         backend: The backend of joblib that has the workers. None: this machine.
-            ``"dask"``: those of the present Dask client; ``"ray"``: those of Ray.
+            ``"dask"``: the workers of the present Dask client; ``"ray"``: the workers of Ray.
         timeout: The seconds that a run may take. One that takes longer is ended, whatever it does,
             and has a ``TimeoutError`` in its row; so is a run that ends its process twice,
             with a ``ChildProcessError``. A first run may have code to compile.

@@ -47,7 +47,7 @@ def main(pipe: int, alive: int, idle: float) -> None:
         return
     Making.now = False
     connection.send("")
-    with runner, suppress(EOFError):  # the end of the pipe may come before that of `alive`
+    with runner, suppress(EOFError):  # the pipe may end before `alive` does
         while connection.poll(idle):
             tasks, above = connection.recv()
             if not tasks:

@@ -86,7 +86,7 @@ class Folder:
         self.close()
 
     def close(self) -> None:
-        """Lets other processes have the folder."""
+        """Releases the lock, so that another process may use the folder."""
         self._lock.close()
 
     def rows(self) -> dict[int, Trial]:
@@ -94,7 +94,7 @@ class Folder:
         return finished(self._path, storage(_WHAT).load)[0]
 
     def add(self, rows: Sequence[tuple[int, Trial]]) -> None:
-        """Keeps finished runs, given with the numbers of their tasks; they are there for good."""
+        """Writes finished runs, with the numbers of their tasks; a kill afterwards loses none."""
         record = Record((row for _, row in rows), self._requirements, self._system)
         numbers = [number for number, _ in rows]
         self._number += 1
@@ -124,7 +124,7 @@ class Folder:
                 raise InputError(
                     "expected ",
                     Argument("folder"),
-                    f" as a new folder or that of a campaign, got {self._path}, "
+                    f" as a new folder or the folder of a campaign, got {self._path}, "
                     f"which holds {listing(sorted(others)[:3])}",
                 )
             return False

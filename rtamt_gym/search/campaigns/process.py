@@ -68,8 +68,8 @@ class Setup:
 def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Trial]]:
     """Runs tasks, each to its row; gives the rows with the numbers of the tasks.
 
-    Where a process ends, those of its tasks that are not over are run again, each alone; a task
-    that ends its process then too has an error in its row.
+    Where a process dies, its unfinished tasks are run again, each alone; a task that makes its
+    process die then too has an error in its row.
 
     Raises:
         InputError: If the process cannot make the system.
@@ -223,7 +223,7 @@ _lock: Final = Lock()
 _all: Final[dict[str, set[_Process]]] = {}
 """The processes of each campaign."""
 _idle: Final[dict[str, list[_Process]]] = {}
-"""Those of them that wait for tasks."""
+"""The processes of each campaign that wait for tasks."""
 _over: Final[set[str]] = set()
 """The campaigns that start no more processes here."""
 

@@ -63,7 +63,7 @@ class _Budget:
         return self.row.case
 
     def attempt(self, name: str, entry: Entry) -> bool:
-        """Puts an entry in place of that of a name if the case then still violates."""
+        """Gives a name another entry if the case then still violates."""
         if entry == self.case[name] or self.count >= self._most:
             return False
         self.count += 1
@@ -123,10 +123,10 @@ def _fewer_digits(entry: Signal | Parameter, budget: _Budget) -> None:
 
 
 def _rounded(value: float, entry: Signal | Parameter) -> Iterator[float]:
-    """A number with more and more digits, until it is itself; only those of the range."""
+    """A number rounded to more and more digits, up to itself; only results inside the range."""
     if not math.isfinite(value):
         return
-    # Digits are those of the range: 0.0031 of 100 is 0.
+    # The range sets the first digit: 0.0031 in a range up to 100 is 0.
     size = max(abs(entry.low), abs(entry.high))
     place = math.floor(math.log10(size)) if size else 0
     for digits in _DIGITS:

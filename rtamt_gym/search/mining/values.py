@@ -97,7 +97,7 @@ _LEAST: Final = _bits(1e-300)
 
 
 def _ordinal(value: float) -> int:
-    """The number of a float in the order of all; that of 0 is 0, that of 1e-300 is 1."""
+    """The number of a float in the order of all: 0 has the number 0, 1e-300 the number 1."""
     ordinal = max(0, _bits(abs(value)) - _LEAST + 1)
     return ordinal if value > 0 else -ordinal
 

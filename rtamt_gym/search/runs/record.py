@@ -39,8 +39,8 @@ class Record(Results):
         system: The name of the system.
 
     Raises:
-        InputError: If a name of a case is that of another column, or a waveform has other times in
-            one row than in another.
+        InputError: If a case has a name that another column has too, or a waveform has other times
+            in one row than in another.
 
     Example:
         >>> from rtamt_gym import Parameter, sweep
@@ -94,7 +94,7 @@ class Record(Results):
         return min(found, key=lambda row: order(row.outcomes[name].robustness))
 
     def columns(self) -> dict[str, list[Any]]:
-        """The record as a table: the columns of the case, then ``seed``, then those of outcomes.
+        """The record as a table: columns of the case, then ``seed``, then columns of outcomes.
 
         These are ``robustness(NAME)``, ``lower(NAME)``, ``upper(NAME)``, ``verdict(NAME)``,
         ``decided_at(NAME)`` in seconds (samples if there is no period) and ``decided_sample(NAME)``
@@ -167,7 +167,7 @@ class Record(Results):
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Record:
-        """Reads a file that `save` has written, or that of a `Sweep`.
+        """Reads a file that `save` has written, of a record or of a `Sweep`.
 
         Raises:
             InputError: If the file does not hold a record.

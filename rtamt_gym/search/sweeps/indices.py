@@ -39,11 +39,11 @@ SALib."""
 class Indices:
     """How much each column of a space moves the robustness of a requirement, greatest first.
 
-    Of a sweep with Morris's trajectories: ``mu*``, the mean size of what a step in a column changes
-    (in the unit of the robustness, for a step over the whole range), ``mu``, the same with its
-    sign, and ``sigma``, its standard deviation, which is large where columns act together or
-    bent. Of Saltelli's points: ``S1``, the share of the variance that a column explains alone, and
-    ``ST``, with all that it does together with others. ``+-`` is half of the 95 % interval.
+    A sweep with Morris's trajectories gives ``mu*``, the mean size of the change by a step in a
+    column (in the unit of the robustness, for a step over the whole range), ``mu``, the same with
+    its sign, and ``sigma``, its standard deviation, which is large where columns interact or act
+    nonlinearly. Saltelli's points give ``S1``, the share of the variance that a column explains
+    alone, and ``ST``, the share with its interactions. ``+-`` is half of the 95 % interval.
 
     Attributes:
         requirement: The name of the requirement.
@@ -134,7 +134,7 @@ def _heights(record: Record, name: str) -> NDArray[np.float64]:
     infinite = int(np.count_nonzero(~np.isfinite(heights)))
     if infinite:
         raise InputError(
-            f"indices need a finite robustness, and that of {name!r} is infinite in "
+            f"indices need a finite robustness, and {name!r} has an infinite one in "
             f"{counted(infinite, 'simulation')} of {len(record)}"
         )
     if np.ptp(heights) == 0.0:

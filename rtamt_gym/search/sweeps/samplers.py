@@ -49,8 +49,8 @@ of dimension + 1 points |
     | ``"saltelli"`` | what Sobol's indices are made of | a power of two; dimension + 2 times as \
 many points |
 
-    On a grid a parameter with ``values`` takes all of them, whatever the number is. The points of a
-    seed are always the same, and with ``"sobol"`` the first of more are those of fewer.
+    On a grid a parameter with ``values`` takes all of them, whatever the number is. A seed always
+    gives the same points, and with ``"sobol"`` more points begin with the same ones as fewer.
 
     Raises:
         InputError: If the number does not fit the sampler.
@@ -169,7 +169,7 @@ def _shares(count: int) -> Points:
 def _sobol(space: Space, count: int, seed: int) -> Points:
     from scipy.stats import qmc
 
-    # A power of two is what the sequence is balanced for; the first of it are those of any length.
+    # The sequence is balanced at powers of two; a shorter one is its beginning.
     sequence = qmc.Sobol(space.dimension, seed=seed)
     points: Points = sequence.random_base2((count - 1).bit_length())
     return points[:count]

@@ -137,9 +137,7 @@ def test_bags_without_definitions_have_the_classes_of_humble(tmp_path: Path) -> 
         database.execute("DROP TABLE schema")
     database.close()
     assert speeds(path) == SPEEDS
-    assert [*read(path).notes] == [
-        "the bag defines no classes of messages: they are those of Humble"
-    ]
+    assert [*read(path).notes] == ["the bag defines no classes of messages: Humble's are taken"]
 
 
 def test_topics_with_messages_of_two_classes_are_refused(tmp_path: Path) -> None:

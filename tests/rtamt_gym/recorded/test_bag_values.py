@@ -139,7 +139,7 @@ def test_stamps_of_headers_count_where_they_are_asked_for(
     times = [(at - begin) / 1e9 for at, _ in earlier]
     times += [(end - begin) / 1e9] * (earlier[-1][0] < end)
     assert trace.signals[SPEED][0].tolist() == times
-    assert trace.notes[0] == "/robot0/cmd_vel has no stamps: its times are those of recording"
+    assert trace.notes[0] == "/robot0/cmd_vel has no stamps: its times are when it was recorded"
 
 
 def test_each_requirement_is_judged_from_when_its_own_topics_are_known(tmp_path: Path) -> None:

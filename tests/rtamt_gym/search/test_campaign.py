@@ -182,7 +182,8 @@ def test_a_folder_holds_one_campaign_that_one_process_runs(tmp_path: Path) -> No
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "todo.txt").touch()
     assert refusal(folder=tmp_path / "notes") == (
-        "expected folder= as a new folder or that of a campaign, got notes, which holds 'todo.txt'"
+        "expected folder= as a new folder or the folder of a campaign, got notes, "
+        "which holds 'todo.txt'"
     )
     assert refusal(folder=tmp_path / "notes" / "todo.txt") == (
         "expected folder= as a folder, got the file notes/todo.txt"

@@ -118,7 +118,7 @@ def steep(x1: float) -> Any:  # noqa: ANN401
         (
             steep,
             {},
-            "indices need a finite robustness, and that of 'y' is infinite in 4 simulations of 8",
+            "indices need a finite robustness, and 'y' has an infinite one in 4 simulations of 8",
         ),
         (
             plane,

@@ -224,15 +224,15 @@ def test_what_is_no_model_is_refused_with_the_way_out(text: str, message: str) -
             gym.spaces.Box(-1, 1, (3,), np.float32),
             (
                 "best.zip was trained with the observation space Box(shape=(3,), dtype=float32), "
-                "and that of CartPole-v1 is Box(shape=(4,), dtype=float32)"
+                "and CartPole-v1 has Box(shape=(4,), dtype=float32)"
             ),
         ),
         (
             "action_space",
             gym.spaces.Discrete(3),
             (
-                "best.zip was trained with the action space Discrete(3), and that of CartPole-v1 "
-                "is Discrete(2)"
+                "best.zip was trained with the action space Discrete(3), and CartPole-v1 has "
+                "Discrete(2)"
             ),
         ),
     ],
