@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rtamt.errors import InputError
 from rtamt.inputs.arrays import Floats, array_of_numbers, number
 
-__all__ = ["NO_BOUNDS", "UNKNOWN", "Between", "known"]
+__all__ = ["NO_BOUNDS", "UNKNOWN", "Between", "out_of_order"]
 
 NO_BOUNDS: Final = (
     "EpisodeMonitor, VectorEpisodeMonitor and judge give bounds; a nan of others means 'not yet'"
@@ -90,10 +90,11 @@ UNKNOWN: Final = Between(-math.inf, math.inf)
 """A value of which nothing is known."""
 
 
-def known(lower: Floats, upper: Floats) -> NDArray[np.bool_]:
-    """Where two arrays of ends are the same to the bit, so that the values are known."""
-    same: NDArray[np.bool_] = (lower == upper) & (np.signbit(lower) == np.signbit(upper))
-    return same
+def out_of_order(lower: Floats, upper: Floats) -> NDArray[np.bool_]:
+    """Where a lower end is above the upper one, -0.0 below 0.0, or an end is nan."""
+    zeros = (lower == upper) & ~np.signbit(lower) & np.signbit(upper)
+    wrong: NDArray[np.bool_] = ~(lower <= upper) | zeros
+    return wrong
 
 
 def _arrays(lower: object, upper: object) -> tuple[Floats, Floats]:
@@ -109,8 +110,7 @@ def _arrays(lower: object, upper: object) -> tuple[Floats, Floats]:
 
 
 def _require_order(lower: Floats, upper: Floats) -> None:
-    zeros = (lower == upper) & ~np.signbit(lower) & np.signbit(upper)
-    wrong = np.atleast_1d(~(lower <= upper) | zeros)
+    wrong = np.atleast_1d(out_of_order(lower, upper))
     if not wrong.any():
         return
     place = int(wrong.ravel().argmax())

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rtamt.errors import InputError, InputTypeError, StateError
 from rtamt.inputs.arrays import Floats, array_of_numbers, kind_of
+from rtamt.inputs.between import Between, out_of_order
 from rtamt.inputs.samples import NanPolicy, SampleReader, wrong_shape
 from rtamt.program.program import Program
 
@@ -27,20 +28,23 @@ class LaneReader:
     Args:
         program: Its variables are read; its terms are named in errors.
         num: How many lanes.
-        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value in that lane.
+        nan: ``"raise"`` refuses a nan; ``"hold"`` keeps the variable's last value in that lane;
+            ``"unknown"`` takes it for a value of which nothing is known.
+        bounds: Whether what reads the samples gives bounds, so that they need not be known.
     """
 
-    __slots__ = ("_nan", "_num", "_program")
+    __slots__ = ("_bounds", "_nan", "_num", "_program")
 
-    def __init__(self, program: Program, num: int, nan: NanPolicy) -> None:
-        SampleReader(program, nan)  # checks the policy
+    def __init__(self, program: Program, num: int, nan: NanPolicy, *, bounds: bool = False) -> None:
+        SampleReader(program, nan, bounds=bounds)  # checks the policy
         self._program = program
         self._num = num
         self._nan = nan
+        self._bounds = bounds
 
     def lane(self, lane: int) -> SampleReader:
         """The reader of one lane, whose errors name the lane."""
-        return SampleReader(self._program, self._nan, lane)
+        return SampleReader(self._program, self._nan, lane, bounds=self._bounds)
 
     def values(self, values: ArrayLike) -> Floats:
         """The values as a contiguous array of shape (lanes, variables), copied only if need be."""
@@ -104,7 +108,56 @@ class LaneReader:
             reader.refuse_nan(reader.variables[variable], int(samples[lane]))
         return np.where(missing, inputs, table)
 
-    def refuse(self, values: Sequence[float], sample: int, lane: int) -> NoReturn:
+    def ends(
+        self,
+        table: Floats,
+        upper: Floats | None,
+        chosen: Lanes | None,
+        samples: NDArray[np.int64],
+        inputs: tuple[Floats, Floats],
+    ) -> tuple[Floats, Floats]:
+        """The least and the greatest values, after the nan policy; both are one if all are known.
+
+        Args:
+            table: A row for each lane.
+            upper: The greatest values, if the table has the least; None: they are the same.
+            chosen: The lanes that take their sample; None: all.
+            samples: The number of samples that each lane has taken.
+            inputs: The least and the greatest values of the last sample of every lane.
+
+        Raises:
+            InputError: On a nan that is refused, or an upper end below the lower one, with the
+                variable, the lane and its sample.
+        """
+        if upper is not None:
+            self._require_order(table, upper, chosen, samples)
+            return table, upper
+        if self._nan == "unknown":
+            missing = np.isnan(table)
+            return np.where(missing, -np.inf, table), np.where(missing, np.inf, table)
+        least, greatest = (self.without_nan(table, chosen, samples, each) for each in inputs)
+        return least, greatest
+
+    def _require_order(
+        self, lower: Floats, upper: Floats, chosen: Lanes | None, samples: NDArray[np.int64]
+    ) -> None:
+        wrong = out_of_order(lower, upper)
+        if chosen is not None:
+            wrong &= self._booleans(chosen)[:, None]
+        if not wrong.any():
+            return
+        lane, variable = np.argwhere(wrong)[0].tolist()
+        least, greatest = float(lower[lane, variable]), float(upper[lane, variable])
+        name = self._program.variables[variable]
+        expected = f"numbers as ends of '{name}', and -inf and inf of what is not known"
+        if least == least and greatest == greatest:  # noqa: PLR0124 - neither is nan
+            expected = f"a lower end of '{name}' that is not above the upper one"
+        raise InputError(
+            f"expected {expected}, got {least!r} and {greatest!r} at sample {samples[lane]} of "
+            f"lane {lane}"
+        )
+
+    def refuse(self, values: Sequence[float | Between], sample: int, lane: int) -> NoReturn:
         """Raise the error that names the first term which is nan in a lane's sample."""
         self.lane(lane).refuse(values, sample)
 

@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
+from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
-from rtamt.machines.episode.machine import PythonEpisodeMachine
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdicts_of
 from rtamt.machines.state import StateFields
-from rtamt.machines.terms import PythonSampleMachine
+from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.program import Program
 
 __all__ = ["PythonDiscreteBank", "PythonEpisodeBank"]
 
 
-_M = TypeVar("_M", bound=PythonSampleMachine)
+_M = TypeVar("_M", PythonDiscreteMachine, PythonUncertainEpisode)
 
 
 class _PythonBank(StateFields, Generic[_M]):
@@ -34,31 +34,16 @@ class _PythonBank(StateFields, Generic[_M]):
     STATE = ("_machines",)
 
     def __init__(self, machines: Iterable[_M], reader: LaneReader) -> None:
-        self._machines = list(machines)
+        self._machines: list[_M] = list(machines)
         self._reader = reader
 
     @property
     def samples(self) -> NDArray[np.int64]:
         return np.array([machine.samples for machine in self._machines], dtype=np.int64)
 
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
-        table, chosen = self._reader.values(values), self._reader.mask(mask)
-        lanes = self._chosen(chosen)
-        self._require_open(lanes)
-        inputs = np.array([m.inputs or [0.0] * table.shape[1] for m in self._machines])
-        table = self._reader.without_nan(table, chosen, self.samples, inputs)
-        rows = table.tolist()
-        terms = [self._machines[lane].terms(rows[lane]) for lane in lanes]
-        for lane, known in zip(lanes, terms, strict=True):
-            self._machines[lane].take(known, rows[lane])
-        return self._each("result")
-
     def reset(self, mask: ArrayLike | None = None) -> None:
         for lane in self._chosen(self._reader.mask(mask)):
             self._machines[lane].reset()
-
-    def _require_open(self, lanes: Sequence[int]) -> None:
-        """Refuse lanes whose trace has ended."""
 
     def _chosen(self, mask: Lanes | None) -> Sequence[int]:
         if mask is None:
@@ -77,14 +62,45 @@ class PythonDiscreteBank(_PythonBank[PythonDiscreteMachine]):
         machines = (PythonDiscreteMachine(program, reader.lane(i), ()) for i in range(num))
         super().__init__(machines, reader)
 
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
+        table, chosen = self._reader.values(values), self._reader.mask(mask)
+        lanes = self._chosen(chosen)
+        inputs = np.array([m.inputs or [0.0] * table.shape[1] for m in self._machines])
+        table = self._reader.without_nan(table, chosen, self.samples, inputs)
+        rows = table.tolist()
+        terms = [self._machines[lane].terms(rows[lane]) for lane in lanes]
+        for lane, known in zip(lanes, terms, strict=True):
+            self._machines[lane].take(known, rows[lane])
+        return self._each("result")
 
-class PythonEpisodeBank(_PythonBank[PythonEpisodeMachine]):
+
+class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
     """Machines that bound the robustness of an episode, in lockstep."""
 
     def __init__(self, program: Program, num: int, reader: LaneReader) -> None:
         super().__init__(
-            (PythonEpisodeMachine(program, reader.lane(i)) for i in range(num)), reader
+            (PythonUncertainEpisode(program, reader.lane(i)) for i in range(num)), reader
         )
+
+    def update(
+        self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
+    ) -> Floats:
+        table = self._reader.values(values)
+        above = None if upper is None else self._reader.values(upper)
+        chosen = self._reader.mask(mask)
+        lanes = self._chosen(chosen)
+        self._require_open(lanes)
+        last = [m.inputs or [0.0] * table.shape[1] for m in self._machines]
+        least, greatest = (np.array([[ends_of(x)[i] for x in row] for row in last]) for i in (0, 1))
+        ends = self._reader.ends(table, above, chosen, self.samples, (least, greatest))
+        lower, upper_ends = (each.tolist() for each in ends)
+        samples = [
+            self._machines[lane].terms([*map(in_between, lower[lane], upper_ends[lane])])
+            for lane in lanes
+        ]
+        for lane, sample in zip(lanes, samples, strict=True):
+            self._machines[lane].take(sample)
+        return self._each("result")
 
     @property
     def robustness(self) -> Floats:

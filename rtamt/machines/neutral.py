@@ -194,9 +194,11 @@ class _NeutralBank:
     def verdict(self) -> NDArray[np.int8]:
         return verdicts_of(self.lower, self.upper)
 
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
-        results = self._best.update(values, mask)
-        self._worst.update(values, mask)
+    def update(
+        self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
+    ) -> Floats:
+        results = self._best.update(values, mask, upper)
+        self._worst.update(values, mask, upper)
         return results
 
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:

@@ -172,15 +172,15 @@ class Bank(Stateful, Protocol):
     def samples(self) -> NDArray[np.int64]:
         """Samples taken in by every lane since its reset."""
 
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
-        """Take in a sample in every lane that the mask chooses; return every lane's result."""
-
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget every sample of the lanes that the mask chooses."""
 
 
 class DiscreteBank(Bank, Protocol):
     """Discrete machines in lockstep."""
+
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> Floats:
+        """Take in a sample in every lane that the mask chooses; return every lane's result."""
 
 
 class EpisodeBank(Bank, Protocol):
@@ -189,6 +189,14 @@ class EpisodeBank(Bank, Protocol):
     Attributes:
         verdict: 1 where the sign bit of lower is clear, -1 where upper's is set, else 0.
     """
+
+    def update(
+        self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
+    ) -> Floats:
+        """Take in a sample in every lane that the mask chooses; return every lane's result.
+
+        With upper values a sample lies between the two; without, it is known.
+        """
 
     @property
     def robustness(self) -> Floats: ...

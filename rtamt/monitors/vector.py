@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from typing import Any, SupportsIndex, TypeVar, Unpack
+from typing import Any, ClassVar, SupportsIndex, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,8 @@ class _Lockstep(Sampled[_B]):
 
     __slots__ = ("num",)
 
+    _bounds: ClassVar = False
+
     @listed_in_signature(SampleOptions)
     def __init__(
         self,
@@ -47,7 +49,9 @@ class _Lockstep(Sampled[_B]):
     ) -> None:
         self.num = _counted(num)
         self._compile(spec, period, options)
-        self._machine = self._made(LaneReader(self.program, self.num, self._nan))
+        self._machine = self._made(
+            LaneReader(self.program, self.num, self._nan, bounds=self._bounds)
+        )
 
     def _made(self, reader: LaneReader) -> _B:
         raise NotImplementedError
@@ -58,28 +62,6 @@ class _Lockstep(Sampled[_B]):
     samples: MachineValue[NDArray[np.int64]] = machine_value(
         "samples", "Samples that each lane has taken in since it was made or reset; a fresh array."
     )
-
-    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
-
-        A call that raises an error leaves all lanes as they were.
-
-        Args:
-            values: An array of shape (num, variables), a row for each lane, columns in the order
-                of ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
-            mask: num booleans: the lanes that take a sample. None: all.
-
-        Returns:
-            A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
-            signal gives; for one that did not, the value that it had; nan before its first sample.
-
-        Raises:
-            InputError: On a wrong shape, a nan, or a term that is not a number (``sqrt(-1)``), with
-                the lane and its sample.
-            InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
-            StateError: If a lane that is to take a sample is finished.
-        """
-        return self._machine.update(values, mask)
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget every sample of the lanes where the mask is true; without a mask, of all.
@@ -124,6 +106,28 @@ class VectorMonitor(Late, _Lockstep[DiscreteBank]):
 
     __slots__ = ()
 
+    def update(self, values: ArrayLike, mask: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
+
+        A call that raises an error leaves all lanes as they were.
+
+        Args:
+            values: An array of shape (num, variables), a row for each lane, columns in the order
+                of ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
+            mask: num booleans: the lanes that take a sample. None: all.
+
+        Returns:
+            A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
+            signal gives; for one that did not, the value that it had; nan before its first sample.
+
+        Raises:
+            InputError: On a wrong shape, a nan, or a term that is not a number (``sqrt(-1)``), with
+                the lane and its sample.
+            InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
+            StateError: If a lane that is to take a sample is finished.
+        """
+        return self._machine.update(values, mask)
+
     def _made(self, reader: LaneReader) -> DiscreteBank:
         limit_discrete(self.program, self.num)
         return BACKENDS[self.backend].discrete_bank(self.program, self.num, reader)
@@ -147,7 +151,8 @@ class VectorEpisodeMonitor(
         num: How many lanes, 1 to 16,777,216.
         period: As for `Monitor`.
         **options: ``semantics``, ``inputs``, ``outputs``, ``backend``, ``nan`` and ``align``, as
-            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane.
+            for `Monitor`; ``nan="hold"`` keeps the variable's last value in that lane, and
+            ``nan="unknown"`` takes a nan for a value of which nothing is known.
 
     Raises:
         SpecificationError: As for `EpisodeMonitor`.
@@ -165,6 +170,44 @@ class VectorEpisodeMonitor(
     """
 
     __slots__ = ()
+
+    _bounds: ClassVar = True
+
+    def update(
+        self,
+        values: ArrayLike,
+        mask: ArrayLike | None = None,
+        *,
+        upper: ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
+        """Take in a sample in every lane that the mask chooses, and give each lane's robustness.
+
+        A call that raises an error leaves all lanes as they were.
+
+        Args:
+            values: An array of shape (num, variables), a row for each lane, columns in the order
+                of ``variables``. Rows of lanes that the mask leaves out are ignored, nan or not.
+            mask: num booleans: the lanes that take a sample. None: all.
+            upper: The greatest values, in an array of the same shape: then ``values`` are the
+                least, and each value is known only to lie between the two, ends included
+                (`Between`). None: the values are known.
+
+        Returns:
+            A fresh array of shape (num,): for a lane that took a sample, what the monitor of one
+            signal gives; for one that did not, the value that it had; nan before its first sample.
+
+        Raises:
+            InputError: On a wrong shape, a nan, a value above its upper one, or a term that is not
+                a number (``sqrt(-1)``), with the lane and its sample.
+            InputTypeError: On values that are not real numbers, or a mask that is not of booleans.
+            StateError: If a lane that is to take a sample is finished.
+
+        Example:
+            >>> e = VectorEpisodeMonitor("always(x > 1)", 2)
+            >>> e.update([[3], [0]], upper=[[5], [4]]), e.finish(), e.upper, e.verdict
+            (array([ 2., -1.]), array([ 2., -1.]), array([4., 3.]), array([1, 0], dtype=int8))
+        """
+        return self._machine.update(values, mask, upper)
 
     def _made(self, reader: LaneReader) -> EpisodeBank:
         limit_episode(self.program, self.num)

@@ -24,31 +24,38 @@ Bank::Bank(const std::vector<DiscreteRow>& rows, std::size_t terms, std::size_t 
       inputs_(num * variables),
       fingerprint_(fingerprint_of(program_.fingerprint(), num)) {}
 
+// Reads a variable of the chosen lanes.
+void Bank::read(const Table& table, std::size_t variable, double* out) const {
+    const double* from = table.at(variable);
+    const std::size_t count = lanes_.count();
+    if (lanes_.all() && table.row == 1) {
+        std::copy_n(from, count, out);
+    } else if (lanes_.all()) {
+        for (std::size_t i = 0; i < count; ++i, from += table.row) out[i] = *from;
+    } else {
+        for (std::size_t i = 0; i < count; ++i) out[i] = from[lanes_[i] * table.row];
+    }
+}
+
 std::size_t Bank::take_terms(const Table& table, const std::uint8_t* mask) {
     lanes_.choose(mask);
     const std::size_t count = lanes_.count();
-    const auto read = [&](std::size_t variable, double* out) {
-        const double* from = table.at(variable);
-        if (lanes_.all() && table.row == 1) {
-            std::copy_n(from, count, out);
-        } else if (lanes_.all()) {
-            for (std::size_t i = 0; i < count; ++i, from += table.row) out[i] = *from;
-        } else {
-            for (std::size_t i = 0; i < count; ++i) out[i] = from[lanes_[i] * table.row];
-        }
-    };
-    for (const Load& load : program_.loads_) read(load.variable, columns_.out(load.out));
+    for (const Load& load : program_.loads_) read(table, load.variable, columns_.out(load.out));
     if (const std::size_t bad = columns_.terms(count); bad < count) return lanes_[bad];
+    keep_inputs(table);
+    return num();
+}
+
+void Bank::keep_inputs(const Table& table) {
     for (std::size_t variable = 0; variable < variables(); ++variable) {
         double* inputs = inputs_.data() + variable * num();
         if (lanes_.all()) {
-            read(variable, inputs);
+            read(table, variable, inputs);
         } else {
-            for (std::size_t i = 0; i < count; ++i)
+            for (std::size_t i = 0; i < lanes_.count(); ++i)
                 inputs[lanes_[i]] = table.at(variable)[lanes_[i] * table.row];
         }
     }
-    return num();
 }
 
 void Bank::choose_and_clear(const std::uint8_t* mask) {
@@ -156,6 +163,14 @@ std::size_t EpisodeBank::take(const Table& table, const std::uint8_t* mask) {
     if (const std::size_t bad = take_terms(table, mask); bad < num()) return bad;
     episodes_->take(lanes_, inputs_.data(), columns_);
     return num();
+}
+
+void EpisodeBank::take(const Table& table, const std::uint8_t* mask, const double* terms) {
+    lanes_.choose(mask);
+    for (std::size_t slot = 0; slot < program_.registers().size(); ++slot)
+        std::copy_n(terms + slot * num(), lanes_.count(), columns_.out(slot));
+    keep_inputs(table);
+    episodes_->take(lanes_, inputs_.data(), columns_);
 }
 
 void EpisodeBank::reset(const std::uint8_t* mask) {

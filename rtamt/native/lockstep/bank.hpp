@@ -33,6 +33,8 @@ protected:
     // Evaluates the terms of one sample of every chosen lane, from its row of the table. Returns
     // the first lane with a nan, without changing anything, or num().
     std::size_t take_terms(const Table& table, const std::uint8_t* mask);
+    // Keeps the samples of the chosen lanes as the last ones.
+    void keep_inputs(const Table& table);
     void choose_and_clear(const std::uint8_t* mask);
     void fields(Snapshot& s);
 
@@ -41,6 +43,9 @@ protected:
     Lanes lanes_;
     std::vector<double> inputs_;
     std::uint64_t fingerprint_;
+
+private:
+    void read(const Table& table, std::size_t variable, double* out) const;
 };
 
 // Discrete machines in lockstep.
@@ -89,6 +94,9 @@ public:
 
     // Does what DiscreteBank::take does; no chosen lane is finished.
     std::size_t take(const Table& table, const std::uint8_t* mask);
+    // Takes in a sample of every chosen lane whose terms are known: for each of them num() numbers,
+    // of which the first ones are those of the chosen lanes.
+    void take(const Table& table, const std::uint8_t* mask, const double* terms);
     void reset(const std::uint8_t* mask = nullptr);
     // Ends the traces of the chosen lanes, of at least one sample each.
     void finish(const std::uint8_t* mask, End end);

@@ -5,15 +5,16 @@
 #include <utility>
 #include <vector>
 
-#include "lockstep/bank.hpp"
+#include "lockstep/uncertain.hpp"
 #include "python/arrays.hpp"
 #include "python/encoding.hpp"
 #include "python/object.hpp"
+#include "python/samples.hpp"
 
 namespace rtamt {
 namespace {
 
-using EpisodeObject = Object<EpisodeBank>;
+using EpisodeObject = Object<UncertainBank>;
 
 // The elements of an array, and what keeps them where they are.
 template <class Elements>
@@ -77,10 +78,14 @@ nb::object samples(const Object<B>& object) {
 }
 
 template <class B>
+nb::object inputs_of(const B& bank, const double* inputs) {
+    const std::size_t width = bank.variables();
+    return doubles(inputs, bank.num() * width).attr("reshape")(width, bank.num()).attr("T");
+}
+
+template <class B>
 nb::object inputs(const Object<B>& object) {
-    const std::size_t num = object.machine.num();
-    const std::size_t width = object.machine.variables();
-    return doubles(object.machine.inputs(), num * width).attr("reshape")(width, num).attr("T");
+    return inputs_of(object.machine, object.machine.inputs());
 }
 
 // Has the reader refuse the first chosen lane that is not allowed.
@@ -90,28 +95,58 @@ void require(const Object<B>& object, const std::uint8_t* mask, Allowed allowed,
         if ((mask == nullptr || mask[lane]) && !allowed(lane)) refuse(object.reader, call, lane);
 }
 
+// A row of a table.
 template <class B>
-nb::object update(Object<B>& object, nb::handle values, nb::handle mask) {
-    B& bank = object.machine;
+std::vector<double> row_of(const B& bank, const Table& table, std::size_t lane) {
+    std::vector<double> row;
+    for (std::size_t i = 0; i < bank.variables(); ++i)
+        row.push_back(table.at(i)[static_cast<std::ptrdiff_t>(lane) * table.row]);
+    return row;
+}
+
+nb::object update_discrete(Object<DiscreteBank>& object, nb::handle values, nb::handle mask) {
+    DiscreteBank& bank = object.machine;
     const nb::object plain = table_of(object, values).array;
     const auto chosen = mask_of(object, mask);
     const auto table = table_of(object, plain);  // no code of the caller runs after this
-    if constexpr (requires { bank.finished(); })
-        require(
-            object, chosen.elements, [&](std::size_t lane) { return !bank.finished()[lane]; },
-            "refuse_update");
     if (bank.take(table.elements, chosen.elements) < bank.num()) {
         const nb::object policy = object.reader.attr("without_nan");
         const nb::object filled = policy(plain, chosen.array, samples(object), inputs(object));
         const auto numbers = table_of(object, filled);
         const std::size_t lane = bank.take(numbers.elements, chosen.elements);
         if (lane < bank.num()) {
-            nb::list sample;
-            for (std::size_t i = 0; i < bank.variables(); ++i)
-                sample.append(numbers.elements.at(i)[static_cast<std::ptrdiff_t>(lane) *
-                                                     numbers.elements.row]);
-            refuse(object.reader, "refuse", sample, bank.samples()[lane], lane);
+            const std::vector<double> sample = row_of(bank, numbers.elements, lane);
+            refuse(object.reader, "refuse", list_of(sample.data(), sample.size()),
+                   bank.samples()[lane], lane);
         }
+    }
+    return doubles(bank.results(), bank.num());
+}
+
+nb::object update_episodes(EpisodeObject& object, nb::handle values, nb::handle mask,
+                           nb::handle upper) {
+    UncertainBank& bank = object.machine;
+    const nb::object plain = table_of(object, values).array;
+    nb::object above = nb::none();
+    if (!upper.is_none()) above = table_of(object, upper).array;
+    const auto chosen = mask_of(object, mask);
+    const auto table = table_of(object, plain);  // no code of the caller runs after this
+    require(
+        object, chosen.elements, [&](std::size_t lane) { return !bank.finished()[lane]; },
+        "refuse_update");
+    if (above.is_none() && bank.take(table.elements, chosen.elements) == bank.num())
+        return doubles(bank.results(), bank.num());
+    const nb::object ends = object.reader.attr("ends")(
+        plain, above, chosen.array, samples(object),
+        nb::make_tuple(inputs(object), inputs_of(bank, bank.upper_inputs())));
+    const auto least = table_of(object, ends[0]);
+    const auto greatest = table_of(object, ends[1]);
+    const std::size_t lane = bank.take(least.elements, greatest.elements, chosen.elements);
+    if (lane < bank.num()) {
+        const std::vector<double> low = row_of(bank, least.elements, lane);
+        const std::vector<double> high = row_of(bank, greatest.elements, lane);
+        refuse(object.reader, "refuse", sample_between(low.data(), high.data(), low.size()),
+               bank.samples()[lane], lane);
     }
     return doubles(bank.results(), bank.num());
 }
@@ -122,7 +157,7 @@ void reset_lanes(Object<B>& object, nb::handle mask) {
 }
 
 nb::object finish(EpisodeObject& object, nb::handle mask, const std::string& end) {
-    EpisodeBank& bank = object.machine;
+    UncertainBank& bank = object.machine;
     const End reading = end_of(end);
     const auto chosen = mask_of(object, mask);
     require(
@@ -143,8 +178,6 @@ nb::class_<Object<B>> bank_class(nb::module_& m, const char* name, const char* d
     auto made = machine_class<Object<B>>(m, name, doc);
     made.def_prop_ro("samples", samples<B>, "The number of samples of every lane since its reset.")
         .def_prop_ro("inputs", inputs<B>, "The last sample of every lane; 0 before the first.")
-        .def("update", update<B>, nb::arg("values").none(), nb::arg("mask").none() = nb::none(),
-             "Take in a sample in each lane that the mask chooses; return the results of all.")
         .def("reset", reset_lanes<B>, nb::arg("mask").none() = nb::none(),
              "Return the lanes that the mask chooses to the state before their first sample.");
     return made;
@@ -162,7 +195,7 @@ void construct_episode(EpisodeObject* self, const nb::sequence& terms, const nb:
                        const nb::sequence& initial, const nb::sequence& streams,
                        const nb::tuple& variables, std::size_t num, nb::object reader) {
     new (self) EpisodeObject{
-        EpisodeBank(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
+        UncertainBank(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
                     registers_of(initial), registers_of(streams), num),
         std::move(reader)};
 }
@@ -183,9 +216,12 @@ void bind_banks(nb::module_& m) {
         "    reader: Reads the rare forms of arrays, and raises all errors.")
         .def("__init__", construct_discrete, nb::arg("rows"), nb::arg("terms"),
              nb::arg("variables"), nb::arg("result"), nb::arg("latency"), nb::arg("num"),
-             nb::arg("reader"));
+             nb::arg("reader"))
+        .def("update", update_discrete, nb::arg("values").none(),
+             nb::arg("mask").none() = nb::none(),
+             "Take in a sample in each lane that the mask chooses; return the results of all.");
 
-    bank_class<EpisodeBank>(
+    bank_class<UncertainBank>(
         m, "EpisodeBank",
         "Bounds the robustness of many episodes, as rtamt.machines.protocols.EpisodeBank says.\n\n"
         "Args:\n"
@@ -195,11 +231,15 @@ void bind_banks(nb::module_& m) {
         .def("__init__", construct_episode, nb::arg("terms"), nb::arg("formulas"),
              nb::arg("initial"), nb::arg("streams"), nb::arg("variables"), nb::arg("num"),
              nb::arg("reader"))
-        .def_prop_ro("robustness", of_lanes<&EpisodeBank::results>,
+        .def("update", update_episodes, nb::arg("values").none(),
+             nb::arg("mask").none() = nb::none(), nb::arg("upper").none() = nb::none(),
+             "Take in a sample in each lane that the mask chooses, known or between the values and\n"
+             "the upper ones; return the results of all.")
+        .def_prop_ro("robustness", of_lanes<&UncertainBank::results>,
                      "The robustness if the episodes ended now.")
-        .def_prop_ro("lower", of_lanes<&EpisodeBank::lower>,
+        .def_prop_ro("lower", of_lanes<&UncertainBank::lower>,
                      "The least robustness over all continuations.")
-        .def_prop_ro("upper", of_lanes<&EpisodeBank::upper>,
+        .def_prop_ro("upper", of_lanes<&UncertainBank::upper>,
                      "The greatest robustness over all continuations.")
         .def_prop_ro("verdict", verdicts,
                      "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")

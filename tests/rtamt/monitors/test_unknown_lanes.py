@@ -1,0 +1,211 @@
+"""Lanes some of whose values are not known are a list of single monitors, with a time each."""
+
+import copy
+import pickle
+import random
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from bits import bits, identical
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from strategies import formulas
+from uncertain_traces import UNKNOWN, some_value
+
+from rtamt import (
+    Between,
+    EpisodeMonitor,
+    Formula,
+    InputError,
+    StateError,
+    VectorEpisodeMonitor,
+    VectorMonitor,
+)
+from rtamt.machines.backend import BACKENDS
+
+Backend = Literal["native", "python"]
+End = Literal["complete", "cut", "open"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+NAN, INF = float("nan"), float("inf")
+
+
+def ends(rows: list[list[float | Between]]) -> list[NDArray[np.float64]]:
+    """The least and the greatest values."""
+    both = [[(x.lower, x.upper) if isinstance(x, Between) else (x, x) for x in row] for row in rows]
+    shape = (len(rows), len(rows[0]), 2)
+    table = np.array(both, dtype=np.float64).reshape(shape)
+    return [np.ascontiguousarray(table[..., i]) for i in (0, 1)]
+
+
+def offered(vector: VectorEpisodeMonitor) -> list[list[int]]:
+    values = (vector.robustness, vector.lower, vector.upper)
+    return [*map(bits, values), vector.verdict.tolist(), vector.samples.tolist()]
+
+
+def expected(lanes: list[EpisodeMonitor]) -> list[list[int]]:
+    values = ([getattr(m, name) for m in lanes] for name in ("robustness", "lower", "upper"))
+    return [*map(bits, values), [int(m.verdict) for m in lanes], [m.samples for m in lanes]]
+
+
+@given(formulas(3, endless=True), st.integers(0, 2**32))
+@settings(max_examples=60)
+def test_each_lane_is_a_monitor_of_its_own(formula: Formula, seed: int) -> None:
+    for backend in BACKENDS:
+        rng, num = random.Random(seed), 3
+        vector = VectorEpisodeMonitor(formula, num, backend=backend, nan="unknown")
+        lanes = [EpisodeMonitor(formula, backend=backend, nan="unknown") for _ in range(num)]
+        for _ in range(6):
+            mask = np.array([rng.random() < 0.8 for _ in range(num)])
+            fresh = np.array([rng.random() < 0.2 for _ in range(num)])
+            rows = [[some_value(rng, 0.15) for _ in vector.variables] for _ in range(num)]
+            lower, upper = ends(rows)
+            if all(x is UNKNOWN or not isinstance(x, Between) for row in rows for x in row):
+                vector.update(np.where(np.isinf(lower), NAN, lower), mask)
+            else:
+                vector.update(lower, mask, upper=upper)
+            for lane, row in zip(np.array(lanes)[mask], np.array(rows, object)[mask], strict=True):
+                lane.update(list(row))
+            assert offered(vector) == expected(lanes)
+            if rng.random() < 0.3:
+                vector.reset(fresh)
+                for lane in np.array(lanes)[fresh]:
+                    lane.reset()
+                assert offered(vector) == expected(lanes)
+        end, begun = rng.choice(ENDS), vector.samples > 0
+        vector.finish(begun, end=end)
+        for lane in np.array(lanes)[begun]:
+            lane.finish(end)
+        assert offered(vector) == expected(lanes)
+
+
+DUPLICATES: list[Callable[[Any], Any]] = [copy.copy, lambda m: pickle.loads(pickle.dumps(m))]
+
+
+@pytest.mark.parametrize("duplicate", DUPLICATES, ids=["copy", "pickle"])
+@pytest.mark.parametrize("text", ["always[0:3](x > 1)", "always(x > 1 implies once[0:2](y > 0))"])
+def test_duplicates_go_on_alike_and_apart(
+    text: str, duplicate: Callable[[Any], Any], backend: Backend
+) -> None:
+    vector = VectorEpisodeMonitor(text, 2, backend=backend)
+    width = len(vector.variables)
+    twins = [duplicate(vector)]
+    vector.update(np.ones((2, width)), upper=np.full((2, width), 3.0))
+    twins.append(duplicate(vector))
+    before = offered(vector)
+    assert offered(twins[1]) == before
+    for twin in twins:
+        twin.update(np.zeros((2, width)), upper=np.ones((2, width)))
+    assert offered(vector) == before
+    vector.update(np.zeros((2, width)), upper=np.ones((2, width)))
+    assert offered(vector) == offered(twins[1])
+    vector.reset()
+    assert offered(vector) == offered(VectorEpisodeMonitor(text, 2, backend=backend))
+
+
+def test_a_lane_that_was_reset_has_no_twin(backend: Backend) -> None:
+    vector = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend, nan="unknown")
+    vector.update([[NAN], [0.0]])
+    assert identical(vector.upper, [INF, INF])
+    assert identical(vector.robustness, [-INF, -1.0])
+    vector.reset(np.array([True, False]))
+    # Now that no lane has an unknown sample, one machine runs alone again.
+    plain = VectorEpisodeMonitor("eventually(x > 1)", 2, backend=backend)
+    plain.update([[5.0], [0.0]])
+    plain.reset(np.array([True, False]))
+    assert len(pickle.dumps(vector._machine.state())) == len(pickle.dumps(plain._machine.state()))
+    vector.update([[2.0], [3.0]])
+    assert identical(vector.robustness, [1.0, 2.0])
+    assert vector.verdict.tolist() == [1, 1]
+
+
+def test_neutral_predicates(backend: Backend) -> None:
+    text = "input float req; output float gnt; always(req >= 3 implies gnt >= 3)"
+    vector = VectorEpisodeMonitor(text, 2, semantics="input-vacuity", backend=backend)
+    single = EpisodeMonitor(text, semantics="input-vacuity", backend=backend)
+    vector.update([[2, 0], [2, 0]], upper=[[4, 0], [2, 5]])
+    single.update(req=Between(2, 4), gnt=0.0)
+    assert identical([vector.lower[0], vector.upper[0]], [single.lower, single.upper])
+    vector.finish()
+    single.finish()
+    found = [each[0] for each in (vector.robustness, vector.lower, vector.upper)]
+    assert identical(found, [single.robustness, single.lower, single.upper])
+
+
+def test_hold_keeps_an_interval(backend: Backend) -> None:
+    vector = VectorEpisodeMonitor("always(x > 0)", 2, nan="hold", backend=backend)
+    vector.update([[1.0], [5.0]], upper=[[2.0], [5.0]])
+    vector.update([[NAN], [NAN]])
+    vector.finish()
+    assert identical(vector.lower, [1.0, 5.0])
+    assert identical(vector.upper, [2.0, 5.0])
+
+
+@pytest.mark.parametrize(
+    ("values", "upper", "message"),
+    [
+        (
+            [[1, 1], [2, 1]],
+            [[1, 1], [1, 1]],
+            (
+                "expected a lower end of 'x' that is not above the upper one, got 2.0 and 1.0 at "
+                "sample 1 of lane 1"
+            ),
+        ),
+        (
+            [[1, 0.0], [2, 1]],
+            [[1, -0.0], [2, 1]],
+            (
+                "expected a lower end of 'y' that is not above the upper one, got 0.0 and -0.0 at "
+                "sample 1 of lane 0"
+            ),
+        ),
+        (
+            [[1, NAN], [2, 1]],
+            [[1, NAN], [2, 1]],
+            (
+                "expected numbers as ends of 'y', and -inf and inf of what is not known, got nan "
+                "and nan at sample 1 of lane 0"
+            ),
+        ),
+        ([[1, 1], [2, 1]], [[1], [2]], "expected an array of shape (2, 2)"),
+        (
+            [[1, 1], [-9, 0]],
+            [[2, 1], [-8, 3]],
+            (
+                "'sqrt(x + y)' is not a number at sample 1 of lane 1, where x = Between(-9.0, "
+                "-8.0), y = Between(0.0, 3.0)"
+            ),
+        ),
+    ],
+)
+def test_an_error_leaves_every_lane_as_it_was(
+    values: Any,  # noqa: ANN401 - as callers write it
+    upper: Any,  # noqa: ANN401
+    message: str,
+    backend: Backend,
+) -> None:
+    vector = VectorEpisodeMonitor("always(sqrt(x + y) > 1)", 2, nan="unknown", backend=backend)
+    vector.update([[1, 1], [1, 1]])
+    for _ in range(2):
+        before = offered(vector)
+        with pytest.raises(InputError) as error:
+            vector.update(values, upper=upper)
+        assert str(error.value).startswith(message)
+        assert offered(vector) == before
+        vector.reset()
+        vector.update([[1.0, 1.0], [NAN, 1.0]])
+    only = np.array([True, False])
+    vector.finish(only)
+    with pytest.raises(StateError, match="the episode of lane 0 is finished"):
+        vector.update([[1, 1], [1, 1]], upper=[[1, 1], [2, 1]])
+    vector.update([[5.0, NAN], [1.0, 1.0]], ~only, upper=[[1, 1], [2, 1]])  # that row is ignored
+    assert vector.samples.tolist() == [1, 2]
+
+
+def test_who_gives_no_bounds_refuses(backend: Backend) -> None:
+    vector = VectorMonitor("x > 0", 2, backend=backend)
+    with pytest.raises(TypeError):
+        vector.update([[1], [2]], upper=[[1], [2]])  # type: ignore[call-arg]
