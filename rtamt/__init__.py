@@ -35,6 +35,7 @@ from rtamt.language.subscriptions import SubscribedField, Subscription, subscrip
 from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
+from rtamt.monitors.dense_episode import DenseEpisodeMonitor
 from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
 from rtamt.monitors.dense_judgement import judge_dense
 from rtamt.monitors.evaluation import evaluate
@@ -53,6 +54,7 @@ __version__ = "0.5.0"
 __all__ = [
     "BACKEND",
     "Between",
+    "DenseEpisodeMonitor",
     "DenseExplanation",
     "DenseMonitor",
     "EpisodeMonitor",

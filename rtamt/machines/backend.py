@@ -13,10 +13,12 @@ from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
 from rtamt.machines import readout
 from rtamt.machines.bank import PythonDiscreteBank, PythonEpisodeBank
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine
 from rtamt.machines.dense.machine import PythonDenseMachine
 from rtamt.machines.discrete import PythonDiscreteMachine
 from rtamt.machines.neutral import bank_with_neutrals, machine_with_neutrals
 from rtamt.machines.protocols import (
+    DenseEpisodeMachine,
     DenseMachine,
     DiscreteBank,
     DiscreteMachine,
@@ -26,6 +28,7 @@ from rtamt.machines.protocols import (
 from rtamt.machines.ranges import FindRanges, term_ranges
 from rtamt.machines.uncertain import PythonUncertainEpisode
 from rtamt.program.dense_lowering import DenseProgram
+from rtamt.program.dense_regions import RegionProgram
 from rtamt.program.program import Program
 
 __all__ = ["BACKEND", "BACKENDS", "Backend", "BackendName", "Factories", "choose", "read_only"]
@@ -45,6 +48,7 @@ class Factories:
             ``run`` returns the values of the observed registers.
         episode_machine: ``(program, reader)``.
         dense_machine: ``(program, reader, observed)``: ``values`` lists the observed registers.
+        dense_episode_machine: ``(program, reader)``.
         discrete_bank: ``(program, num, reader)``.
         episode_bank: ``(program, num, reader)``.
         term_ranges: See `rtamt.machines.ranges.term_ranges`.
@@ -53,6 +57,7 @@ class Factories:
     discrete_machine: Callable[[Program, SampleReader, Sequence[int]], DiscreteMachine]
     episode_machine: Callable[[Program, SampleReader], EpisodeMachine]
     dense_machine: Callable[[DenseProgram, EventReader, Sequence[int]], DenseMachine]
+    dense_episode_machine: Callable[[RegionProgram, EventReader], DenseEpisodeMachine]
     discrete_bank: Callable[[Program, int, LaneReader], DiscreteBank]
     episode_bank: Callable[[Program, int, LaneReader], EpisodeBank]
     term_ranges: FindRanges
@@ -63,6 +68,7 @@ BACKENDS: Final[dict[BackendName, Factories]] = {
         PythonDiscreteMachine,
         machine_with_neutrals(PythonUncertainEpisode),
         PythonDenseMachine,
+        PythonDenseEpisodeMachine,
         PythonDiscreteBank,
         bank_with_neutrals(PythonEpisodeBank),
         term_ranges,
@@ -83,6 +89,7 @@ else:
         native.discrete_machine,
         machine_with_neutrals(native.episode_machine),
         native.dense_machine,
+        PythonDenseEpisodeMachine,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
         native.term_ranges,

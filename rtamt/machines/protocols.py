@@ -27,6 +27,7 @@ from rtamt.inputs.events import Given
 
 __all__ = [
     "Bank",
+    "DenseEpisodeMachine",
     "DenseMachine",
     "DiscreteBank",
     "DiscreteMachine",
@@ -161,6 +162,50 @@ class DenseMachine(Stateful, Protocol):
         Args:
             given: For every variable the times of its events, as they were given, and the values.
         """
+
+    def reset(self) -> None: ...
+
+
+class DenseEpisodeMachine(Stateful, Protocol):
+    """Bounds the robustness at the begin of a trace from events; its future may have no end.
+
+    Attributes:
+        robustness: The robustness if the trace ended at the last time at which all is known.
+        lower: The least robustness over all continuations and ends.
+        upper: The greatest robustness over all continuations and ends.
+        settled: The last time at which all variables are known; -inf before there is one.
+        decided_at: The first time after which the bounds have one sign bit; None: no such.
+        finished: Whether the trace has ended.
+        update: Takes in new events; returns the robustness.
+    """
+
+    @property
+    def robustness(self) -> float: ...
+    @property
+    def lower(self) -> float: ...
+    @property
+    def upper(self) -> float: ...
+    @property
+    def settled(self) -> float: ...
+    @property
+    def decided_at(self) -> float | None: ...
+    @property
+    def finished(self) -> bool: ...
+    @property
+    def update(self) -> Callable[..., float]: ...
+    def finish(self, end: End = "complete") -> float:
+        """End the trace, make the bounds those of this reading, and return the robustness."""
+
+    def run(self, given: Sequence[Given], *, decided: bool = False) -> None:
+        """Take in a whole trace, with times as they were given.
+
+        Args:
+            given: For every variable the times of its events, and the values.
+            decided: Whether to find when the verdict was decided.
+        """
+
+    def complete(self) -> tuple[float, float]:
+        """The robustness if the trace is all there is: two zeros where it hangs on neutral ones."""
 
     def reset(self) -> None: ...
 

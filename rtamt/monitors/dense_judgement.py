@@ -7,7 +7,8 @@ from typing import Unpack
 
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike
-from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, dense_of, rows_of
+from rtamt.machines.backend import BACKENDS
+from rtamt.machines.dense.episode import dense_of, rows_of
 from rtamt.machines.dense.outlook import Outlook
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
@@ -69,12 +70,14 @@ def judge_dense(
     Source: see `DenseMonitor`.
     """
     reading = checked_end(end)
-    specification, interface, _, whole = compiled_dense(
+    specification, interface, backend, whole = compiled_dense(
         judge_dense, spec, resolution, options, online=False
     )
     regions = compile_regions(specification, whole.resolution, interface=interface)
-    machine = PythonDenseEpisodeMachine(regions, EventReader(dense_of(regions)))
-    given = machine.reader.whole(signals)
+    make = BACKENDS[backend].dense_episode_machine
+    reader = EventReader(dense_of(regions))
+    given = reader.whole(signals)
+    machine = make(regions, reader)
     machine.run(given)
     decided = verdict_of(machine.lower, machine.upper) != 0
     worst, robustness = machine.complete()
@@ -91,7 +94,7 @@ def judge_dense(
     def decided_at() -> float | None:
         if not decided:
             return None
-        again = PythonDenseEpisodeMachine(regions, machine.reader)
+        again = make(regions, reader)
         again.run(given, decided=True)
         return again.decided_at
 

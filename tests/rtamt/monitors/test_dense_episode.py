@@ -1,0 +1,168 @@
+"""`DenseEpisodeMonitor`: the trace so far, its bounds and when they decide, in any chunks."""
+
+import copy
+import math
+import pickle
+from typing import Literal
+
+import pytest
+from bits import identical
+from dense_oracle import STEP
+from dense_signals import INTEGERS, Signals, chunked, chunks, relevant, signals
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from interface_cases import Case, cases, read
+from interface_oracle import SEMANTICS
+from region_oracle import Regions, inside
+from strategies import formulas
+
+import rtamt
+from rtamt import DenseEpisodeMonitor, Formula, InputError, StateError, Verdict, judge_dense
+from rtamt.machines.protocols import End
+
+Backend = Literal["native", "python"]
+ENDS: tuple[End, ...] = ("complete", "cut", "open")
+
+
+def of(chunk: Signals, formula: Formula) -> Signals:
+    """The events of the variables of a formula."""
+    return {name: events for name, events in chunk.items() if name in formula.variables}
+
+
+def seen(monitor: DenseEpisodeMonitor) -> tuple[float, float, float]:
+    return monitor.robustness, monitor.lower, monitor.upper
+
+
+@settings(max_examples=60)
+@given(
+    formula=formulas(depth=2, endless=True, dense=True),
+    whole=signals(INTEGERS),
+    shares=chunks(3),
+)
+def test_after_every_chunk_it_is_what_the_definition_says(
+    formula: Formula, whole: Signals, shares: list[list[float]], backend: Backend
+) -> None:
+    assume(formula.variables)
+    its = relevant(whole, formula.variables)
+    definition = Regions(its, STEP)
+    decided = definition.first_decided(formula)
+    monitor = DenseEpisodeMonitor(formula, backend=backend)
+    before = monitor.bounds()
+    for chunk in chunked(whole, shares):
+        monitor.update(of(chunk, formula))
+        after = monitor.bounds()
+        assert inside(before[0], after[0], before[1])
+        assert inside(before[0], after[1], before[1])
+        before = after
+        if math.isinf(monitor.settled):
+            assert math.isnan(monitor.robustness)
+            continue
+        steps = int((monitor.settled - definition.begin) / STEP)
+        now = definition.complete(formula, steps)[1]
+        assert identical(seen(monitor), (now, *definition.open(formula, steps)))
+        assert inside(monitor.lower, monitor.robustness, monitor.upper)
+        known = decided is not None and decided <= monitor.settled
+        assert monitor.decided_at == (decided if known else None)
+        assert (monitor.verdict is Verdict.UNDECIDED) == (not known)
+    for end in ENDS:
+        twin = pickle.loads(pickle.dumps(monitor)) if end == "cut" else copy.copy(monitor)
+        assert identical((twin.finish(end),), definition.ended(formula, end)[:1])
+        assert identical(seen(twin), definition.ended(formula, end))
+        assert twin.decided_at == decided
+
+
+@settings(max_examples=30)
+@given(case=cases(st.sampled_from(SEMANTICS), endless=True, dense=True), whole=signals())
+def test_every_semantics(case: Case, whole: Signals, backend: Backend) -> None:
+    spec, semantics = case
+    assume(spec.variables)
+    its = relevant(whole, spec.variables)
+    definition = Regions(its, STEP, read(case))
+    for end in ENDS:
+        monitor = DenseEpisodeMonitor(spec, semantics=semantics, backend=backend)
+        monitor.update(its)
+        monitor.finish(end)
+        assert identical(seen(monitor), definition.ended(spec.formula, end))
+
+
+@settings(max_examples=30)
+@given(
+    formula=formulas(depth=2, endless=True, dense=True),
+    whole=signals(INTEGERS),
+    cut=st.floats(0, 1),
+)
+def test_a_copy_taken_midway_goes_on_alike(
+    formula: Formula, whole: Signals, cut: float, backend: Backend
+) -> None:
+    assume(formula.variables)
+    first, second = chunked(whole, [[cut]] * 3)
+    monitor = DenseEpisodeMonitor(formula, backend=backend)
+    monitor.update(of(first, formula))
+    twin = pickle.loads(pickle.dumps(monitor))
+    rest = of(second, formula)
+    monitor.reset()
+    for events in (first, second):
+        monitor.update(of(events, formula))
+    twin.update(rest)
+    assert identical(seen(twin), seen(monitor))
+    assert twin.decided_at == monitor.decided_at
+    found = judge_dense(formula, relevant(whole, formula.variables), "open", backend=backend)
+    assert identical(seen(twin), (found.robustness, found.lower, found.upper))
+
+
+def test_the_decision_has_its_time_inside_a_long_step(backend: Backend) -> None:
+    for text, decided in (
+        ("eventually[0:100](x > 0)", 100.0),
+        ("always[0:2.5](x < 0)", 2.5),
+        ("eventually(once[1:2](x < 0))", 1.0),
+        ("eventually(once[0.75:2](x < -1 since[0.25:1] x < 0))", None),
+        ("true or x > 5", 0.0),
+    ):
+        monitor = DenseEpisodeMonitor(text, backend=backend)
+        monitor.update(x=[(0, -1), (250, -1)])
+        assert monitor.decided_at == decided
+
+
+def test_two_invariants_are_one_formula(backend: Backend) -> None:
+    monitor = DenseEpisodeMonitor("always(a > 0) and always(b > 0)", backend=backend)
+    assert monitor.update(a=[(0, 2), (5, 2)], b=[(0, 1), (3, -1), (4, 1)]) == -1
+    assert (monitor.verdict, monitor.decided_at, monitor.settled) == (Verdict.VIOLATED, 3, 4)
+
+
+def test_memory_is_that_of_the_windows(backend: Backend) -> None:
+    text = (
+        "always(x > 0 implies eventually[0:2](y > 0)) and always(x > 0 implies eventually(y > 1))"
+    )
+    monitor = DenseEpisodeMonitor(text, backend=backend)
+    sizes = []
+    for i in range(300):
+        monitor.update(x=[(i, (-1) ** i)], y=[(i, 2 * (-1) ** (i // 2))])
+        sizes.append(len(pickle.dumps(monitor)))
+    assert max(sizes[100:]) <= max(sizes[:100]) + 64
+
+
+def test_errors(backend: Backend) -> None:
+    monitor = DenseEpisodeMonitor("always(sqrt(x) > y)", backend=backend)
+    assert math.isnan(monitor.robustness)
+    with pytest.raises(StateError, match="needs an event of every variable, got none of 'x'"):
+        monitor.finish()
+    monitor.update(x=[(0, 4)], y=[(0, 1)])
+    before = monitor.__reduce__()[-1]
+    for events, message in (
+        ({"x": [(1, -1)], "y": [(1, 1)]}, r"'sqrt\(x\)' is not a number at time 1.0"),
+        ({"x": [(0, 1)]}, "expected a time after 0.0 at event 0"),
+        ({"z": [(1, 1)]}, "'z'"),
+        ({"x": [(1, math.nan)]}, "is nan"),
+    ):
+        with pytest.raises(InputError, match=message):
+            monitor.update(events)
+        assert repr(monitor.__reduce__()[-1]) == repr(before)
+    with pytest.raises(InputError, match="expected end="):
+        monitor.finish("later")  # type: ignore[arg-type] # refused
+    assert monitor.finish("cut") == 1.0
+    with pytest.raises(StateError, match="the trace is finished"):
+        monitor.update(x=[(1, 1)])
+    assert monitor.finish() == 1.0
+    monitor.reset()
+    assert not monitor.finished
+    assert rtamt.__all__.count("DenseEpisodeMonitor") == 1
