@@ -30,9 +30,9 @@ from rtamt.inputs.messages import Messages
 from rtamt.inputs.samples import listed, refuse_term, unknown_variable
 from rtamt.program.dense_lowering import DenseProgram
 
-__all__ = ["Column", "Dated", "EventReader"]
+__all__ = ["Dated", "EventReader", "TimedColumn"]
 
-Column = tuple[Ticks, Floats]
+TimedColumn = tuple[Ticks, Floats]
 """Times in ticks and values of one variable's events."""
 Dated = bool | None
 """Whether times are `numpy.datetime64`; None before the first event."""
@@ -73,7 +73,7 @@ class EventReader:
 
     def read(
         self, events: Mapping[str, EventsLike], last: Sequence[float], dated: Dated
-    ) -> tuple[list[Column], Dated]:
+    ) -> tuple[list[TimedColumn], Dated]:
         """The new events of every variable, in the order of the variables.
 
         Args:
@@ -121,7 +121,7 @@ class EventReader:
 
     def counted(
         self, given: Sequence[Given], last: Sequence[float], dated: Dated
-    ) -> tuple[list[Column], Dated]:
+    ) -> tuple[list[TimedColumn], Dated]:
         """The events of every variable with times in ticks; arguments and errors as in `read`."""
         columns = []
         for name, (times, values), after in zip(self.variables, given, last, strict=True):

@@ -34,8 +34,8 @@ from rtamt.program.ranges import of_ends, ranges_of
 __all__ = [
     "Columns",
     "NanPolicy",
-    "Sample",
     "SampleReader",
+    "SampleValues",
     "ends_of",
     "in_between",
     "listed",
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 NanPolicy = Literal["raise", "hold", "unknown"]
-Sample = list[float | Between]
+SampleValues = list[float | Between]
 """A value for each variable, in their order; those that are known are numbers."""
 
 Columns = Mapping[str, object] | ArrayLike
@@ -106,14 +106,14 @@ class SampleReader:
         named: Mapping[str, object],
         sample: int,
         previous: Sequence[float | Between],
-    ) -> Sample:
+    ) -> SampleValues:
         """What `read` returns, with intervals in place of values that are not known."""
         if len(args) == len(self.variables) and not named:
             for value in args:  # the most frequent form by far: floats in order
                 if type(value) is not float or value != value:  # noqa: PLR0124 - nan
                     break
             else:
-                return cast("Sample", list(args))
+                return cast("SampleValues", list(args))
         if args and named:
             raise InputError("expected values by position or by keyword, got both")
         if not args:
@@ -134,8 +134,8 @@ class SampleReader:
 
     def _sample(
         self, values: Sequence[object], sample: int, previous: Sequence[float | Between]
-    ) -> Sample:
-        found: Sample = []
+    ) -> SampleValues:
+        found: SampleValues = []
         for name, value in zip(self.variables, values, strict=True):
             read = number(value)
             if read is not None:

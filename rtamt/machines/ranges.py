@@ -13,9 +13,9 @@ from rtamt.program.ranges import of_ends, ranges_of
 
 __all__ = ["FindRanges", "term_ranges"]
 
-Columns = Sequence[Floats]
+FloatColumns = Sequence[Floats]
 FindRanges = Callable[
-    [Program, SampleReader, Sequence[int], Columns, Columns, int],
+    [Program, SampleReader, Sequence[int], FloatColumns, FloatColumns, int],
     tuple[list[Floats], list[Floats]],
 ]
 
@@ -24,8 +24,8 @@ def term_ranges(
     program: Program,
     reader: SampleReader,
     observed: Sequence[int],
-    lower: Columns,
-    upper: Columns,
+    lower: FloatColumns,
+    upper: FloatColumns,
     n: int,
 ) -> tuple[list[Floats], list[Floats]]:
     """The least and the greatest values of some terms at each of n samples.

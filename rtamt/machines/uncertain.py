@@ -14,7 +14,7 @@ from types import MemberDescriptorType
 from typing import Any, NamedTuple
 
 from rtamt.inputs.between import Between
-from rtamt.inputs.samples import Sample, SampleReader, ends_of, in_between
+from rtamt.inputs.samples import SampleReader, SampleValues, ends_of, in_between
 from rtamt.machines.episode.machine import PythonEpisodeMachine, refuse_update
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import Readout
@@ -62,7 +62,7 @@ class PythonUncertainEpisode(StateFields):
         return self._least.samples
 
     @property
-    def inputs(self) -> Sample:
+    def inputs(self) -> SampleValues:
         if not self._apart:
             return [*self._least.inputs]
         ends = zip(self._least.inputs, self._greatest.inputs, strict=True)
@@ -96,7 +96,7 @@ class PythonUncertainEpisode(StateFields):
         self.take(self.terms(values))
         return self.robustness
 
-    def terms(self, values: Sample) -> SampleTerms:
+    def terms(self, values: SampleValues) -> SampleTerms:
         """The next sample and its terms, refused if one has no value; changes nothing."""
         ends = [ends_of(value) for value in values]
         lower = [each[0] for each in ends]

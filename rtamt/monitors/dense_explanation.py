@@ -17,7 +17,7 @@ import numpy as np
 from rtamt.errors import InputError, InputTypeError, brief
 from rtamt.inputs.arrays import kind_of
 from rtamt.inputs.clock import shown
-from rtamt.inputs.event_reader import Column, EventReader
+from rtamt.inputs.event_reader import EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike
 from rtamt.language.formula import Formula
 from rtamt.language.node import Node
@@ -265,7 +265,7 @@ class _Course:
         whole: DenseProgram,
         names: Mapping[str, Formula],
         machine: _MakeDense,
-        columns: Sequence[Column],
+        columns: Sequence[TimedColumn],
         trace: tuple[int, int],
     ) -> None:
         self._whole, self._machine, self._trace = whole, machine, trace

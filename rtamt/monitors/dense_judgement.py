@@ -9,7 +9,7 @@ from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.events import EventsLike
 from rtamt.machines.backend import BACKENDS
 from rtamt.machines.dense.episode import dense_of, rows_of
-from rtamt.machines.dense.outlook import Outlook
+from rtamt.machines.dense.outlook import DenseOutlook
 from rtamt.machines.protocols import End
 from rtamt.machines.readout import verdict_of
 from rtamt.monitors.dense_untested import found_untested_dense
@@ -88,7 +88,7 @@ def judge_dense(
         if reading == "complete" or verdict_of(lower, upper) != 0:
             return ()
         begin, last, rows = rows_of(regions, given)
-        outlook = Outlook(regions.program, rows, last, cut=reading == "cut")
+        outlook = DenseOutlook(regions.program, rows, last, cut=reading == "cut")
         return found_untested_dense(outlook, begin, whole.resolution, cut=reading == "cut")
 
     def decided_at() -> float | None:

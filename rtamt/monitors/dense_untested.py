@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from rtamt.language.node import Node
-from rtamt.machines.dense.outlook import Outlook, Places
+from rtamt.machines.dense.outlook import DenseOutlook, Places
 from rtamt.monitors.untested import Untested
 from rtamt.program.instructions import Window
 
@@ -16,7 +16,7 @@ _Place = tuple[int, int]
 
 
 def found_untested_dense(
-    outlook: Outlook, begin: int, tick: Fraction, *, cut: bool
+    outlook: DenseOutlook, begin: int, tick: Fraction, *, cut: bool
 ) -> tuple[Untested, ...]:
     """What an undecided verdict hangs on: the outermost formulas that need more than was recorded.
 
@@ -47,7 +47,7 @@ def found_untested_dense(
 class _Walk:
     """From the root of the formulas down to what was not recorded."""
 
-    def __init__(self, outlook: Outlook, *, cut: bool) -> None:
+    def __init__(self, outlook: DenseOutlook, *, cut: bool) -> None:
         self._cut = cut
         self._last = outlook.last
         self._program = outlook.program

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.program.intervals import (
-    Rule,
+    IntervalRule,
     corners,
     even,
     logarithm,
@@ -56,7 +56,7 @@ class Function:
     name: str
     arity: int
     apply: Callable[..., float]
-    rule: Rule
+    rule: IntervalRule
 
 
 def _div(x: float, y: float) -> float:

@@ -21,8 +21,8 @@ from typing import NamedTuple
 __all__ = [
     "EVERYTHING",
     "Ends",
+    "IntervalRule",
     "Range",
-    "Rule",
     "corners",
     "even",
     "everything",
@@ -58,11 +58,11 @@ class Range(NamedTuple):
 
 
 _Apply = Callable[..., float]
-Rule = Callable[..., Ends | None]
+IntervalRule = Callable[..., Ends | None]
 """Takes the function and the range of each operand; None if the function has no value there."""
 
 
-def range_of(apply: _Apply, rule: Rule, *operands: Range) -> Range | None:
+def range_of(apply: _Apply, rule: IntervalRule, *operands: Range) -> Range | None:
     """The values of a function; None if there is none, or it is nan for known operands."""
     if all(operand.known for operand in operands):
         value = apply(*(operand.lower for operand in operands))
@@ -76,7 +76,7 @@ def everything(apply: _Apply, *operands: Range) -> Ends:  # noqa: ARG001 - it is
     return EVERYTHING
 
 
-def monotone(directions: str, *, least: float = -INF, wider: bool = False) -> Rule:
+def monotone(directions: str, *, least: float = -INF, wider: bool = False) -> IntervalRule:
     """The rule of a function that rises (``+``) or falls (``-``) with each operand.
 
     Args:
@@ -133,7 +133,7 @@ def meeting(apply: _Apply, x: Range, y: Range) -> Ends:  # noqa: ARG001 - it is 
     return INF if always else -INF, INF if ever else -INF
 
 
-def opposite(rule: Rule) -> Rule:
+def opposite(rule: IntervalRule) -> IntervalRule:
     """The rule of the function with the other sign."""
 
     def negated(apply: _Apply, *operands: Range) -> Ends | None:
@@ -172,7 +172,7 @@ def _is_monotone_power(x: Range, y: Range) -> bool:
     return n == 0.0 or x.upper <= 0.0 or x.lower >= 0.0
 
 
-def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]) -> Rule:
+def logarithm(ln: Callable[[float], float], div: Callable[[float, float], float]) -> IntervalRule:
     """The rule of ``log``, which is the quotient of two natural logarithms."""
     of = functools.partial(monotone("+", least=-0.0), ln)
 

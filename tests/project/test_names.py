@@ -13,7 +13,6 @@ ALTERNATIVES = {"SatisfactionCallback"}
 OPEN = {
     "Asked",
     "Backend",
-    "Column",
     "Columns",
     "Entry",
     "Env",
@@ -23,7 +22,6 @@ OPEN = {
     "Kind",
     "Lanes",
     "MakeMachine",
-    "Mask",
     "Names",
     "Options",
     "Outcome",
@@ -35,7 +33,6 @@ OPEN = {
     "Series",
     "Signal",
     "Snapshot",
-    "Stream",
     "Task",
     "Trace",
     "Values",

@@ -14,19 +14,19 @@ from typing import Any, assert_never
 import numpy as np
 
 from rtamt.errors import InputError
-from rtamt.inputs.event_reader import Column, Dated, EventReader
+from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given
 from rtamt.machines.dense.regions import (
     CUT,
     WORLDS,
     AtBegin,
-    Constant,
-    Pointwise,
-    Predicate,
-    Sliding,
-    Stream,
-    UnboundedFuture,
-    UnboundedPast,
+    RegionConstant,
+    RegionFuture,
+    RegionPast,
+    RegionPointwise,
+    RegionPredicate,
+    RegionSliding,
+    RegionStream,
 )
 from rtamt.machines.dense.runs import Runs
 from rtamt.machines.dense.streams import Joint
@@ -44,14 +44,14 @@ from rtamt.program.program import Program
 
 __all__ = [
     "PythonDenseEpisodeMachine",
+    "RegionRow",
     "Regions",
-    "Row",
     "dense_of",
     "readings_of",
     "rows_of",
 ]
 
-Row = tuple[int, Registers]
+RegionRow = tuple[int, Registers]
 """A position and the terms from there on."""
 
 
@@ -95,7 +95,7 @@ class Regions(StateFields):
         self.program = placement.program
         self._initial = placement.initial
         self._axes = {register: axis for axis, register in enumerate(placement.unknowns)}
-        self.streams: dict[int, Stream] = {}
+        self.streams: dict[int, RegionStream] = {}
         for register in placement.streams:
             self.streams[register] = self._made(register)
         self._folds = {
@@ -107,39 +107,39 @@ class Regions(StateFields):
         self.unknowns = np.zeros((5, len(self._axes)))
         self.reset()
 
-    def _made(self, register: int) -> Stream:
+    def _made(self, register: int) -> RegionStream:
         instruction = self.program.instructions[register]
         corners = (2,) * len(self._axes)
         if isinstance(instruction, Const):
-            return Constant(corners, instruction.value)
+            return RegionConstant(corners, instruction.value)
         if register < self.program.terms:
-            return Predicate(corners)
+            return RegionPredicate(corners)
         match self.program.formula(register):
             case Map(function, args):
-                return Pointwise(FOLDS[function], [self.streams[a] for a in args])
+                return RegionPointwise(FOLDS[function], [self.streams[a] for a in args])
             case Window(_, lo, hi, args) as window:
                 streams = [self.streams[a] for a in args]
                 if hi is None:
-                    return UnboundedFuture(window, self._axes.get(register), streams)
+                    return RegionFuture(window, self._axes.get(register), streams)
                 if lo is None:
-                    return UnboundedPast(window, hi, streams)
-                return Sliding(window, lo, hi, streams)
+                    return RegionPast(window, hi, streams)
+                return RegionSliding(window, lo, hi, streams)
             case _ as never:
                 assert_never(never)
 
-    def advance(self, rows: Sequence[Row], t: int) -> None:
+    def advance(self, rows: Sequence[RegionRow], t: int) -> None:
         """Take in the terms at new positions; all positions up to t have been seen."""
         if self.t < 0:
             self._first = rows[0][1]
         self.t = t
         starts = np.array([position for position, _ in rows], np.int64)
         for register, stream in self.streams.items():
-            if isinstance(stream, Predicate):
+            if isinstance(stream, RegionPredicate):
                 stream.take(starts, np.array([terms[register] for _, terms in rows]))
             runs = stream.settle(t)
             if runs is None:
                 continue
-            if isinstance(stream, UnboundedFuture):
+            if isinstance(stream, RegionFuture):
                 axis = self._axes[register]
                 for keeper in self._keepers:
                     keeper.substitute(axis, runs.last[..., 0])
@@ -149,14 +149,14 @@ class Regions(StateFields):
         for stream in self.streams.values():
             stream.trim()
 
-    def unfold(self, rows: Sequence[Row], t: int, worlds: Sequence[int]) -> None:
+    def unfold(self, rows: Sequence[RegionRow], t: int, worlds: Sequence[int]) -> None:
         """Take in a whole trace, of which nothing settles but predicates, and find all runs."""
         self.t = t
         starts = np.array([position for position, _ in rows], np.int64)
         for register, stream in self.streams.items():
-            if isinstance(stream, Predicate):
+            if isinstance(stream, RegionPredicate):
                 stream.take(starts, np.array([terms[register] for _, terms in rows]))
-            if isinstance(stream, Predicate | Constant) and (runs := stream.settle(t)):
+            if isinstance(stream, RegionPredicate | RegionConstant) and (runs := stream.settle(t)):
                 stream.append(runs, t)
             for world in worlds:
                 stream.look(world, t, self.unknowns)
@@ -282,7 +282,7 @@ class PythonDenseEpisodeMachine(StateFields):
         found = [reading.look((0,))[0] for reading in self._readings]
         return found[0], found[-1]
 
-    def _take(self, columns: Sequence[Column], dated: Dated, *, decided: bool = True) -> None:
+    def _take(self, columns: Sequence[TimedColumn], dated: Dated, *, decided: bool = True) -> None:
         times = [t for t, _ in columns]
         first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
         last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]
@@ -306,7 +306,7 @@ class PythonDenseEpisodeMachine(StateFields):
             else:
                 self._go(rows, known, int(end - begin))
 
-    def _rows(self, terms: Terms[Any], begin: float, end: float, dated: Dated) -> list[Row]:
+    def _rows(self, terms: Terms[Any], begin: float, end: float, dated: Dated) -> list[RegionRow]:
         """The terms at all new times of the trace; changes nothing."""
         if begin > end:
             return []
@@ -316,7 +316,7 @@ class PythonDenseEpisodeMachine(StateFields):
             if time >= begin
         ]
 
-    def _decide(self, rows: Sequence[Sequence[Row]], known: int, ticks: int) -> None:
+    def _decide(self, rows: Sequence[Sequence[RegionRow]], known: int, ticks: int) -> None:
         """Go from the last tick that was known to another; find where the verdict is decided."""
         low, high, state = known, ticks, self._states()
         self._go(rows, known, ticks)
@@ -342,7 +342,7 @@ class PythonDenseEpisodeMachine(StateFields):
         for reading, state in zip(self._readings, states, strict=True):
             reading.restore(state)
 
-    def _go(self, rows: Sequence[Sequence[Row]], known: int, ticks: int) -> None:
+    def _go(self, rows: Sequence[Sequence[RegionRow]], known: int, ticks: int) -> None:
         begin, t = 2 * known, 2 * ticks
         for reading, its in zip(self._readings, rows, strict=True):
             reading.advance([row for row in its if begin < row[0] <= t], t)
@@ -386,7 +386,9 @@ def dense_of(regions: RegionProgram) -> DenseProgram:
     return DenseProgram(regions.program, regions.resolution)
 
 
-def rows_of(regions: RegionProgram, given: Sequence[Given]) -> tuple[int, int, list[list[Row]]]:
+def rows_of(
+    regions: RegionProgram, given: Sequence[Given]
+) -> tuple[int, int, list[list[RegionRow]]]:
     """The first tick of a whole trace, its last position, and for each reading the terms.
 
     The trace is one that a machine has taken in before.

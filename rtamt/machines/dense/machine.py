@@ -9,13 +9,13 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt.inputs.event_reader import Column, Dated, EventReader
+from rtamt.inputs.event_reader import Dated, EventReader, TimedColumn
 from rtamt.inputs.events import EventsLike, Given
 from rtamt.machines.dense.streams import (
     Breakpoint,
     Joint,
     MapNode,
-    Stream,
+    StepStream,
     StreamNode,
     just_after,
 )
@@ -59,7 +59,7 @@ class PythonDenseMachine(StateFields):
         self._result = program.result
         self._known = program.terms
         self._terms = Terms(program, reader.refuse)
-        self._streams = [Stream() for _ in program.instructions]
+        self._streams = [StepStream() for _ in program.instructions]
         self._nodes = [self._node(dense, r) for r in range(self._known, len(self._streams))]
         self._inputs = Joint(len(program.variables))
         self._parts = [self._inputs, *self._streams, *self._nodes]
@@ -99,7 +99,7 @@ class PythonDenseMachine(StateFields):
     def _with_times(self, steps: Sequence[Breakpoint]) -> list[tuple[float, float]]:
         return [(self.reader.time(tick, self._dated), value) for tick, value in steps]
 
-    def _take(self, columns: Sequence[Column], dated: Dated) -> list[Breakpoint]:
+    def _take(self, columns: Sequence[TimedColumn], dated: Dated) -> list[Breakpoint]:
         times = [t for t, _ in columns]
         first = [min((old, *t[:1].tolist())) for old, t in zip(self._first, times, strict=True)]
         last = [max((old, *t[-1:].tolist())) for old, t in zip(self._last, times, strict=True)]

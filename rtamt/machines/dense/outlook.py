@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rtamt.machines.dense.episode import Regions, Row, readings_of
+from rtamt.machines.dense.episode import RegionRow, Regions, readings_of
 from rtamt.machines.dense.regions import CUT, LOWER, UPPER, WORLDS
 from rtamt.machines.dense.runs import joint
 from rtamt.program.placement import Placement
 from rtamt.program.program import Program
 
-__all__ = ["Outlook", "Places"]
+__all__ = ["DenseOutlook", "Places"]
 
 
 class Places(NamedTuple):
@@ -31,7 +31,7 @@ class Places(NamedTuple):
         return None
 
 
-class Outlook:
+class DenseOutlook:
     """The bounds of all registers on a trace.
 
     Args:
@@ -45,7 +45,7 @@ class Outlook:
     """
 
     def __init__(
-        self, program: Program, rows: Sequence[Sequence[Row]], last: int, *, cut: bool
+        self, program: Program, rows: Sequence[Sequence[RegionRow]], last: int, *, cut: bool
     ) -> None:
         self.last = last
         self._worlds = CUT if cut else (LOWER, UPPER)

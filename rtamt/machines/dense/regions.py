@@ -41,13 +41,13 @@ __all__ = [
     "UPPER",
     "WORLDS",
     "AtBegin",
-    "Constant",
-    "Pointwise",
-    "Predicate",
-    "Sliding",
-    "Stream",
-    "UnboundedFuture",
-    "UnboundedPast",
+    "RegionConstant",
+    "RegionFuture",
+    "RegionPast",
+    "RegionPointwise",
+    "RegionPredicate",
+    "RegionSliding",
+    "RegionStream",
 ]
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ def constant(value: float, start: int, corners: tuple[int, ...] = ()) -> Runs:
     return Runs(np.array([start]), (np.full((*corners, 1), value),))
 
 
-class Stream(StateFields):
+class RegionStream(StateFields):
     """A register that is read at all positions.
 
     Attributes:
@@ -143,7 +143,7 @@ class Stream(StateFields):
         return concatenated(known, self.open[world])
 
 
-class Predicate(Stream):
+class RegionPredicate(RegionStream):
     """A term read as a formula: it settles at once, and is unknown where nothing was seen."""
 
     def __init__(self, corners: tuple[int, ...]) -> None:
@@ -171,7 +171,7 @@ class Predicate(Stream):
         return constant(UNSEEN[world], begin)
 
 
-class Constant(Stream):
+class RegionConstant(RegionStream):
     """One value at every position, seen or not."""
 
     def __init__(self, corners: tuple[int, ...], value: float) -> None:
@@ -185,10 +185,10 @@ class Constant(Stream):
         return constant(self._value, begin)
 
 
-class Pointwise(Stream):
+class RegionPointwise(RegionStream):
     """The least or greatest of the operands at one position."""
 
-    def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
+    def __init__(self, fold: LatticeFold, streams: Sequence[RegionStream]) -> None:
         late = max(s.late for s in streams)
         super().__init__(streams[0].corners, late)
         self._fold, self._streams = fold, streams
@@ -214,10 +214,10 @@ def _stops(window: Window, world: int) -> bool:
     return ahead if world == NOW else world not in CUT and window.skips(best=world == UPPER)
 
 
-class Operands:
+class RegionOperands:
     """Operands of a window, read as elements of its fold."""
 
-    def __init__(self, fold: LatticeFold, streams: Sequence[Stream]) -> None:
+    def __init__(self, fold: LatticeFold, streams: Sequence[RegionStream]) -> None:
         self.fold = fold
         self.streams = streams
         self.corners = streams[0].corners
@@ -250,12 +250,12 @@ class Operands:
         return constant(self.fold.identity[-1], begin)
 
 
-class Sliding(Stream):
+class RegionSliding(RegionStream):
     """The fold over offsets lo to hi."""
 
-    def __init__(self, window: Window, lo: int, hi: int, streams: Sequence[Stream]) -> None:
+    def __init__(self, window: Window, lo: int, hi: int, streams: Sequence[RegionStream]) -> None:
         self._window, self._fold = window, FOLDS[window.fold]
-        self._operands = Operands(self._fold, streams)
+        self._operands = RegionOperands(self._fold, streams)
         late = max(0, self._operands.late + hi)
         super().__init__(self._operands.corners, late)
         self._operands.hold(late, lo)
@@ -285,14 +285,14 @@ class Sliding(Stream):
         return slid(self._fold, elements, lo, hi, begin, None)
 
 
-class UnboundedPast(Stream):
+class RegionPast(RegionStream):
     """The fold over all offsets up to hi."""
 
-    STATE = (*Stream.STATE, "_total")
+    STATE = (*RegionStream.STATE, "_total")
 
-    def __init__(self, window: Window, hi: int, streams: Sequence[Stream]) -> None:
+    def __init__(self, window: Window, hi: int, streams: Sequence[RegionStream]) -> None:
         self._fold, self._hi = FOLDS[window.fold], hi
-        self._operands = Operands(self._fold, streams)
+        self._operands = RegionOperands(self._fold, streams)
         late = max(0, self._operands.late + hi)
         super().__init__(self._operands.corners, late)
         self._operands.hold(late, hi)
@@ -324,7 +324,7 @@ class UnboundedPast(Stream):
         self._total = substituted(self._total, axis, value)
 
 
-class UnboundedFuture(Stream):
+class RegionFuture(RegionStream):
     """The fold over all offsets from 0 on, which settles as a polynomial in its unknown.
 
     Attributes:
@@ -332,9 +332,9 @@ class UnboundedFuture(Stream):
             settles.
     """
 
-    def __init__(self, window: Window, axis: int | None, streams: Sequence[Stream]) -> None:
+    def __init__(self, window: Window, axis: int | None, streams: Sequence[RegionStream]) -> None:
         self._window, self._fold = window, FOLDS[window.fold]
-        self._operands = Operands(self._fold, streams)
+        self._operands = RegionOperands(self._fold, streams)
         super().__init__(self._operands.corners, self._operands.late)
         self._operands.hold(self.late, 0)
         self.axis = axis
@@ -373,9 +373,9 @@ class AtBegin(StateFields):
 
     STATE = ("_total", "_last")
 
-    def __init__(self, window: Window, streams: Sequence[Stream]) -> None:
+    def __init__(self, window: Window, streams: Sequence[RegionStream]) -> None:
         self._window, self._fold = window, FOLDS[window.fold]
-        self._operands = Operands(self._fold, streams)
+        self._operands = RegionOperands(self._fold, streams)
         self._operands.hold(self._operands.late, 0)
         self._lo, self._hi = max(0, window.lo or 0), window.hi
         self.reset()

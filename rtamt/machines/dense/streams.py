@@ -20,7 +20,7 @@ from typing import ClassVar
 from rtamt.machines.state import StateFields
 from rtamt.program.algebra import FUNCTIONS
 
-__all__ = ["Breakpoint", "Joint", "MapNode", "Stream", "StreamNode", "just_after"]
+__all__ = ["Breakpoint", "Joint", "MapNode", "StepStream", "StreamNode", "just_after"]
 
 Breakpoint = tuple[float, float]
 """A tick and the value from there on. Ticks are whole numbers: an `int`, or inf or -inf."""
@@ -32,7 +32,7 @@ def just_after(tick: float) -> float:
     return tick + 1
 
 
-class Stream(StateFields):
+class StepStream(StateFields):
     """The value of a register as far as it is known.
 
     Attributes:
@@ -119,7 +119,7 @@ class StreamNode(StateFields):
 
     STATE: ClassVar[tuple[str, ...]] = ("_joint",)
 
-    def __init__(self, args: Sequence[Stream], out: Stream) -> None:
+    def __init__(self, args: Sequence[StepStream], out: StepStream) -> None:
         self._args, self._out = args, out
         self._joint = Joint(len(args))
 
@@ -141,7 +141,7 @@ class StreamNode(StateFields):
 class MapNode(StreamNode):
     """Applies a function to the operands' values at one time."""
 
-    def __init__(self, function: str, args: Sequence[Stream], out: Stream) -> None:
+    def __init__(self, function: str, args: Sequence[StepStream], out: StepStream) -> None:
         super().__init__(args, out)
         self._apply = FUNCTIONS[function].apply
 

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from rtamt.machines.dense.streams import Stream, StreamNode, just_after
+from rtamt.machines.dense.streams import StepStream, StreamNode, just_after
 from rtamt.machines.state import StateFields
 from rtamt.program.algebra import Element, LatticeFold
 
@@ -25,7 +25,7 @@ class WindowNode(StreamNode):
     STATE = (*StreamNode.STATE, "_inside", "_begun")
 
     def __init__(
-        self, fold: LatticeFold, lo: float, hi: float, args: Sequence[Stream], out: Stream
+        self, fold: LatticeFold, lo: float, hi: float, args: Sequence[StepStream], out: StepStream
     ) -> None:
         super().__init__(args, out)
         self._lo, self._hi = lo, hi
@@ -148,7 +148,9 @@ class Queue(StateFields):
 class SuffixNode(StreamNode):
     """Folds all steps from s + lo to the end of the trace; known only when the trace has ended."""
 
-    def __init__(self, fold: LatticeFold, lo: float, args: Sequence[Stream], out: Stream) -> None:
+    def __init__(
+        self, fold: LatticeFold, lo: float, args: Sequence[StepStream], out: StepStream
+    ) -> None:
         super().__init__(args, out)
         self._fold, self._lo = fold, lo
 
