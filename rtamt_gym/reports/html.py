@@ -105,7 +105,7 @@ class _View:
     def __init__(self) -> None:
         self.charts: dict[str, Any] = {}
         self.cases: dict[str, Any] = {}
-        self._names = texts.Names(("top", "summary", "filter", "data", "main"))
+        self._names = texts.PageIds(("top", "summary", "filter", "data", "main"))
 
     def section(self, section: Section) -> _Placed:
         name = self._names.add(section.kind)

@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 
-__all__ = ["Names", "aligned", "number", "percent", "time"]
+__all__ = ["PageIds", "aligned", "number", "percent", "time"]
 
 _MINUS = "\N{MINUS SIGN}"
 _INFINITY = "\N{INFINITY}"
@@ -88,11 +88,11 @@ def time(value: float | None, unit: str) -> str:
     return f"{number(value)} s" if unit == "s" else f"step {number(value)}"
 
 
-class Names:
+class PageIds:
     """Makes the ids of a page out of names: short, safe in an address, and each given once.
 
     Example:
-        >>> names = Names()
+        >>> names = PageIds()
         >>> names.add("Höhe < 3"), names.add("hohe 3"), names.add("高度")
         ('hohe-3', 'hohe-3-2', 'x')
     """

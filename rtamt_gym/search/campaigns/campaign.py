@@ -12,10 +12,10 @@ from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.chunks import Chunks, Rows
+from rtamt_gym.search.campaigns.chunks import Chunks, NumberedTrials
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
 from rtamt_gym.search.campaigns.folder import Folder, digest
-from rtamt_gym.search.campaigns.process import Task
+from rtamt_gym.search.campaigns.process import SearchTask
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.runner import CaseLike, Runner
@@ -76,7 +76,7 @@ def run_campaign(
             cannot make the system.
         InputTypeError: If the system cannot be sent to another process.
     """
-    listed: list[Task] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
+    listed: list[SearchTask] = [(i, Case(case), seed) for i, (case, seed) in enumerate(tasks)]
     timeout = check_workers(n_jobs, backend, timeout)
     requirements = {name: str(spec.standalone()) for name, spec in runner.requirements.items()}
     rows: dict[int, Trial] = {}
@@ -101,7 +101,7 @@ def run_campaign(
         chunks = Chunks(left, runner)
         elsewhere = None
         if n_jobs is None and backend is None and timeout is None:
-            over: Iterator[Rows] = (_run_here(runner, chunk) for chunk in chunks)
+            over: Iterator[NumberedTrials] = (_run_here(runner, chunk) for chunk in chunks)
         else:
             elsewhere = stack.enter_context(Elsewhere(runner, n_jobs, backend, timeout))
             over = stack.enter_context(elsewhere.spread(chunks))
@@ -175,7 +175,7 @@ class _Note:
         return f"{self._violated} violated, least robustness {self._least:.3g}{saved}"
 
 
-def _run_here(runner: Runner, tasks: Sequence[Task]) -> Rows:
+def _run_here(runner: Runner, tasks: Sequence[SearchTask]) -> NumberedTrials:
     seeds: Any = [seed for _, _, seed in tasks] if runner.takes_seeds else None
     over = runner.run([case for _, case, _ in tasks], seeds)
     return [(tasks[index][0], row) for index, row in over]

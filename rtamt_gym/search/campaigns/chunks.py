@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.campaigns.process import Task
+from rtamt_gym.search.campaigns.process import SearchTask
 from rtamt_gym.search.runs.runner import Runner
 
-__all__ = ["Chunks", "Rows"]
+__all__ = ["Chunks", "NumberedTrials"]
 
-Rows = list[tuple[int, Trial]]
-"""Rows with the numbers of their tasks."""
+NumberedTrials = list[tuple[int, Trial]]
+"""Trials with the numbers of their tasks."""
 
 _SECONDS: Final = 1.0
 """About how long a chunk should take: a kill loses that much, and its file is written in less."""
@@ -22,7 +22,7 @@ _MOST: Final = 1000
 """The most tasks of a chunk."""
 
 
-class Chunks(Iterator[list[Task]]):
+class Chunks(Iterator[list[SearchTask]]):
     """Deals tasks out, in chunks that grow until they take about a second.
 
     Where cases run side by side, a chunk is what runs at once.
@@ -32,7 +32,7 @@ class Chunks(Iterator[list[Task]]):
         runner: What runs them.
     """
 
-    def __init__(self, tasks: Sequence[Task], runner: Runner) -> None:
+    def __init__(self, tasks: Sequence[SearchTask], runner: Runner) -> None:
         self._tasks = tasks
         self._batch = runner.batch
         self._workers = 1
@@ -44,7 +44,7 @@ class Chunks(Iterator[list[Task]]):
         """Makes chunks small enough for so many workers."""
         self._workers = workers
 
-    def learn(self, rows: Rows) -> None:
+    def learn(self, rows: NumberedTrials) -> None:
         """Learns from finished tasks how long one takes."""
         self._finished += len(rows)
         self._wall += sum(row.wall for _, row in rows)
@@ -53,7 +53,7 @@ class Chunks(Iterator[list[Task]]):
         """The number of tasks that are left."""
         return len(self._tasks) - self._begin
 
-    def __next__(self) -> list[Task]:
+    def __next__(self) -> list[SearchTask]:
         if not len(self):
             raise StopIteration
         size = self._batch

@@ -15,7 +15,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.child import Making
-from rtamt_gym.search.campaigns.chunks import Chunks, Rows
+from rtamt_gym.search.campaigns.chunks import Chunks, NumberedTrials
 from rtamt_gym.search.campaigns.process import Setup, end_processes, run_chunk
 from rtamt_gym.search.campaigns.recipe import Recipe
 from rtamt_gym.search.runs.runner import CaseLike, Runner
@@ -124,7 +124,7 @@ class Elsewhere:
     @contextmanager
     def spread(
         self, chunks: Chunks, above: Mapping[str, float] | None = None
-    ) -> Iterator[Iterator[Rows]]:
+    ) -> Iterator[Iterator[NumberedTrials]]:
         """Gives the rows of each chunk as soon as a worker has run it."""
         with self._workers.chosen(self._backend, self._n_jobs) as (count, threads):
             chunks.share(count)

@@ -22,9 +22,9 @@ from rtamt import InputError
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.results.trial import Trial
 
-__all__ = ["Setup", "Task", "end_processes", "run_chunk"]
+__all__ = ["SearchTask", "Setup", "end_processes", "run_chunk"]
 
-Task = tuple[int, Case, int | None]
+SearchTask = tuple[int, Case, int | None]
 """The number of a task, what the simulation is given, and its seed."""
 
 _IDLE: Final = 60.0
@@ -65,7 +65,7 @@ class Setup:
     above: Mapping[str, float] | None = None
 
 
-def run_chunk(setup: Setup, tasks: Sequence[Task]) -> list[tuple[int, Trial]]:
+def run_chunk(setup: Setup, tasks: Sequence[SearchTask]) -> list[tuple[int, Trial]]:
     """Runs tasks, each to its row; gives the rows with the numbers of the tasks.
 
     Where a process dies, its unfinished tasks are run again, each alone; a task that makes its
@@ -102,7 +102,7 @@ def end_processes(name: str) -> None:
         process.end()
 
 
-def _deal(setup: Setup, tasks: Sequence[Task], rows: dict[int, Trial]) -> str:
+def _deal(setup: Setup, tasks: Sequence[SearchTask], rows: dict[int, Trial]) -> str:
     """Has a process run tasks, and takes their rows; returns why it ended, an empty text if not."""
     process = _take(setup)
     try:

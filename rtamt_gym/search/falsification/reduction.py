@@ -16,7 +16,7 @@ __all__ = ["reduced"]
 _DIGITS = (1, 2, 3, 4)
 """The numbers of digits that values are rounded to."""
 
-Entry = float | Waveform
+_Entry = float | Waveform
 
 
 def reduced(
@@ -62,7 +62,7 @@ class _Budget:
     def case(self) -> Case:
         return self.row.case
 
-    def attempt(self, name: str, entry: Entry) -> bool:
+    def attempt(self, name: str, entry: _Entry) -> bool:
         """Gives a name another entry if the case then still violates."""
         if entry == self.case[name] or self.count >= self._most:
             return False

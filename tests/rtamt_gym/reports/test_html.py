@@ -17,7 +17,7 @@ from report_example import EXAMPLE
 from rtamt_gym.reports.charts import bins
 from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
-from rtamt_gym.reports.texts import Names, aligned, number, percent
+from rtamt_gym.reports.texts import PageIds, aligned, number, percent
 
 PAGE = ROOT / "rtamt_gym" / "reports" / "page"
 
@@ -174,7 +174,7 @@ def test_a_share_is_a_hundred_percent_only_if_it_is(total: int, data: st.DataObj
 
 @given(st.lists(st.text(max_size=80), max_size=30))
 def test_ids_are_safe_and_each_is_given_once(names: list[str]) -> None:
-    book = Names()
+    book = PageIds()
     found = [book.add("section", name) for name in names]
     assert len(set(found)) == len(found)
     assert all(re.fullmatch(r"[a-z][a-z0-9-]*", name) for name in found)
