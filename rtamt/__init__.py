@@ -25,6 +25,7 @@ from rtamt.export.fmu import export_fmu
 from rtamt.inputs.between import Between
 from rtamt.inputs.events import Events
 from rtamt.inputs.frames import unit_of_times
+from rtamt.inputs.samples import NanPolicy
 from rtamt.language.formula import Formula, Term, conjunction, disjunction, number, variable
 from rtamt.language.interval import Interval
 from rtamt.language.parser import load, parse
@@ -34,6 +35,7 @@ from rtamt.language.specification import Specification
 from rtamt.language.subscriptions import SubscribedField, Subscription, subscriptions
 from rtamt.language.words import in_words
 from rtamt.machines.backend import BACKEND
+from rtamt.machines.protocols import End
 from rtamt.monitors.dense import DenseMonitor, evaluate_dense
 from rtamt.monitors.dense_episode import DenseEpisodeMonitor
 from rtamt.monitors.dense_explanation import DenseExplanation, explain_dense
@@ -45,6 +47,8 @@ from rtamt.monitors.judgement import Judgement, judge
 from rtamt.monitors.many import evaluate_many
 from rtamt.monitors.monitor import EpisodeMonitor, Monitor, Verdict
 from rtamt.monitors.vector import VectorEpisodeMonitor, VectorMonitor
+from rtamt.program.interface import Names, SemanticsName
+from rtamt.program.timing import Align, Period
 
 if TYPE_CHECKING:
     from rtamt.compat import *  # noqa: F403 - its __all__ lists them, and the type checker reads it
@@ -53,10 +57,12 @@ __version__ = "0.5.0"
 
 __all__ = [
     "BACKEND",
+    "Align",
     "Between",
     "DenseEpisodeMonitor",
     "DenseExplanation",
     "DenseMonitor",
+    "End",
     "EpisodeMonitor",
     "Events",
     "Explanation",
@@ -66,9 +72,13 @@ __all__ = [
     "Interval",
     "Judgement",
     "Monitor",
+    "Names",
+    "NanPolicy",
     "ParseError",
+    "Period",
     "Publication",
     "RtamtError",
+    "SemanticsName",
     "Specification",
     "SpecificationError",
     "StateError",

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rtamt_gym.inputs.ranges import Parameter, Signal
     from rtamt_gym.inputs.space import Space
     from rtamt_gym.inputs.waveform import Waveform
+    from rtamt_gym.judging.reading import Reading
     from rtamt_gym.mujoco.rollouts import evaluate_rollouts
     from rtamt_gym.mujoco.snapshots import Snapshot
     from rtamt_gym.mujoco.step_monitor import StepMonitor
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
         "Mined",
         "ParallelStlMonitor",
         "Parameter",
+        "Reading",
         "Record",
         "RecordViolations",
         "RequirementResult",
@@ -93,6 +95,7 @@ _MODULES = {
     "Mined": "rtamt_gym.search.mining.mining",
     "ParallelStlMonitor": "rtamt_gym.wrappers.parallel_monitor",
     "Parameter": "rtamt_gym.inputs.ranges",
+    "Reading": "rtamt_gym.judging.reading",
     "Record": "rtamt_gym.search.runs.record",
     "RecordViolations": "rtamt_gym.wrappers.recording",
     "RobustnessOverlay": "rtamt_gym.wrappers.overlay",

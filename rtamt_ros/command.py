@@ -8,9 +8,8 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn, get_args
 
-from rtamt import InputError
+from rtamt import InputError, SemanticsName
 from rtamt_gym.commands.errors import options_in, refusal
-from rtamt_gym.judging.interface import Semantics
 from rtamt_ros.generation import chosen, open_node, split
 from rtamt_ros.node import MonitorNode
 from rtamt_ros.parameters import PARAMETERS, UNITS, Qos, read
@@ -108,9 +107,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     what.add_argument(
         "--semantics",
-        choices=get_args(Semantics),
+        choices=get_args(SemanticsName),
         metavar="NAME",
-        help=f"how predicates count: {', '.join(get_args(Semantics))}; those about inputs or "
+        help=f"how predicates count: {', '.join(get_args(SemanticsName))}; those about inputs or "
         f"outputs read the declarations of the text (default: {_default('semantics')})",
     )
     when = parser.add_argument_group("when to sample")

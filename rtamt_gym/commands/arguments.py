@@ -4,29 +4,30 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError
 from rtamt_gym.checks.numbers import read_floats
-from rtamt_gym.judging.interface import Semantics
+from rtamt_gym.judging.reading import ROWS, Reading
 
 if TYPE_CHECKING:
     from rtamt_gym.signals.signals import SignalLike
 
 __all__ = [
-    "add_align",
+    "EPISODES",
     "add_environment",
     "add_max_steps",
     "add_output",
     "add_reading",
-    "add_semantics",
     "add_spec",
     "add_workers",
     "check_outputs",
     "positive",
     "read_options",
+    "read_reading",
     "read_signals",
     "whole",
 ]
@@ -143,43 +144,38 @@ def read_signals(arguments: Sequence[str]) -> dict[str, SignalLike]:
     return signals
 
 
-def add_reading(parser: argparse.ArgumentParser, default: str) -> None:
-    """Adds ``--period``, whose default is described by a text, ``--view`` and ``--semantics``."""
-    parser.add_argument(
-        "--period",
-        metavar="TIME",
-        help=f"time between samples: 0.1 (seconds) or 100ms (default: {default})",
-    )
-    parser.add_argument(
-        "--view",
-        choices=("episode", "step"),
-        default="episode",
-        help="episode: a formula is evaluated at the first sample; step: at every sample, and all "
-        "have to satisfy it (default: episode)",
-    )
-    add_semantics(parser)
+EPISODES = ("period", "view", "semantics", "align", "at_termination", "at_truncation")
+"""The options of a reading that commands have which judge episodes."""
 
 
-def add_semantics(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--semantics``."""
-    parser.add_argument(
-        "--semantics",
-        metavar="NAME",
-        choices=get_args(Semantics),
-        default="standard",
-        help=f"how predicates count: {', '.join(get_args(Semantics))}; those about inputs or "
-        "outputs read the declarations of the text (default: standard)",
-    )
+def add_reading(parser: argparse.ArgumentParser, *names: str, **defaults: str) -> None:
+    """Adds options of `Reading`, which `read_reading` reads, with the words that stand there.
+
+    Args:
+        parser: The parser of the command.
+        *names: The names of the options.
+        **defaults: The default of an option in words, where it is another than that of its row.
+    """
+    for name in names:
+        row = ROWS[name]
+        option, default = f"--{name.replace('_', '-')}", defaults.get(name, row.default)
+        about = re.sub(r'`+"?|"?`+', "", row.metadata["about"]).rstrip(".").replace("%", "%%")
+        about = about[0].lower() + about[1:]
+        if row.type == "bool":
+            parser.add_argument(option, action="store_true", default=argparse.SUPPRESS, help=about)
+            continue
+        parser.add_argument(
+            option,
+            choices=[choice for choice in row.metadata["choices"] if choice is not None] or None,
+            metavar=row.metadata["metavar"] or None,
+            default=argparse.SUPPRESS,
+            help=about if default is None else f"{about} (default: {default})",
+        )
 
 
-def add_align(parser: argparse.ArgumentParser) -> None:
-    """Adds ``--align``."""
-    parser.add_argument(
-        "--align",
-        choices=("outward", "inward", "nearest"),
-        help="how a bound that is no multiple of the period is rounded to samples (default: such "
-        "a bound is an error)",
-    )
+def read_reading(options: argparse.Namespace) -> Reading:
+    """The reading that was asked for; what is not among the arguments is not given."""
+    return Reading(**{name: value for name, value in vars(options).items() if name in ROWS})
 
 
 def add_output(parser: argparse.ArgumentParser, option: str, help_line: str) -> None:

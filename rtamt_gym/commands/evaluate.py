@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
-    add_align,
+    EPISODES,
     add_environment,
     add_max_steps,
     add_output,
@@ -22,10 +22,11 @@ from rtamt_gym.commands.arguments import (
     check_outputs,
     positive,
     read_options,
+    read_reading,
     read_signals,
     whole,
 )
-from rtamt_gym.commands.ends import add_ends, noted_ends
+from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.specs import requirements_of
 
 if TYPE_CHECKING:
@@ -130,9 +131,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="keep finished episodes there; after an interruption the same command goes on",
     )
-    add_reading(parser, "the environment's own")
-    add_align(parser)
-    add_ends(parser)
+    add_reading(parser, *EPISODES)
     add_output(parser, "--save", "write all of it as JSON, which rtamt compare reads")
     add_output(parser, "--report", "write it as a page of HTML, with the worst episodes as plots")
 
@@ -168,6 +167,7 @@ def run(options: argparse.Namespace) -> int:
                 progress=True,
                 **rules,
                 **{name: getattr(options, name) for name in _ARGUMENTS},
+                **read_reading(options).options(),
             )
         if options.save:
             evaluation.save(options.save)
@@ -180,10 +180,7 @@ def run(options: argparse.Namespace) -> int:
 
 _RULES = ("until_width", "target", "alpha", "margin")
 
-_ARGUMENTS = (
-    *("seed", "n_envs", "n_jobs", "timeout", "folder", "stop", "period", "view", "semantics"),
-    *("align", "at_termination", "at_truncation"),
-)
+_ARGUMENTS = (*("seed", "n_envs", "n_jobs", "timeout", "folder", "stop"),)
 """The options that are arguments of `evaluate_policy` of the same names."""
 
 

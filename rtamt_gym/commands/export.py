@@ -8,7 +8,7 @@ from pathlib import Path
 import rtamt
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.commands.arguments import add_align, add_semantics, check_outputs
+from rtamt_gym.commands.arguments import add_reading, check_outputs, read_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements
 from rtamt_gym.tables import shorten
 
@@ -25,9 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("spec", metavar="SPEC", help="the path of a .stl file, or a formula")
     parser.add_argument(
         "-o", dest="output", type=Path, required=True, metavar="FILE", help="the file to write"
-    )
-    parser.add_argument(
-        "--period", metavar="TIME", help="time between samples: 0.1 (seconds) or 100ms"
     )
     parser.add_argument(
         "--dense",
@@ -58,31 +55,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="the value of a constant, in place of that in the text; may be repeated",
     )
-    add_semantics(parser)
-    add_align(parser)
+    add_reading(parser, "period", "semantics", "align")
 
 
 def run(options: argparse.Namespace) -> int:
     """Writes the file, and says what it holds; returns 0."""
     check_outputs(options.output, picture=None, inputs=[options.spec])
-    if options.dense == (options.period is not None):
+    reading = read_reading(options)
+    if reading.dense == (reading.period is not None):
         raise InputError(
             "expected --period, the time between samples such as 100ms, or --dense; got "
-            f"{'both' if options.dense else 'neither'}"
+            f"{'both' if reading.dense else 'neither'}"
         )
     spec = _requirement(options)
     rtamt.export_fmu(
         spec,
         options.output,
-        period=options.period,
-        dense=options.dense,
+        period=reading.period,
+        dense=reading.dense,
         fmi=options.fmi,
         stop_on_violation=options.stop_on_violation,
-        semantics=options.semantics,
-        align=options.align,
+        semantics=reading.semantics,
+        align=reading.align,
     )
     print(f"{options.output}: FMI {options.fmi}.0, inputs {listing(spec.variables)}")
-    if not (options.dense or spec.looks_ahead):
+    if not (reading.dense or spec.looks_ahead):
         print(
             "note: the specification speaks of the first sample only, and so do robustness, lower, "
             f"upper and verdict; write always({shorten(str(spec.formula), 60)})"

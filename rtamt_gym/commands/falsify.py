@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import rtamt
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
-    add_align,
+    EPISODES,
     add_environment,
     add_output,
     add_reading,
@@ -23,10 +23,11 @@ from rtamt_gym.commands.arguments import (
     check_outputs,
     positive,
     read_options,
+    read_reading,
     read_signals,
     whole,
 )
-from rtamt_gym.commands.ends import add_ends, noted_ends
+from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.specs import requirements_of
 from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
@@ -108,9 +109,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
     )
     add_workers(parser)
-    add_reading(parser, "the system's own")
-    add_align(parser)
-    add_ends(parser)
+    add_reading(parser, *EPISODES)
     add_output(parser, "--save", "write what was found as a file that rtamt replay runs")
     add_output(parser, "--plot", "draw the input and the run")
     add_output(parser, "--record", "write all simulations as a Parquet file, a row for each")
@@ -163,12 +162,11 @@ def run(options: argparse.Namespace) -> int:
                 signals=signals or None,
                 policy=policy,
                 duration=options.duration,
-                period=options.period,
                 reduce=not options.no_reduce,
                 n_jobs=options.n_jobs,
                 timeout=options.timeout,
                 progress=True,
-                **{key: getattr(options, key) for key in _READING},
+                **read_reading(options).options(),
             )
         if options.save:
             at = name.get("object")
@@ -179,9 +177,6 @@ def run(options: argparse.Namespace) -> int:
             found.plot(options.plot)
         print(_to_json(found) if options.json else "\n".join(_lines(found, options, notes)))
     return int(found.falsified)
-
-
-_READING = ("view", "semantics", "align", "at_termination", "at_truncation")
 
 
 def _named(text: str, arguments: dict[str, Any]) -> dict[str, Any]:

@@ -16,8 +16,9 @@ import rtamt
 from rtamt import InputError, Verdict
 from rtamt_gym.commands.errors import options_of, refusal, unexpected
 from rtamt_gym.commands.traces import Asked, read_trace_of
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
-from rtamt_gym.recorded.judge import Judgement, Rules
+from rtamt_gym.recorded.judge import Judgement
 from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome, Row
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -48,7 +49,7 @@ def judge_file(asked: Asked, path: str, *, formulas: bool) -> Judged:
     """Judges a trace; what cannot be read or judged is a failure of the requirements.
 
     Args:
-        asked: The requirements and the rules.
+        asked: The requirements, and how traces are judged.
         path: The name of the trace.
         formulas: Whether the robustness of the named formulas is evaluated too.
     """
@@ -57,7 +58,7 @@ def judge_file(asked: Asked, path: str, *, formulas: bool) -> Judged:
     with progress("judging", len(specs), " requirements") as advance:
         for name, spec in specs.items():
             try:
-                judged.judgements[name] = _judge(spec, judged, asked.rules, formulas=formulas)
+                judged.judgements[name] = _judge(spec, judged, asked.reading, formulas=formulas)
             except Exception as error:  # noqa: BLE001 - the others are to be judged
                 judged.failures[name] = _failure(error)
             advance(1)
@@ -109,7 +110,7 @@ def judge_files(
     """Judges traces, in the order of their names whatever the number of workers.
 
     Args:
-        asked: The requirements and the rules.
+        asked: The requirements, and how traces are judged.
         paths: The names of the traces.
         workers: The number of processes.
         explain: The verdicts that are explained. If there are any, the outcomes say too from when
@@ -188,7 +189,7 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
             cells[name] = judged.failures[name]
             continue
         try:
-            cells[name] = _outcome(spec, judged, name, asked.rules, explain)
+            cells[name] = _outcome(spec, judged, name, asked.reading, explain)
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             cells[name] = _failure(error)
     if judged.trace is None:
@@ -217,10 +218,10 @@ def failure_lines(matrix: Matrix) -> list[str]:
     return lines
 
 
-def _explanation(spec: rtamt.Specification, judged: Judged, rules: Rules) -> str:
-    whole, trace = judge.viewed(spec, rules.view), judged.trace
+def _explanation(spec: rtamt.Specification, judged: Judged, reading: Reading) -> str:
+    whole, trace = judge.viewed(spec, reading.view), judged.trace
     if isinstance(trace, EventTrace):
-        return str(rtamt.explain_dense(whole, trace.tables, semantics=rules.semantics))
+        return str(rtamt.explain_dense(whole, trace.tables, semantics=reading.semantics))
     if trace is None:
         msg = "a trace that was not read has no judgement to explain"
         raise AssertionError(msg)
@@ -228,35 +229,35 @@ def _explanation(spec: rtamt.Specification, judged: Judged, rules: Rules) -> str
     explanation = rtamt.explain(
         whole,
         trace.columns,
-        judged.period,
         n=trace.samples,
         start=trace.start,
-        semantics=rules.semantics,
-        align=rules.align,
+        **reading.having(period=judged.period).of_monitors({"": whole})[""],
     )
     return str(explanation)
 
 
-def _judge(spec: rtamt.Specification, judged: Judged, rules: Rules, *, formulas: bool) -> Judgement:
+def _judge(
+    spec: rtamt.Specification, judged: Judged, reading: Reading, *, formulas: bool
+) -> Judgement:
     if isinstance(judged.trace, Trace):
-        return judge.judge(spec, judged.trace, judged.period, rules, formulas=formulas)
+        return judge.judge(spec, judged.trace, judged.period, reading, formulas=formulas)
     if judged.trace is None:
         msg = "a trace that was not read cannot be judged"
         raise AssertionError(msg)
-    return judge.judge_events(spec, judged.trace, rules, formulas=formulas)
+    return judge.judge_events(spec, judged.trace, reading, formulas=formulas)
 
 
 def _outcome(
     spec: rtamt.Specification,
     judged: Judged,
     name: str,
-    rules: Rules,
+    reading: Reading,
     explain: Sequence[Verdict],
 ) -> Outcome:
     judgement = judged.judgements[name]
     explanation = ""
     if judgement.verdict in explain:
-        explanation = _explanation(spec, judged, rules)
+        explanation = _explanation(spec, judged, reading)
     return Outcome(
         judgement.verdict,
         judgement.found.robustness,

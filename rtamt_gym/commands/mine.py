@@ -12,6 +12,7 @@ from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.checks.numbers import read_floats
 from rtamt_gym.commands import SEPARATOR
+from rtamt_gym.commands.arguments import read_reading
 from rtamt_gym.commands.traces import Asked, read_arguments, read_trace_of
 from rtamt_gym.commands.traces import add_arguments as add_traces
 from rtamt_gym.recorded.progress import progress
@@ -64,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
 
     name, low, high = _read_range(options.range)
     tolerance = _read_tolerance(options.tolerance)
-    if options.dense:
+    if read_reading(options).dense:
         raise InputError("rtamt mine judges samples; expected no --dense")
     count = options.specs.index(SEPARATOR) if SEPARATOR in options.specs else len(options.specs)
     if count != 1:
@@ -86,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     wanted = template(
         spec,
         {name: (low, high)},
-        every=asked.rules.view == "step",
+        every=asked.reading.view == "step",
         text=text if marked else "",
     )
     traces = []
@@ -136,14 +137,11 @@ def _read(asked: Asked, path: str) -> Samples:
     if not isinstance(trace, Trace):
         msg = "dense traces are refused before"
         raise TypeError(msg)
-    rules = asked.rules
     return Samples(
         path,
         path,
         trace.columns,
-        period,
-        rules.end,
-        {"semantics": rules.semantics, "align": rules.align},
+        asked.reading.having(period=period),
         trace.samples,
         trace.start,
         tuple(trace.notes),

@@ -147,9 +147,9 @@ def _columns(asked: Asked, paths: Sequence[str]) -> Columns:
 def _rules(asked: Asked) -> dict[str, str]:
     """How the traces were judged, by name."""
     names = ("end", "view", "semantics", "align", "period")
-    rules = {name: getattr(asked.rules, name) for name in names}
+    rules = {name: getattr(asked.reading, name) for name in names}
     said = {name: str(value) for name, value in rules.items() if value is not None}
-    return said | {"time": "dense" if asked.rules.dense else "sampled"}
+    return said | {"time": "dense" if asked.reading.dense else "sampled"}
 
 
 def _write(
@@ -172,7 +172,7 @@ def _write(
     if options.out:
         from rtamt_gym.recorded.output import save as save_robustness
 
-        save_robustness(judged.judgements, options.out, dense=asked.rules.dense)
+        save_robustness(judged.judgements, options.out, dense=asked.reading.dense)
         said.append(f"robustness: {options.out}\n")
     if options.write_mcap:
         from rtamt_gym.recorded.bag_output import write_mcap

@@ -6,7 +6,6 @@ import argparse
 from contextlib import closing
 
 from rtamt_gym.commands.arguments import (
-    add_align,
     add_environment,
     add_max_steps,
     add_output,
@@ -15,10 +14,11 @@ from rtamt_gym.commands.arguments import (
     check_outputs,
     positive,
     read_options,
+    read_reading,
     read_signals,
     whole,
 )
-from rtamt_gym.commands.ends import add_ends, noted_ends
+from rtamt_gym.commands.ends import noted_ends
 from rtamt_gym.commands.specs import requirements_of
 
 __all__ = ["add_arguments", "run"]
@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="terminate",
         help="what happens to an episode once a violation is certain (default: terminate)",
     )
-    add_ends(parser)
+    add_reading(parser, "at_termination", "at_truncation")
     parser.add_argument(
         "--policy",
         default="random",
@@ -70,14 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="seed of the first episode, one more for each further one (default: 0)",
     )
     add_max_steps(parser)
-    parser.add_argument(
-        "--substeps",
-        action="store_true",
-        help="take a sample after every step of the simulation that the environment makes inside "
-        "of its own; signals are then read from the simulation (qpos[1], vehicle.speed)",
-    )
-    add_reading(parser, "the environment's own")
-    add_align(parser)
+    add_reading(parser, "substeps", "period", "view", "semantics", "align")
     add_output(parser, "--plot", "draw the first violated episode")
     infinities = 'with "inf" and "-inf" for infinities'
     add_output(parser, "--json", f"write the outcomes as strict JSON, {infinities}")
@@ -91,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
     from rtamt_gym.simulation.policies import policy_of
     from rtamt_gym.simulation.simulate import simulate
 
-    signals = read_signals(options.signal)
+    signals, reading = read_signals(options.signal), read_reading(options)
     check_outputs(options.json, picture=options.plot)
     kwargs = read_options(options.env_kwarg)
     with closing(make(options.env_id, options.max_steps, kwargs)) as env, noted_ends() as notes:
@@ -105,14 +98,8 @@ def run(options: argparse.Namespace) -> int:
                 signals,
                 policy=make_policy(seed),
                 seed=seed,
-                period=options.period,
-                align=options.align,
                 stop="end" if options.on_violation == "report" else "violation",
-                view=options.view,
-                semantics=options.semantics,
-                substeps=options.substeps,
-                at_termination=options.at_termination,
-                at_truncation=options.at_truncation,
+                **reading.options(),
             )
             for seed in range(options.seed, options.seed + options.episodes)
         ]
@@ -120,7 +107,11 @@ def run(options: argparse.Namespace) -> int:
         print(f"{name}: {spec.formula}")
     print("", *report(runs), "", *saved_note(runs), *notes, sep="\n")
     if options.json:
-        readings = {key: getattr(options, key) for key in _READINGS}
+        readings = {
+            "on_violation": options.on_violation,
+            "at_termination": reading.at_termination,
+            "at_truncation": reading.at_truncation,
+        }
         options.json.write_text(to_json(runs, readings) + "\n", encoding="utf-8")
         print(f"outcomes: {options.json}")
     if options.plot:
@@ -131,7 +122,3 @@ def run(options: argparse.Namespace) -> int:
         save(draw([runs[shown]]), options.plot)
         print(f"picture of episode {shown + 1}: {options.plot}")
     return 0
-
-
-_READINGS = ("on_violation", "at_termination", "at_truncation")
-"""The options that say what a violation and the ends of episodes do; the outcomes hold them."""

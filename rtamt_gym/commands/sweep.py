@@ -13,11 +13,14 @@ from typing import TYPE_CHECKING, Any
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands.arguments import (
+    EPISODES,
     add_environment,
     add_output,
+    add_reading,
     add_workers,
     check_outputs,
     read_options,
+    read_reading,
     read_signals,
     whole,
 )
@@ -87,11 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="how to act where no signal does: random, zero, sb3:FILE.zip or module:function "
         "(default: the scenario's own)",
     )
-    parser.add_argument(
-        "--period",
-        metavar="TIME",
-        help="time between samples: 0.1 (seconds) or 100ms (default: the environment's own)",
-    )
+    add_reading(parser, *EPISODES)
     parser.add_argument(
         "--duration", type=float, metavar="SECONDS", help="simulated time (default: to the end)"
     )
@@ -155,7 +154,7 @@ def run(options: argparse.Namespace) -> int:
                 signals=signals or None,
                 policy=policy_of(options.policy, env)(options.seed) if options.policy else None,
                 duration=options.duration,
-                period=options.period,
+                **read_reading(options).options(),
                 stop=options.stop,
                 n_jobs=options.n_jobs,
                 timeout=options.timeout,

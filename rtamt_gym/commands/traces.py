@@ -17,15 +17,14 @@ from rtamt import InputError
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.commands import SEPARATOR
-from rtamt_gym.commands.arguments import add_align, add_reading
+from rtamt_gym.commands.arguments import add_reading, read_reading
 from rtamt_gym.commands.specs import chosen, read_constants, read_requirements, variables_of
-from rtamt_gym.judging.ends import AtTruncation
 from rtamt_gym.recorded.columns import UNITS, Columns, Missing, read_columns
 from rtamt_gym.recorded.readers import extensions, is_bag, is_bag_folder
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.recorded.judge import Rules
+    from rtamt_gym.judging.reading import Reading
     from rtamt_gym.recorded.trace import EventTrace, Trace
 
 __all__ = ["Asked", "add_arguments", "read_arguments", "read_trace_of"]
@@ -37,12 +36,12 @@ class Asked:
 
     Attributes:
         specs: The requirements by name.
-        rules: How traces are judged.
+        reading: How traces are judged.
         columns: How their columns are read.
     """
 
     specs: Mapping[str, rtamt.Specification]
-    rules: Rules
+    reading: Reading
     columns: Columns
 
 
@@ -91,26 +90,11 @@ def add_arguments(parser: argparse.ArgumentParser, command: str, specs: str = _S
         metavar="NAME=VALUE",
         help="the value of a constant, in place of that in the text; may be repeated",
     )
-    parser.add_argument(
-        "--end",
-        choices=get_args(AtTruncation),
-        default="cut",
-        help="what lies behind the end of a trace: cut, what bounded windows need of it is "
-        "unknown, and operators without an end speak of the recorded time; complete, nothing; "
-        "open, a continuation (default: cut)",
-    )
     add_reading(
         parser,
-        "the distance of two times; without a column of times, bounds count samples; a bag is "
-        "sampled at it, and a message holds until the next",
-    )
-    add_align(parser)
-    parser.add_argument(
-        "--dense",
-        action="store_true",
-        help="rows, or the messages of a bag, are events at any time, and a value holds until the "
-        "next event; an empty cell is no event; with the columns time, variable and value a row is "
-        "one event",
+        *("end", "period", "view", "semantics", "align", "dense"),
+        period="the distance of two times; without a column of times, bounds count samples; a bag "
+        "is sampled at it, and a message holds until the next",
     )
     _add_columns(parser.add_argument_group("columns"))
 
@@ -174,14 +158,14 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
 
 
 def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
-    """Reads the requirements and the rules, and finds the traces.
+    """Reads the requirements and how traces are judged, and finds the traces.
 
     Raises:
         InputError: If an argument is wrong: a trace stands in the place of a specification or the
             other way round, a name or a constant is unknown, or there are no traces.
         SpecificationError: If a specification is wrong.
     """
-    from rtamt_gym.recorded.judge import Rules, viewed
+    from rtamt_gym.recorded.judge import viewed
     from rtamt_gym.recorded.starts import starts_of
 
     specs, traces = _divided([*options.specs, options.trace])
@@ -189,18 +173,15 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
     texts = [p for word in specs for p in _files(word, [".stl"], pattern=word.endswith(".stl"))]
     every = read_requirements(texts, read_constants(options.constant))
     requirements = chosen(every, options.only)
+    reading = read_reading(options)
     for spec in requirements.values():
-        viewed(spec, options.view)
-    period = options.period
-    if period is not None:
-        if options.dense:
+        viewed(spec, reading.view)
+    if reading.period is not None:
+        if reading.dense:
             raise InputError("expected --period or --dense, which reads events at any time")
         if options.jitter is not None and not all(map(is_bag, found)):
             raise InputError("expected --period, which leaves the times aside, or --jitter")
-        period = rtamt.Monitor("(true)", period).period
-    rules = Rules(
-        period, options.view, options.semantics, options.align, options.end, options.dense
-    )
+        reading = reading.having(period=reading.seconds)
     columns = read_columns(
         signals=options.signal,
         time=options.time,
@@ -221,11 +202,11 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
         from rtamt_gym.recorded.bag_topics import check_topics
 
         check_topics(requirements)
-    return Asked(requirements, rules, columns), found
+    return Asked(requirements, reading, columns), found
 
 
 def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a trace, and its period: that of the rules, else that of its samples, or None.
+    """Reads a trace, and its period: the one that was given, else that of its samples, or None.
 
     Raises:
         InputError: If the trace cannot be read, or is too short to have a period.
@@ -233,7 +214,7 @@ def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction
     """
     from rtamt_gym.recorded.ruled import read_ruled
 
-    return read_ruled(path, asked.specs, asked.rules, asked.columns)
+    return read_ruled(path, asked.specs, asked.reading, asked.columns)
 
 
 def _messages(specs: Mapping[str, rtamt.Specification]) -> set[str]:

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from rtamt import InputError, RtamtError
+from rtamt import InputError, NanPolicy, RtamtError
 from rtamt_gym.datasets.episodes import RecordedEpisode, part
-from rtamt_gym.judging.specs import Nan
 from rtamt_gym.signals.columns import Floats, SignalColumns
 from rtamt_gym.signals.signals import ParsedSignal, Step
 
@@ -40,7 +39,7 @@ class SignalReader:
         signals: Sequence[ParsedSignal],
         observations: spaces.Space[Any],
         actions: spaces.Space[Any],
-        nan: Nan,
+        nan: NanPolicy,
     ) -> None:
         self._signals = signals
         self._selected = [at for at, each in enumerate(signals) if each.source is not None]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Literal, TypedDict, Unpack, overload
+from typing import Any, Literal, Unpack, overload
 
 import gymnasium as gym
 import numpy as np
 
-from rtamt import InputError, InputTypeError, Specification
+from rtamt import InputError, InputTypeError, Period, Specification
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.datasets.episodes import RecordedEpisode, RelabelledEpisode, part, size_of
@@ -16,13 +16,9 @@ from rtamt_gym.datasets.playback import JudgedTape, Playback, Tape, play
 from rtamt_gym.datasets.reading import SignalReader
 from rtamt_gym.datasets.store import Store, described, episodes_of, is_dataset, spaces_of
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
-from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.reading import EpisodeReading
 from rtamt_gym.judging.specs import (
-    Align,
-    Nan,
     SpecsLike,
-    View,
     check_period,
     load_specs,
     read_period,
@@ -48,18 +44,9 @@ SAMPLES, BYTES = 1 << 18, 1 << 28
 """So many samples, or bytes of observations and actions, are held at once."""
 
 
-class RelabelOptions(TypedDict, total=False):
+class RelabelOptions(EpisodeReading, total=False):
     """The options of `StlMonitor` and `StlReward` that are about recorded episodes too."""
 
-    period: float | str | None
-    at_termination: AtTermination | None
-    at_truncation: AtTruncation
-    view: View
-    nan: Nan
-    align: Align | None
-    semantics: Semantics
-    inputs: Names | None
-    outputs: Names | None
     details: bool
     cost: Cost | None
     weight: float
@@ -240,8 +227,8 @@ def _keeps(keep: KeepEpisodes, episode: RelabelledEpisode) -> bool:
 def _period(
     dataset: Any,  # noqa: ANN401 - Minari is not typed
     specs: Mapping[str, Specification],
-    period: float | str | None,
-) -> float | str | None:
+    period: Period | None,
+) -> Period | None:
     """The period: as given, else from the environment that the dataset names, if one is needed."""
     if period is not None or not any(spec.timed for spec in specs.values()):
         return period

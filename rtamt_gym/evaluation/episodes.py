@@ -71,9 +71,9 @@ class Episodes(Runner):
         options = {"batch": n_envs, **options}
         self.monitor = monitor_of(made)
         super().__init__(made, requirements, policies=self.evaluated.make, **options)
-        self.unasked = self._simulated.get("at_termination") is None
+        self.unasked = self.reading.at_termination is None
         if self.unasked:  # else every episode would warn
-            self._simulated["at_termination"] = "complete"
+            self.reading = self.reading.having(at_termination="complete")
         if self._model is not None and n_envs > 1:
             self._envs = [made, self._another()]
 
@@ -121,8 +121,10 @@ class Episodes(Runner):
         left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
 
         def begin(env: Any, task: Task, policy: Policy) -> Simulation:  # noqa: ANN401
-            options = self._of_run(task.case, task.seed, above) | {"policy": policy}
-            return Simulation(env, self.requirements, **options)
+            given = self._of_runs | {"case": task.case, "seed": task.seed, "policy": policy}
+            return Simulation(
+                env, self.requirements, self.signals, self.reading, above=above, **given
+            )
 
         while len(self._envs) < min(self._n_envs, len(listed)):
             self._envs.append(self._another())

@@ -22,10 +22,10 @@ from rtamt_gym.evaluation.readings import reading_of
 from rtamt_gym.evaluation.sequential import MARGIN, Stopping, stopping_of
 from rtamt_gym.evaluation.vector import VectorEpisodes
 from rtamt_gym.judging.ends import warn_of_open_end
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.results.statistics import rank
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
-from rtamt_gym.search.runs.options import Options
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.requirements import Requirements
 from rtamt_gym.search.runs.runner import Runner
@@ -41,13 +41,7 @@ if TYPE_CHECKING:  # joblib is optional
 __all__ = ["evaluate_policy"]
 
 
-class Reading(Options, total=False):
-    """How episodes are read and judged: options of `simulate`, which describes them."""
-
-    period: float | str | None
-    duration: float | None
-
-
+@lists_reading(EpisodeReading)
 def evaluate_policy(
     policy: Any,  # noqa: ANN401 - a model of a package that is optional
     env: Any,  # noqa: ANN401
@@ -61,6 +55,7 @@ def evaluate_policy(
     backend: Backend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
+    duration: float | None = None,
     stop: Stop = "end",
     deterministic: bool = True,
     until_width: float | None = None,
@@ -69,7 +64,7 @@ def evaluate_policy(
     margin: float = MARGIN,
     keep: int = 1,
     progress: bool = False,
-    **reading: Unpack[Reading],
+    **reading: Unpack[EpisodeReading],
 ) -> Evaluation:
     r"""Plays episodes of a policy and counts how many satisfy each requirement.
 
@@ -128,6 +123,7 @@ def evaluate_policy(
             function is known by its name alone, and an environment that a function makes, or that
             has no id, by its name and time limit; wrappers are not seen. Take another folder where
             one of them changes. An environment of ``gym.make`` is known with its arguments.
+        duration: The longest simulated time of an episode, as for `simulate`.
         stop: When to stop an episode, see above and `simulate`.
         deterministic: Whether a model gives the action that it holds for best, or draws one.
         until_width: Stops once the interval of every rate is at most so wide.
@@ -138,9 +134,9 @@ def evaluate_policy(
             end, for `Evaluation.worst_runs`; with pictures if the environment was made with
             ``render_mode="rgb_array"``, but not of a vector environment.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: ``period``, ``duration``, and how episodes are judged: ``view``, ``nan``,
-            ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
-            ``at_truncation`` as for `simulate`.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
+            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
+            ``at_truncation``.
 
     Returns:
         Rates with intervals, robustness, returns and more of every requirement. An episode that an
@@ -177,6 +173,7 @@ def evaluate_policy(
         >>> result.replay(seed)
         <Run of CartPole-v1: terminated at 6.68 s, 335 samples>
     """
+    judged = checked_reading(reading, evaluate_policy, EpisodeReading)
     check_count(Argument("episodes"), episodes)
     check_count(Argument("n_envs"), n_envs)
     given: dict[str, object] = {"keep": keep, "seed": seed}
@@ -194,8 +191,9 @@ def evaluate_policy(
         policy=policy,
         signals=signals,
         deterministic=deterministic,
+        duration=duration,
         stop=stop,
-        **reading,
+        **judged.options(),
     )
     stopping = stopping_of(runner.requirements, until_width, target, alpha, margin)
     rules = {"until_width": until_width, "target": target}

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from rtamt import InputError
 from rtamt_gym.signals.signals import ParsedSignal, own_signals
 from rtamt_gym.signals.sources import SOURCES
-from rtamt_gym.simulation.monitors import DEFAULTS
 
 if TYPE_CHECKING:
     from rtamt_gym.evaluation.episodes import Episodes
     from rtamt_gym.evaluation.vector import VectorEpisodes
 
 __all__ = ["check_read_alike", "reading_of"]
-
-_CHOICES: Final = ("view", "nan", "align", "semantics", "at_termination", "at_truncation")
-_NAMES: Final = ("inputs", "outputs")
 
 
 def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
@@ -26,16 +22,12 @@ def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
     The signals are those of the variables that requirements have, wherever they come from; of a
     function it is not known what it reads: None.
     """
-    given = runner.arguments
-    found: dict[str, Any] = {name: given.get(name, DEFAULTS.get(name)) for name in _CHOICES}
-    for name in _NAMES:
-        names = given.get(name)
-        found[name] = None if names is None else sorted(names)
+    found = runner.reading.written()
     monitor = runner.monitor
     signals = {
         **own_signals(runner.system),
-        **((monitor.judging["signals"] or {}) if monitor is not None else {}),
-        **(given.get("signals") or {}),
+        **((monitor.judging.signals or {}) if monitor is not None else {}),
+        **(runner.signals or {}),
     }
     variables = {name for spec in runner.requirements.values() for name in spec.variables}
     found["signals"] = {

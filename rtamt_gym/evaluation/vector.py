@@ -19,9 +19,9 @@ from rtamt_gym.evaluation.places import Place, VectorTap
 from rtamt_gym.evaluation.policies import evaluated
 from rtamt_gym.evaluation.waves import Waves
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.reading import EpisodeReading, Reading, checked_reading
 from rtamt_gym.judging.specs import ask_another, autoreset_mode, own_requirements, read_period
 from rtamt_gym.results.trial import Trial
-from rtamt_gym.search.runs.options import check_options
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
@@ -79,29 +79,26 @@ class VectorEpisodes(Runner):
         self.monitor = _monitor_of(self._env)
         self._inside: Vector = self._env if self.monitor is None else self.monitor.env
         stop, duration = options.pop("stop", "end"), options.pop("duration", None)
-        check_options(
-            {name: options[name] for name in options if name not in {"signals", "period"}}
+        signals = options.pop("signals", None)
+        given = checked_reading(options, type(self), EpisodeReading)
+        requirements, self.signals, reading = with_own_monitor(
+            self.monitor, requirements, signals, given
         )
-        requirements, reading = with_own_monitor(self.monitor, requirements, options)
         spec = self._env.spec
         self.name = spec.id if spec else type(self._env.unwrapped).__name__
         own = own_requirements(self._env)
         self._check_resets()
         self.requirements = load_requirements(requirements, own, self.name)
-        self.period = reading.get("period") or read_period(self._env) or ask_another(self._env)
+        self.period = reading.period or read_period(self._env) or ask_another(self._env)
         self.inputs = ()
         limit = spec.max_episode_steps if spec else None
         step = rtamt.Monitor("true", period=self.period).period
         self.duration = duration or (None if limit is None or step is None else float(step * limit))
-        self.unasked = reading.get("at_termination") is None
-        reading["at_termination"] = reading.get("at_termination") or "complete"
-        self._signals = reading.pop("signals", None)
-        self._simulated: dict[str, Any] = {
-            **reading,
-            "period": self.period,
-            "duration": duration,
-            "stop": stop,
-        }
+        self.unasked = reading.at_termination is None
+        self.reading = reading.having(
+            at_termination=reading.at_termination or "complete", period=self.period
+        )
+        self._of_runs: dict[str, Any] = {"duration": duration, "stop": stop}
         alone: Any = SimpleNamespace(
             observation_space=self._env.single_observation_space,
             action_space=self._env.single_action_space,
@@ -120,8 +117,8 @@ class VectorEpisodes(Runner):
         variables = list(dict.fromkeys(name for spec in specs for name in spec.variables))
         known = {**own_signals(self._inside)}
         if self.monitor is not None:
-            known |= self.monitor.judging["signals"] or {}
-        parsed = parse_signals(self._signals or {}, variables, SOURCES, extra=True, own=known)
+            known |= self.monitor.judging.signals or {}
+        parsed = parse_signals(self.signals or {}, variables, SOURCES, extra=True, own=known)
         same_step = autoreset_mode(self._env) is AutoresetMode.SAME_STEP
         self._columns = SignalColumns(parsed, self._inside, same_step=same_step)
         self._places = [Place(self.name, self.period, limit) for _ in range(self._env.num_envs)]
@@ -142,7 +139,7 @@ class VectorEpisodes(Runner):
     @property
     def arguments(self) -> Mapping[str, Any]:
         """As `Runner.arguments`."""
-        return {**self._simulated, "signals": self._signals, "policy": self.evaluated}
+        return {**self.options, "policy": self.evaluated}
 
     @property
     def takes_seeds(self) -> bool:
@@ -166,7 +163,7 @@ class VectorEpisodes(Runner):
         listed = [Case(case) for case in cases]
         given: Sequence[int | None] = seeds or [None] * len(listed)
         left = {task.number: task for task in map(Task, range(len(listed)), listed, given)}
-        options = {} if above is None else {"above": above}
+        options = {"above": above}
         try:
             for number, row, _ in self._play(list(left.values()), options):
                 del left[number]
@@ -184,23 +181,25 @@ class VectorEpisodes(Runner):
         seed: int | None = None,
         above: Mapping[str, float] | None = None,
         stop: Any = None,  # noqa: ANN401
-        **options: Any,  # noqa: ANN401
+        **reading: Any,  # noqa: ANN401
     ) -> Run:
         """Plays one episode and keeps every sample, as `Runner.simulate` does."""
-        options |= {} if stop is None else {"stop": stop}
-        options |= {} if above is None else {"above": above}
-        ((_, row, run),) = self._play([Task(0, Case(case), seed)], options)
+        options = {"above": above} | ({} if stop is None else {"stop": stop})
+        read = self.reading.having(**reading)
+        ((_, row, run),) = self._play([Task(0, Case(case), seed)], options, read)
         if run is None:
             raise StateError(f"expected an episode as it was before, got {row.error}")
         return replace(run, seed=seed)
 
     def _play(
-        self, tasks: Sequence[Task], options: Mapping[str, Any]
+        self, tasks: Sequence[Task], options: Mapping[str, Any], reading: Reading | None = None
     ) -> Iterator[tuple[int, Trial, Run | None]]:
         """Plays episodes; gives each with its number and its run when it is over."""
 
         def begin(place: Any, _task: Task, _policy: Policy) -> Simulation:  # noqa: ANN401
-            return Simulation(place, self.requirements, **{**self._simulated, **options})
+            read = self.reading if reading is None else reading
+            given: Any = {**self._of_runs, **options}
+            return Simulation(place, self.requirements, None, read, **given)
 
         lanes = [Lane(place, begin) for place in self._places]
         todo = deque(tasks)

@@ -40,10 +40,9 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt_gym.judging.costs import options_of_parts
-from rtamt_gym.judging.interface import Interface
 from rtamt_gym.judging.obligations import Asked, Kind, Obligation, bare, obligations_of
 from rtamt_gym.judging.part_values import Aligned, PartValues, Which
-from rtamt_gym.judging.specs import Align, Nan
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = ["Obligations", "Owed"]
@@ -77,10 +76,7 @@ class Obligations:
     Args:
         judged: The specification of each judge, by name.
         num: The number of environments.
-        period: Time between samples.
-        nan: Whether a signal that is nan is refused, or keeps its last value.
-        interface: How predicates count.
-        align: How bounds that are no multiple of the period become samples.
+        reading: How samples are judged.
         columns: The names of the columns of the tables that are fed.
     """
 
@@ -88,24 +84,19 @@ class Obligations:
         self,
         judged: Mapping[str, rtamt.Specification],
         num: int,
-        period: float | str | None,
-        nan: Nan,
-        interface: Interface,
-        align: Align | None,
+        reading: Reading,
         columns: Sequence[str],
     ) -> None:
-        self.found = [obligations_of(spec, period, align) for spec in judged.values()]
+        self.found = [obligations_of(spec, reading) for spec in judged.values()]
         parts = {
             (place, part): bare(spec, part)
             for place, (spec, found) in enumerate(zip(judged.values(), self.found, strict=True))
             for each in found
             for part in each.parts
         }
-        options = options_of_parts(judged, list(parts.values()), interface)
+        options = options_of_parts(judged, list(parts.values()), reading)
         self._courses = {
-            key: PartValues(
-                rtamt.VectorMonitor(spec, num, period, nan=nan, align=align, **option), columns
-            )
+            key: PartValues(rtamt.VectorMonitor(spec, num, **option), columns)
             for (key, spec), option in zip(parts.items(), options, strict=True)
         }
         self._clocks = [

@@ -37,8 +37,8 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import InputError, SpecificationError
-from rtamt_gym.judging.interface import EXACT, Interface, InterfaceOptions
-from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.interface import EXACT
+from rtamt_gym.judging.reading import Reading, SampleReading
 from rtamt_gym.signals.columns import Floats, Lanes
 from rtamt_gym.tables import shorten
 
@@ -46,8 +46,6 @@ __all__ = ["Cost", "CostMeter", "Demand", "VectorCostMeter", "demands_of"]
 
 Cost = Literal["violation", "depth", "latched", "first"]
 """What ``info["cost"]`` measures."""
-
-Period = float | str | None
 
 _V = TypeVar("_V")
 
@@ -69,9 +67,7 @@ class Demand:
     last: int | None
 
 
-def demands_of(
-    specs: Mapping[str, rtamt.Specification], view: View, period: Period, align: Align | None
-) -> list[Demand]:
+def demands_of(specs: Mapping[str, rtamt.Specification], reading: Reading) -> list[Demand]:
     """What the specifications demand of instants.
 
     Raises:
@@ -79,11 +75,11 @@ def demands_of(
     """
     demands = []
     for place, (name, spec) in enumerate(specs.items()):
-        parts = [spec.formula] if view == "step" else _conjuncts(spec.formula)
+        parts = [spec.formula] if reading.view == "step" else _conjuncts(spec.formula)
         # A named always(p), which a monitor would keep beside p, needs the whole future.
         unnamed = replace(spec, formulas={}, uses={})
         for part in parts:
-            demand = _demand(place, unnamed.with_result(part), view, period, align)
+            demand = _demand(place, unnamed.with_result(part), reading)
             if math.isinf(demand.spec.horizon):
                 raise SpecificationError(
                     f"specification {name!r}: whether an instant violates "
@@ -95,13 +91,11 @@ def demands_of(
     return demands
 
 
-def _demand(
-    place: int, spec: rtamt.Specification, view: View, period: Period, align: Align | None
-) -> Demand:
+def _demand(place: int, spec: rtamt.Specification, reading: Reading) -> Demand:
     """What a conjunct demands: what is below its outer ``always``, at the instants of that."""
-    first, last = 0, None if view == "step" else 0
+    first, last = 0, None if reading.view == "step" else 0
     while _is(spec.formula, "always"):
-        begin, end = _instants(spec, period, align)
+        begin, end = _instants(spec, reading)
         if last is None and end is not None:
             break  # a window of every instant is part of what is demanded of it
         first, last = first + begin, end
@@ -129,11 +123,9 @@ def _conjuncts(formula: rtamt.Formula) -> Iterator[rtamt.Formula]:
         yield from _conjuncts(part)
 
 
-def _instants(
-    spec: rtamt.Specification, period: Period, align: Align | None
-) -> tuple[int, int | None]:
+def _instants(spec: rtamt.Specification, reading: Reading) -> tuple[int, int | None]:
     """The instants that an outer ``always`` speaks of, as numbers of samples."""
-    program = rtamt.EpisodeMonitor(spec, period, align=align).program
+    program = rtamt.EpisodeMonitor(spec, reading.period, align=reading.align).program
     if program.sources[program.result] is not spec.formula:  # always[0:0](p) is p
         return 0, 0
     window = program.window(program.result)
@@ -146,11 +138,7 @@ class CostMeter:
     Args:
         kind: What is measured.
         specs: Specifications by name.
-        period: Time between samples.
-        view: Whether formulas are evaluated at sample 0 or at every instant.
-        nan: Whether a signal that is nan is refused, or keeps its last value.
-        interface: How predicates count.
-        align: How bounds that are no multiple of the period become samples.
+        reading: How samples are judged.
 
     Raises:
         SpecificationError: As `demands_of` does.
@@ -161,18 +149,14 @@ class CostMeter:
         self,
         kind: Cost,
         specs: Mapping[str, rtamt.Specification],
-        period: Period,
-        view: View,
-        nan: Nan,
-        interface: Interface,
-        align: Align | None,
+        reading: Reading,
     ) -> None:
         self._kind = kind
-        self._exact = interface.semantics in EXACT
-        self._demands = _measured(kind, specs, period, view, interface, align)
-        options = options_of_parts(specs, [each.spec for each in self._demands], interface)
+        self._exact = reading.semantics in EXACT
+        self._demands = _measured(kind, specs, reading)
+        options = options_of_parts(specs, [each.spec for each in self._demands], reading)
         self._monitors = [
-            rtamt.Monitor(demand.spec, period, nan=nan, align=align, **option)
+            rtamt.Monitor(demand.spec, **option)
             for demand, option in zip(self._demands, options, strict=True)
         ]
         self._names = list(specs)
@@ -241,20 +225,16 @@ class VectorCostMeter:
         kind: Cost,
         specs: Mapping[str, rtamt.Specification],
         num: int,
-        period: Period,
-        view: View,
-        nan: Nan,
-        interface: Interface,
-        align: Align | None,
+        reading: Reading,
         columns: Sequence[str],
     ) -> None:
         self._kind = kind
-        self._exact = interface.semantics in EXACT
+        self._exact = reading.semantics in EXACT
         self._names = list(specs)
-        self._demands = _measured(kind, specs, period, view, interface, align)
-        options = options_of_parts(specs, [each.spec for each in self._demands], interface)
+        self._demands = _measured(kind, specs, reading)
+        options = options_of_parts(specs, [each.spec for each in self._demands], reading)
         self._monitors = [
-            rtamt.VectorMonitor(demand.spec, num, period, nan=nan, align=align, **option)
+            rtamt.VectorMonitor(demand.spec, num, **option)
             for demand, option in zip(self._demands, options, strict=True)
         ]
         self._picks = [[columns.index(v) for v in m.variables] for m in self._monitors]
@@ -322,32 +302,27 @@ def _costs(
 
 
 def _measured(
-    kind: Cost,
-    specs: Mapping[str, rtamt.Specification],
-    period: Period,
-    view: View,
-    interface: Interface,
-    align: Align | None,
+    kind: Cost, specs: Mapping[str, rtamt.Specification], reading: Reading
 ) -> list[Demand]:
     """The demands that are monitored; none where the verdicts tell the cost."""
-    if kind == "depth" and interface.semantics == "boolean":
+    if kind == "depth" and reading.semantics == "boolean":
         raise InputError(
             'cost="depth" has no depth to measure under semantics="boolean", where a robustness '
             'is +inf or -inf; take cost="violation"'
         )
-    return demands_of(specs, view, period, align) if kind in {"violation", "depth"} else []
+    return demands_of(specs, reading) if kind in {"violation", "depth"} else []
 
 
 def options_of_parts(
     specs: Mapping[str, rtamt.Specification],
     parts: Sequence[rtamt.Specification],
-    interface: Interface,
-) -> list[InterfaceOptions]:
-    """The keyword arguments of the monitors of parts that say how predicates count."""
+    reading: Reading,
+) -> list[SampleReading]:
+    """The keyword arguments of the monitors of parts of specifications."""
     # Beside the specifications, so that a part takes those of their names that it knows.
     numbered = {str(number): part for number, part in enumerate(parts)}
     beside = {f"specification {name}": spec for name, spec in specs.items()}
-    options = interface.options({**beside, **numbered})
+    options = reading.of_monitors({**beside, **numbered})
     return [options[number] for number in numbered]
 
 

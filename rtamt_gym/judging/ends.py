@@ -7,13 +7,10 @@ from typing import Literal
 
 from rtamt_gym.checks.callers import caller_level
 
-__all__ = ["AtTermination", "AtTruncation", "OpenEndWarning", "warn_of_open_end"]
+__all__ = ["AtTermination", "OpenEndWarning", "warn_of_open_end"]
 
 AtTermination = Literal["complete", "cut", "failure"]
 """How an environment's own end is read: as `rtamt.EpisodeMonitor.finish` does, or as a failure."""
-
-AtTruncation = Literal["cut", "complete", "open"]
-"""How a time limit is read, as `rtamt.EpisodeMonitor.finish` does."""
 
 
 class OpenEndWarning(UserWarning):

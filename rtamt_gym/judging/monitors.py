@@ -12,8 +12,7 @@ import rtamt
 from rtamt import RtamtError
 from rtamt.errors import Argument
 from rtamt_gym.judging.first_sample import first_sample_error
-from rtamt_gym.judging.interface import Interface, InterfaceOptions
-from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.reading import Reading, SampleReading
 from rtamt_gym.signals.columns import Floats, Lanes
 
 __all__ = [
@@ -22,8 +21,6 @@ __all__ = [
     "machine_state",
     "make_monitors",
 ]
-
-Period = float | str | None
 
 
 class InstantMonitor:
@@ -38,18 +35,13 @@ class InstantMonitor:
     def __init__(
         self,
         spec: rtamt.Specification,
-        period: Period,
-        nan: Nan,
-        align: Align | None = None,
         *,
         history: bool = False,
-        **interface: Unpack[InterfaceOptions],
+        **options: Unpack[SampleReading],
     ) -> None:
-        self._instant = rtamt.Monitor(spec, period, nan=nan, align=align, **interface)
-        self._sofar = rtamt.EpisodeMonitor(spec, period, nan=nan, align=align, **interface)
-        self.judge = rtamt.EpisodeMonitor(
-            spec.always(), period, nan=nan, align=align, history=history, **interface
-        )
+        self._instant = rtamt.Monitor(spec, **options)
+        self._sofar = rtamt.EpisodeMonitor(spec, **options)
+        self.judge = rtamt.EpisodeMonitor(spec.always(), history=history, **options)
         self.robustness = math.nan
 
     def update(self, *values: float) -> float:
@@ -84,18 +76,11 @@ class VectorInstantMonitor:
         self,
         spec: rtamt.Specification,
         num: int,
-        period: Period,
-        nan: Nan,
-        align: Align | None = None,
-        **interface: Unpack[InterfaceOptions],
+        **options: Unpack[SampleReading],
     ) -> None:
-        self._instant = rtamt.VectorMonitor(spec, num, period, nan=nan, align=align, **interface)
-        self._sofar = rtamt.VectorEpisodeMonitor(
-            spec, num, period, nan=nan, align=align, **interface
-        )
-        self.judge = rtamt.VectorEpisodeMonitor(
-            spec.always(), num, period, nan=nan, align=align, **interface
-        )
+        self._instant = rtamt.VectorMonitor(spec, num, **options)
+        self._sofar = rtamt.VectorEpisodeMonitor(spec, num, **options)
+        self.judge = rtamt.VectorEpisodeMonitor(spec.always(), num, **options)
         self.robustness = np.full(num, np.nan)
 
     def update(self, values: Floats, mask: Lanes | None = None) -> Floats:
@@ -122,8 +107,7 @@ def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa
 
 def make_monitors(
     specs: Mapping[str, rtamt.Specification],
-    view: View,
-    interface: Interface,
+    reading: Reading,
     of_episode: Callable[..., Any],
     of_instants: Callable[..., Any],
 ) -> dict[str, tuple[Any, Any]]:
@@ -134,21 +118,20 @@ def make_monitors(
 
     Args:
         specs: Specifications by name.
-        view: Whether a formula is evaluated at sample 0 of the episode, or at every instant.
-        interface: How predicates count.
-        of_episode: Makes the monitor of a specification for ``"episode"``; takes the options of
-            the interface too.
-        of_instants: Makes the monitor of a specification for ``"step"``; takes the same.
+        reading: How samples are judged.
+        of_episode: Makes the monitor of a specification for ``view="episode"``.
+        of_instants: Makes the monitor of a specification for ``view="step"``.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, if the formula speaks of
             the first sample only and ``view`` is ``"episode"``, or if its future has no bound and
             ``view`` is ``"step"``.
-        InputError: If the interface does not fit; a note names the specification if there are
-            several.
+        InputError: If the inputs and outputs do not fit; a note names the specification if there
+            are several.
     """
     monitors: dict[str, tuple[Any, Any]] = {}
-    for name, options in interface.options(specs).items():
+    view = reading.view
+    for name, options in reading.of_monitors(specs).items():
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode
             raise first_sample_error(f"specification {name!r}", spec, Argument("view", "step"))

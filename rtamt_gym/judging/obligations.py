@@ -39,7 +39,7 @@ from typing import Any, Literal, cast
 
 import rtamt
 from rtamt import Formula
-from rtamt_gym.judging.specs import Align
+from rtamt_gym.judging.reading import Reading
 
 __all__ = ["Asked", "Kind", "Obligation", "bare", "obligations_of"]
 
@@ -94,9 +94,7 @@ class Obligation:
         return self.operands if isinstance(self.asked, Asked) else (*self.operands, self.asked)
 
 
-def obligations_of(
-    spec: rtamt.Specification, period: float | str | None, align: Align | None
-) -> list[Obligation]:
+def obligations_of(spec: rtamt.Specification, reading: Reading) -> list[Obligation]:
     """The temporal operators below the outermost one, in the order of the text.
 
     An operator whose operand has a future without end is left out: the operand is never known.
@@ -114,7 +112,7 @@ def obligations_of(
             kind = "last"
         elif asked is Asked.FIRST or universal is not (_name(formula) in _MUST_LAST):
             kind = "oldest"
-        made.append(Obligation(formula, kind, *_window(spec, formula, period, align), asked))
+        made.append(Obligation(formula, kind, *_window(spec, formula, reading), asked))
     return list(dict.fromkeys(made))
 
 
@@ -185,7 +183,7 @@ def _later(asked: Formula | Asked) -> Formula:
 
 
 def _window(
-    spec: rtamt.Specification, formula: Formula, period: float | str | None, align: Align | None
+    spec: rtamt.Specification, formula: Formula, reading: Reading
 ) -> tuple[int, int | None]:
     """The window of an operator as numbers of samples."""
     if _name(formula) in _NEIGHBOURS:
@@ -195,7 +193,7 @@ def _window(
     # As an operator that is its window, over a predicate that nothing simplifies.
     text = f"eventually{formula.interval}({spec.variables[0]} > 0)"
     alike = rtamt.parse(text, unit=spec.unit).formula
-    program = rtamt.EpisodeMonitor(bare(spec, alike), period, align=align).program
+    program = rtamt.EpisodeMonitor(bare(spec, alike), reading.period, align=reading.align).program
     if program.sources[program.result] is not alike:  # eventually[0:0](p) is p
         return 0, 0
     window = program.window(program.result)

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 
 import rtamt
-from rtamt import EpisodeMonitor, InputError, Verdict
+from rtamt import End, EpisodeMonitor, InputError, Verdict
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, CostMeter
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
-from rtamt_gym.judging.interface import STANDARD, Interface, described
+from rtamt_gym.judging.interface import described
 from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import picked, split, together
-from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.signals import Read
@@ -51,11 +51,7 @@ class Panel:
 
     Args:
         specs: Specifications by name.
-        period: Time between samples.
-        view: Whether formulas are evaluated at sample 0 or at every instant.
-        nan: Whether a signal that is nan is refused, or keeps its last value.
-        interface: How predicates count.
-        align: How bounds that are no multiple of the period become samples; None refuses them.
+        reading: How samples are judged.
         cost: What `take_costs` measures; None: nothing.
         history: Whether the judges keep their samples, for explanations.
 
@@ -67,30 +63,24 @@ class Panel:
     def __init__(
         self,
         specs: Mapping[str, rtamt.Specification],
-        period: float | str | None,
-        view: View,
-        nan: Nan = "raise",
-        interface: Interface = STANDARD,
-        align: Align | None = None,
+        reading: Reading,
         cost: Cost | None = None,
         *,
         history: bool = False,
     ) -> None:
-        options: Any = {"period": period, "nan": nan, "align": align, "history": history}
         self.monitors: Monitors = make_monitors(
             specs,
-            view,
-            interface,
-            of_episode=partial(EpisodeMonitor, **options),
-            of_instants=partial(InstantMonitor, **options),
+            reading,
+            of_episode=partial(EpisodeMonitor, history=history),
+            of_instants=partial(InstantMonitor, history=history),
         )
         self.variables = {name: spec.variables for name, spec in specs.items()}
         self._specs = specs
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
-        self._meter = cost and CostMeter(cost, specs, period, view, nan, interface, align)
+        self._meter = cost and CostMeter(cost, specs, reading)
         self._owing: Obligations | None = None
-        self._reading = period, nan, interface, align
+        self._reading = reading
         self._decided: dict[str, int] = {}
         self._failed: frozenset[str] = frozenset()  # by the end alone
         self.settled = 0
@@ -104,7 +94,7 @@ class Panel:
         if self._owing is None:
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
             columns = list(dict.fromkeys(chain(*self.variables.values())))
-            self._owing = Obligations(judged, 1, *self._reading, columns)
+            self._owing = Obligations(judged, 1, self._reading, columns)
         return self._owing.found
 
     @cached_property
@@ -300,7 +290,7 @@ class Panel:
                     self.violated_by = name
         self.settled = len(self._decided)
 
-    def finish(self, end: AtTermination | AtTruncation = "complete") -> tuple[float, float]:
+    def finish(self, end: AtTermination | End = "complete") -> tuple[float, float]:
         """Ends the trace, which settles the bounds as the end is read; returns the least of each.
 
         ``"failure"``: what is not decided yet is violated at the last sample, whatever its

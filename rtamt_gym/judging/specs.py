@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -23,11 +23,8 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.requirements import requirement_named
 
 __all__ = [
-    "Align",
-    "Nan",
     "SpecLike",
     "SpecsLike",
-    "View",
     "ask_another",
     "autoreset_mode",
     "check_period",
@@ -45,15 +42,6 @@ SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 
 SpecsLike = SpecLike | Mapping[str, SpecLike]
 """One specification, or several with their names."""
-
-View = Literal["episode", "step"]
-"""Whether a formula is evaluated at sample 0 of the episode, or at every instant."""
-
-Nan = Literal["raise", "hold"]
-"""Whether a signal that is nan is refused, or keeps its last value."""
-
-Align = Literal["outward", "inward", "nearest"]
-"""How a bound that is no whole number of periods becomes samples; `rtamt.Monitor` says more."""
 
 Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
@@ -252,7 +240,7 @@ def checked_mask(mask: Any, num: int) -> NDArray[np.bool_]:  # noqa: ANN401 - wh
 
 def check_period(
     specs: Mapping[str, rtamt.Specification],
-    period: float | str | None,
+    period: rtamt.Period | None,
     system: object,
     why: str = "",
 ) -> None:

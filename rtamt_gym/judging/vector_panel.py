@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rtamt
-from rtamt import VectorEpisodeMonitor
+from rtamt import End, VectorEpisodeMonitor
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import VERDICTS, Where, outcome, spec_state
-from rtamt_gym.judging.interface import Interface
 from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import pick
-from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.values import MonitorValues, read_values
 from rtamt_gym.shaping import least
 from rtamt_gym.signals.columns import Floats, Lanes
@@ -55,20 +54,15 @@ class VectorPanel:
         self,
         specs: Mapping[str, rtamt.Specification],
         num: int,
-        period: float | str | None,
-        view: View,
-        nan: Nan,
+        reading: Reading,
         columns: Sequence[str],
-        interface: Interface,
-        align: Align | None = None,
         cost: Cost | None = None,
     ) -> None:
         self.monitors: VectorMonitors = make_monitors(
             specs,
-            view,
-            interface,
-            of_episode=partial(VectorEpisodeMonitor, num=num, period=period, nan=nan, align=align),
-            of_instants=partial(VectorInstantMonitor, num=num, period=period, nan=nan, align=align),
+            reading,
+            of_episode=partial(VectorEpisodeMonitor, num=num),
+            of_instants=partial(VectorInstantMonitor, num=num),
         )
         self._names = np.array(list(self.monitors), dtype=object)
         self._judges = [judge for _, judge in self.monitors.values()]
@@ -82,11 +76,9 @@ class VectorPanel:
         self._violated = np.zeros((len(specs), num), np.bool_)
         self._failed = np.zeros((len(specs), num), np.bool_)  # by the end alone
         self._fails = False  # whether that has happened yet
-        self._meter = cost and VectorCostMeter(
-            cost, specs, num, period, view, nan, interface, align, columns
-        )
+        self._meter = cost and VectorCostMeter(cost, specs, num, reading, columns)
         self._owing: Obligations | None = None
-        self._reading = num, period, nan, interface, align, columns
+        self._reading = num, reading, columns
         self.violated_by = np.full(num, None)
         self.violated_at = np.full(num, -1)
         self.robustness = np.full(num, np.nan)
@@ -168,7 +160,7 @@ class VectorPanel:
         if self._owing is not None:
             self._owing.feed(table, lanes)
 
-    def finish(self, lanes: Lanes, end: AtTermination | AtTruncation = "complete") -> None:
+    def finish(self, lanes: Lanes, end: AtTermination | End = "complete") -> None:
         """Ends the traces of the environments of the mask, as `Panel.finish` does."""
         at = lanes.nonzero()[0]
         if len(at) == 0:

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import rtamt
 from rtamt import InputError
-from rtamt_gym.judging.interface import Interface, InterfaceOptions
-from rtamt_gym.judging.specs import Align, SpecsLike, load_specs
+from rtamt_gym.judging.reading import SampleReading, checked_reading, lists_reading
+from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.signals.mujoco import bind_signal
 from rtamt_gym.signals.selectors import Selector
 from rtamt_gym.signals.signals import ParsedSignal, SignalLike, parse_signals
@@ -23,16 +23,14 @@ __all__ = ["evaluate_rollouts"]
 Floats = NDArray[np.float64]
 
 
+@lists_reading(SampleReading)
 def evaluate_rollouts(
     model: mujoco.MjModel,
     specs: SpecsLike,
     signals: Mapping[str, SignalLike],
     states: ArrayLike,
     sensordata: ArrayLike | None = None,
-    *,
-    period: float | str | None = None,
-    align: Align | None = None,
-    **interface: Unpack[InterfaceOptions],
+    **reading: Unpack[SampleReading],
 ) -> dict[str, Floats]:
     """Robustness of many rollouts at every sample, offline.
 
@@ -49,10 +47,8 @@ def evaluate_rollouts(
         signals: For every variable a selector.
         states: The states, shape (rollouts, steps, numbers of ``mjSTATE_FULLPHYSICS``).
         sensordata: The sensors, shape (rollouts, steps, sensor data); needed if a signal reads it.
-        period: Time between samples; None is ``model.opt.timestep``.
-        align: How a bound that is no multiple of the period becomes samples, as for
-            `rtamt.Monitor`; None refuses it.
-        **interface: ``semantics``, ``inputs`` and ``outputs``, as for `StepMonitor`.
+        **reading: ``period`` (None is ``model.opt.timestep``), ``nan``, ``align``, ``semantics``,
+            ``inputs`` and ``outputs``, as for `StepMonitor`.
 
     Returns:
         By name of the specification, its robustness at every sample, of shape (rollouts, steps).
@@ -75,8 +71,11 @@ def evaluate_rollouts(
         >>> found["spec"].shape, found["spec"][:, 0].round(2).tolist()
         ((3, 200), [-0.39, 0.0, 0.01])
     """
+    read = checked_reading(reading, evaluate_rollouts, SampleReading)
     loaded = load_specs(specs)
-    options = Interface(**interface).options(loaded)
+    if read.period is None:
+        read = read.having(period=float(model.opt.timestep))
+    options = read.of_monitors(loaded)
     variables = [name for spec in loaded.values() for name in spec.variables]
     parsed = parse_signals(signals, variables, MUJOCO)
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -94,14 +93,9 @@ def evaluate_rollouts(
     data = {
         name: columns[:, :, place] for name, place in _places(model, parsed, sensordata).items()
     }
-    timestep = float(model.opt.timestep) if period is None else period
     return {
         name: rtamt.evaluate_many(
-            spec,
-            data if spec.variables else columns[:, :, :0],
-            timestep,
-            align=align,
-            **options[name],
+            spec, data if spec.variables else columns[:, :, :0], **options[name]
         )
         for name, spec in loaded.items()
     }

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Unpack, get_args
 
 import mujoco  # type: ignore[import-untyped]
 
 from rtamt import InputError, StateError, Verdict
 from rtamt_gym.checks.arguments import check_choice, check_number
-from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Assessment, Feed, Panel
-from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, load_specs
+from rtamt_gym.judging.reading import InstantReading, checked_reading, lists_reading
+from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.mujoco.callback import attached
 from rtamt_gym.mujoco.clock import StepClock
 from rtamt_gym.mujoco.values import PanelValues
@@ -30,6 +31,7 @@ OnStepViolation = Literal["stop", "report"]
 """What a certain violation does to a run."""
 
 
+@lists_reading(InstantReading)
 class StepMonitor(PanelValues):
     """Monitors a MuJoCo simulation against specifications, one sample for every ``mj_step``.
 
@@ -64,17 +66,10 @@ class StepMonitor(PanelValues):
             several with their names; of a text, every formula that no other formula uses.
         signals: For every variable a selector or a callable, see above; and whatever else is to be
             in `values` and in the record of `simulate`.
-        period: Time between samples, in seconds or as text with a unit; None is
-            ``model.opt.timestep``; ``1`` with bounds in the default unit counts steps.
-        view: ``"episode"`` evaluates a formula at sample 0, ``"step"`` at every instant.
-        nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value.
-        align: How a bound that is no multiple of the time step becomes samples, as for
-            `rtamt.Monitor`.
-        semantics: How predicates count, as for `rtamt.Monitor`.
-        inputs: Variables that the system reads, for interface-aware semantics; None: those that the
-            texts declare ``input``.
-        outputs: Variables that the system sets; None: those that the texts declare ``output``.
         forward: Whether to call ``mj_forward`` after every step, see above.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period`` (None is
+            ``model.opt.timestep``), ``view``, ``nan``, ``align``, ``semantics``, ``inputs`` and
+            ``outputs``.
 
     Raises:
         SpecificationError: If a specification is wrong, speaks of the first sample only, or has a
@@ -106,22 +101,15 @@ class StepMonitor(PanelValues):
         specs: SpecsLike,
         signals: Mapping[str, StepSignal],
         *,
-        period: float | str | None = None,
-        view: View = "episode",
-        nan: Nan = "raise",
-        align: Align | None = None,
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
         forward: bool = False,
+        **reading: Unpack[InstantReading],
     ) -> None:
-        check_choice("view", view, get_args(View))
-        check_choice("nan", nan, get_args(Nan))
-        check_choice("align", align, (None, *get_args(Align)))
+        read = checked_reading(reading, type(self), InstantReading)
         check_pair(model, data)
         self.model, self.data = model, data
         self.specs = load_specs(specs)
-        self.view, self.nan, self.align = view, nan, align
+        period = float(model.opt.timestep) if read.period is None else read.period
+        self.reading = read.having(period=period).whole(InstantReading)
         variables = dict.fromkeys(name for spec in self.specs.values() for name in spec.variables)
         self._signals = parse_signals(signals, variables, MUJOCO, extra=True)
         self._count = len(variables)
@@ -131,14 +119,7 @@ class StepMonitor(PanelValues):
                     f"signal {signal.name!r}: {signal} can be read at sample 0 too, got a default "
                     f"{signal.default!r}; leave it out"
                 )
-        self.panel = Panel(
-            self.specs,
-            float(model.opt.timestep) if period is None else period,
-            view,
-            nan,
-            Interface(semantics, inputs, outputs),
-            align,
-        )
+        self.panel = Panel(self.specs, self.reading)
         self.forward = forward
         self._bind_signals()
         self._clock = StepClock()
@@ -265,6 +246,11 @@ class StepMonitor(PanelValues):
         return {
             signal.name: read() for signal, read in zip(self._signals, self._reads, strict=True)
         }
+
+    @property
+    def judging(self) -> Judging:
+        """What it monitors and how; the signals are its own."""
+        return Judging(self.specs, None, self.reading)
 
     @property
     def signals(self) -> list[str]:

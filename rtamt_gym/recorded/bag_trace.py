@@ -11,10 +11,10 @@ import numpy as np
 
 import rtamt
 from rtamt import InputError
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.bag_reader import open_bag
 from rtamt_gym.recorded.bag_signals import BagSignals, Stamps, read_signals
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import EventTrace, Trace
@@ -26,21 +26,21 @@ _MOST: Final = 10_000_000
 
 
 def read_bag(
-    path: str, specs: Mapping[str, rtamt.Specification], rules: Rules, columns: Columns
+    path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
 ) -> tuple[Trace | EventTrace, Fraction | None]:
     """Reads a bag, and the period at which it was sampled; None for events.
 
     Args:
         path: The bag.
         specs: The specifications, whose topics and fields are read.
-        rules: Whether the bag is sampled, and at which period.
+        reading: Whether the bag is sampled, and at which period.
         columns: Which fields are read, and which times count.
 
     Raises:
         InputError: If there is no period, or as `read_signals` does.
         OSError: If there is no such file.
     """
-    if not rules.dense and rules.period is None:
+    if not reading.dense and reading.period is None:
         raise InputError(
             f"{path}: expected --period 100ms, at which the messages of a bag are sampled, or "
             "--dense, which takes them as events"
@@ -50,10 +50,10 @@ def read_bag(
             raise InputError(f"{path}: expected {option} for a table, got it for a bag")
     with open_bag(path) as bag:
         signals = read_signals(bag, specs, columns)
-    if rules.period is None:
+    if reading.seconds is None:
         return _events(signals), None
     groups = [spec.variables for spec in specs.values()]
-    return sampled(signals, groups, rules.period, columns.time or "log"), rules.period
+    return sampled(signals, groups, reading.seconds, columns.time or "log"), reading.seconds
 
 
 def sampled(

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 
 import rtamt
-from rtamt import Verdict
-from rtamt_gym.judging.ends import AtTruncation
+from rtamt import SemanticsName, Verdict
 from rtamt_gym.judging.first_sample import first_sample_error
-from rtamt_gym.judging.interface import EXACT, Semantics, robustness_text
+from rtamt_gym.judging.interface import EXACT, robustness_text
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
 from rtamt_gym.tables import counted, number, sample_text, time_text
@@ -22,7 +21,6 @@ from rtamt_gym.tables import counted, number, sample_text, time_text
 __all__ = [
     "RESULT",
     "Judgement",
-    "Rules",
     "Series",
     "described",
     "judge",
@@ -30,27 +28,6 @@ __all__ = [
     "signals_of",
     "viewed",
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """How traces are judged.
-
-    Attributes:
-        period: Seconds between samples; None: those of the trace.
-        view: The argument of `viewed`.
-        semantics: How predicates count, as for `rtamt.Monitor`.
-        align: How bounds that are no whole number of periods are rounded, as for `rtamt.Monitor`.
-        end: What lies behind the end of a trace, as for `rtamt.judge`.
-        dense: Whether rows are events in dense time.
-    """
-
-    period: Fraction | None = None
-    view: Literal["episode", "step"] = "episode"
-    semantics: Semantics = "standard"
-    align: Literal["outward", "inward", "nearest"] | None = None
-    end: AtTruncation = "cut"
-    dense: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +80,7 @@ class Judgement:
 
     found: rtamt.Judgement
     series: Mapping[str, Series]
-    semantics: Semantics
+    semantics: SemanticsName
     start: float
     period: Fraction | None
     step: float | None
@@ -210,7 +187,7 @@ def judge(
     spec: rtamt.Specification,
     trace: Trace,
     period: Fraction | None,
-    rules: Rules,
+    reading: Reading,
     *,
     formulas: bool = True,
 ) -> Judgement:
@@ -220,25 +197,24 @@ def judge(
         spec: The specification.
         trace: The samples.
         period: Seconds between samples; None: bounds count samples.
-        rules: How traces are judged.
+        reading: How traces are judged.
         formulas: Whether the robustness of the named formulas is evaluated too.
 
     Raises:
         SpecificationError: If a bound is not a multiple of the period, and as `viewed` does.
         InputError: As `Trace.known` does.
     """
-    whole = viewed(spec, rules.view)
+    whole = viewed(spec, reading.view)
     trace = trace.known(whole.variables)
-    n, semantics, align = trace.samples, rules.semantics, rules.align
-    found = rtamt.judge(
-        whole, trace.columns, period, rules.end, n=n, semantics=semantics, align=align
-    )
+    semantics, n = reading.semantics, trace.samples
+    options = reading.having(period=period).of_monitors({"": whole})[""]
+    found = rtamt.judge(whole, trace.columns, end=reading.end, n=n, **options)
     times, step = _clock(trace, period)
     series = {
         name: Series(
             times,
             _signed(
-                rtamt.evaluate(part, trace.columns, period, n=n, semantics=semantics, align=align),
+                rtamt.evaluate(part, trace.columns, n=n, **options),
                 semantics,
             ),
             step,
@@ -278,22 +254,22 @@ def _times(start: float, samples: int, period: Fraction | None) -> Floats:
 
 
 def judge_events(
-    spec: rtamt.Specification, trace: EventTrace, rules: Rules, *, formulas: bool = True
+    spec: rtamt.Specification, trace: EventTrace, reading: Reading, *, formulas: bool = True
 ) -> Judgement:
     """Judges events in dense time; the trace ends with the last.
 
     Args:
         spec: The specification.
         trace: The events.
-        rules: How traces are judged.
+        reading: How traces are judged.
         formulas: Whether the robustness of the named formulas is evaluated too.
 
     Raises:
         SpecificationError: If an operator counts samples, and as `viewed` does.
         InputError: If the variables have no time in common.
     """
-    semantics, signals = rules.semantics, trace.tables
-    found = rtamt.judge_dense(viewed(spec, rules.view), signals, rules.end, semantics=semantics)
+    semantics, signals = reading.semantics, trace.tables
+    found = rtamt.judge_dense(viewed(spec, reading.view), signals, reading.end, semantics=semantics)
     series = {}
     for name, part in (_parts(spec) if formulas else {}).items():
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
@@ -302,7 +278,7 @@ def judge_events(
     return Judgement(found, series, semantics, 0.0, None, trace.step)
 
 
-def _signed(values: Floats, semantics: Semantics) -> Floats:
+def _signed(values: Floats, semantics: SemanticsName) -> Floats:
     """The values, with zeros whose sign says nothing as 0.0: a predicate left out counts so."""
     return values if semantics in EXACT else values + 0.0
 

@@ -9,9 +9,9 @@ from importlib import import_module
 
 import rtamt
 from rtamt import InputError
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.names import are_long, check_recorded
 from rtamt_gym.recorded.readers import format_of, open_recording
 from rtamt_gym.recorded.starts import starts_of
@@ -21,9 +21,9 @@ __all__ = ["read_ruled"]
 
 
 def read_ruled(
-    path: str, specs: Mapping[str, rtamt.Specification], rules: Rules, columns: Columns
+    path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
 ) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a trace, and its period: that of the rules, else that of its samples, or None.
+    """Reads a trace, and its period: the one that was given, else that of its samples, or None.
 
     Raises:
         InputError: If the trace cannot be read, or is too short to have a period.
@@ -32,7 +32,7 @@ def read_ruled(
     row = format_of(path)
     if row.bag:
         read: tuple[Trace | EventTrace, Fraction | None] = import_module(row.module).read_bag(
-            path, specs, rules, columns
+            path, specs, reading, columns
         )
         return read
     if columns.stale is not None:
@@ -40,15 +40,15 @@ def read_ruled(
     variables = list(dict.fromkeys(v for spec in specs.values() for v in spec.variables))
     columns = replace(columns, starts=starts_of(specs, columns))
     with open_recording(path, columns) as recording:
-        if not (rules.dense and are_long(recording.names, variables)):
+        if not (reading.dense and are_long(recording.names, variables)):
             for spec in specs.values():
                 check_recorded(recording.source, recording.names, spec.variables, columns)
-        if rules.dense:
+        if reading.dense:
             return read_events(recording, variables, columns), None
         if_events = "give --dense to take rows as events at any time"
         trace = read_trace(recording, variables, columns, if_events=if_events)
-    if rules.period is not None:
-        return trace, rules.period
+    if reading.period is not None:
+        return trace, reading.seconds
     period = trace.period()
     timed = any(spec.timed for spec in specs.values())
     if period is None and trace.times is not None and timed:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import rtamt
 from rtamt import Explanation, RtamtError, Specification, Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.interface import InterfaceOptions
+from rtamt_gym.judging.reading import PredicateReading
 from rtamt_gym.reports.model import Decision, ShownEpisode
 from rtamt_gym.reports.series import points_of, rounded, shown, six
 from rtamt_gym.reports.views import Word
@@ -53,7 +53,7 @@ class Played:
 
     label: str
     spec: Specification
-    interface: InterfaceOptions
+    interface: PredicateReading
     signals: Mapping[str, Floats]
     times: Floats
     period: Fraction | None

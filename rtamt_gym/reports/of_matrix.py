@@ -12,8 +12,9 @@ import numpy as np
 import rtamt
 from rtamt import EpisodeMonitor, InputError, Verdict
 from rtamt_gym.judging.interface import EXACT
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import Rules, viewed
+from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import Played, in_words_of
@@ -136,18 +137,19 @@ def _episode(
     if outcomes["time"] == "dense" or outcomes["semantics"] not in EXACT:
         raise InputError("this page shows samples under the standard or the boolean semantics")
     period = Fraction(outcomes["period"]) if "period" in outcomes else None
-    rules = Rules(period, outcomes["view"], outcomes["semantics"], outcomes.get("align"))
+    said = {name: outcomes[name] for name in ("view", "semantics", "align") if name in outcomes}
+    reading = Reading(period=period, **said)
     path = Path(trial.label)
     path = path if path.exists() else folder / path
     spec = rtamt.parse(formula)
     columns = Columns(**outcomes.get("columns", {}))
-    trace, period = read_ruled(str(path), {"": spec}, rules, columns)
+    trace, period = read_ruled(str(path), {"": spec}, reading, columns)
     if not isinstance(trace, Trace):
         raise InputError("this page shows samples")
-    whole = viewed(spec, rules.view)
+    whole = viewed(spec, reading.view)
     start = trace.start if period is not None else 0.0
     times = np.arange(float(trace.samples)) * float(period or 1) + start
-    curves = _curves(whole, trace, period, rules)
+    curves = _curves(whole, trace, period, reading)
     verdict = next(v for v in Verdict if _WORDS[v.name] == trial.verdict)
     at = None
     if trial.violated_at is not None:
@@ -155,11 +157,11 @@ def _episode(
     played = Played(
         label=trial.label,
         spec=whole,
-        interface={"semantics": rules.semantics},
+        interface={"semantics": reading.semantics},
         signals=trace.columns,
         times=times,
         period=period,
-        align=rules.align,
+        align=reading.align,
         verdict=verdict,
         final=float(trial.robustness or 0.0),
         curves=curves,
@@ -169,12 +171,12 @@ def _episode(
 
 
 def _curves(
-    spec: rtamt.Specification, trace: Trace, period: Fraction | None, rules: Rules
+    spec: rtamt.Specification, trace: Trace, period: Fraction | None, reading: Reading
 ) -> dict[str, Any]:
     """Robustness and bounds at every sample; nothing of a long trace."""
     if trace.samples > _LONGEST:
         return {}
-    monitor = EpisodeMonitor(spec, period, semantics=rules.semantics, align=rules.align)
+    monitor = EpisodeMonitor(spec, period, semantics=reading.semantics, align=reading.align)
     names = ("robustness", "lower", "upper")
     rows = []
     for i in range(trace.samples):

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any
 
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec
 
-from rtamt import InputError
+from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.reading import Reading, refuse_other
+from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.monitor import StlMonitor
 
-__all__ = ["DEFAULTS", "Tap", "monitor_of", "with_own_monitor"]
-
-DEFAULTS: Final[Mapping[str, Any]] = {
-    "view": "episode",
-    "nan": "raise",
-    "semantics": "standard",
-    "at_truncation": "cut",
-}
-"""The options that are not None where nobody gives them."""
+__all__ = ["Tap", "monitor_of", "with_own_monitor"]
 
 
 def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any system
@@ -34,28 +28,30 @@ def monitor_of(env: Any) -> StlMonitor[Any, Any] | None:  # noqa: ANN401 - any s
 def with_own_monitor(
     monitor: Any,  # noqa: ANN401 - of one environment, or of many
     specs: Any,  # noqa: ANN401
-    options: Mapping[str, Any],
-) -> tuple[Any, dict[str, Any]]:
-    """Specifications and options of `rtamt_gym.simulate`; without specifications the monitor's.
+    signals: Mapping[str, SignalLike] | None,
+    reading: Reading,
+) -> tuple[Any, Mapping[str, SignalLike] | None, Reading]:
+    """What `rtamt_gym.simulate` judges and how; without specifications what the monitor does.
 
     Args:
         monitor: The monitor of the environment, or None.
         specs: The specifications that are given, or None.
-        options: The options that are given.
+        signals: The signals that are given, or None.
+        reading: The options that are given.
 
     Raises:
-        InputError: If an option is given that the monitor has of its own.
+        InputError: If something else is given than the monitor has.
     """
     if monitor is None or specs is not None:
-        return specs, {**options}
-    own = dict(monitor.judging)
-    for name, value in options.items():
-        if name in own and value not in (DEFAULTS.get(name), own[name]):
-            raise InputError(
-                f"{name}= comes from the monitor of the environment, which has {own[name]!r}, got "
-                f"{value!r}; leave it out, or give specifications with it"
-            )
-    return own.pop("specs"), {**options, **own}
+        return specs, signals, reading
+    own: Judging = monitor.judging
+    whose, way_out = (
+        "the monitor of the environment",
+        "leave it out, or give specifications with it",
+    )
+    if signals is not None and signals != own.signals:
+        refuse_other("signals", own.signals, signals, whose, way_out)
+    return own.specs, own.signals, reading.over(own.reading, whose, way_out)
 
 
 class Tap(gym.Wrapper[Any, Any, Any, Any]):

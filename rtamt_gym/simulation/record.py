@@ -10,10 +10,10 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rtamt import Specification, Verdict, parse
+from rtamt import Align, SemanticsName, Specification, Verdict, parse
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.judging.interface import InterfaceOptions, Semantics, robustness_text
-from rtamt_gym.judging.specs import Align, View
+from rtamt_gym.judging.interface import robustness_text
+from rtamt_gym.judging.reading import PredicateReading, View
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import STOPPED, RunEnd, Trial
 from rtamt_gym.tables import sample_text
@@ -100,7 +100,7 @@ class Course(_ComparesArrays):
     verdict: Verdict
     decided_at: int | None
     unit: str = "s"
-    semantics: Semantics = "standard"
+    semantics: SemanticsName = "standard"
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
 
@@ -119,7 +119,7 @@ class Course(_ComparesArrays):
         return parse(self.formula, unit=self.unit)
 
     @property
-    def interface(self) -> InterfaceOptions:
+    def interface(self) -> PredicateReading:
         """The semantics, the inputs and the outputs, as arguments of `rtamt.evaluate`."""
         return {"semantics": self.semantics, "inputs": self.inputs, "outputs": self.outputs}
 

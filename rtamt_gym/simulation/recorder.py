@@ -9,11 +9,10 @@ from typing import Literal
 import numpy as np
 
 import rtamt
-from rtamt import InputTypeError
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt import End, InputTypeError, NanPolicy
+from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.panel import Assessment, Panel
-from rtamt_gym.judging.specs import Nan
 from rtamt_gym.simulation.record import Course, Floats
 
 __all__ = ["Recorder"]
@@ -38,7 +37,7 @@ class Recorder:
         panel: Panel,
         variables: Sequence[str],
         signals: Iterable[str],
-        nan: Nan,
+        nan: NanPolicy,
         *,
         fed: bool = False,
     ) -> None:
@@ -99,7 +98,7 @@ class Recorder:
             keep((source.robustness, judge.lower, judge.upper))
         self._samples.append(tuple(values))
 
-    def finish(self, end: AtTermination | AtTruncation) -> None:
+    def finish(self, end: AtTermination | End) -> None:
         """Ends the trace for the monitors; their last values are those after the end."""
         self._panel.finish(end)
         for name, state in self._panel.describe().items():

@@ -11,7 +11,7 @@ from rtamt import Explanation, InputError
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.explanations import chosen, titled
-from rtamt_gym.judging.interface import InterfaceOptions
+from rtamt_gym.judging.reading import PredicateReading
 from rtamt_gym.judging.specs import SpecsLike, load_specs
 from rtamt_gym.simulation.record import Floats, RunRecord
 
@@ -89,7 +89,7 @@ class Run(RunRecord):
             InputError: If a specification reads a signal that the run does not have; if ``specs``
                 is None and the run has not recorded its episode from sample 0 on.
         """
-        interfaces: dict[str, InterfaceOptions] = {}
+        interfaces: dict[str, PredicateReading] = {}
         if specs is None:
             self._check_whole("replay(specs)")
             interfaces = {name: course.interface for name, course in self.courses.items()}

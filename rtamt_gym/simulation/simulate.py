@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
-from rtamt_gym.judging.interface import Names, Semantics
-from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View
+from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
+from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.monitors import monitor_of, with_own_monitor
 from rtamt_gym.simulation.record import Stop
@@ -22,6 +21,7 @@ if TYPE_CHECKING:  # it imports MuJoCo, which is optional
 __all__ = ["simulate"]
 
 
+@lists_reading(RunReading)
 def simulate(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
     specs: SpecsLike | None = None,
@@ -31,20 +31,11 @@ def simulate(
     start: Snapshot | None = None,
     policy: Policy | None = None,
     seed: int | None = None,
-    period: float | str | None = None,
     duration: float | None = None,
     stop: Stop = "violation",
     above: Mapping[str, float] | None = None,
-    view: View = "episode",
-    nan: Nan = "raise",
-    align: Align | None = None,
-    semantics: Semantics = "standard",
-    inputs: Names | None = None,
-    outputs: Names | None = None,
     label: str = "",
-    substeps: bool = False,
-    at_termination: AtTermination | None = None,
-    at_truncation: AtTruncation = "cut",
+    **reading: Unpack[RunReading],
 ) -> Run:
     """Runs a simulation under specifications until a violation is certain; records every sample.
 
@@ -107,8 +98,6 @@ def simulate(
             more of an environment, use a closure: ``lambda obs: act(env.unwrapped)``. What a case
             drives, the policy does not. None: the ``baseline`` of an environment that has one.
         seed: The seed of an environment's reset.
-        period: Time between samples, in seconds or as text with a unit. None: the system's own. For
-            a system without one, ``1`` makes bounds in the default unit count steps.
         duration: The longest simulated time, in seconds (in steps without a period). None: until
             the system ends by itself. A model, an FMU or a function of time never does; with
             ``math.inf`` they run until they are stopped.
@@ -118,29 +107,10 @@ def simulate(
             certain, not at a violation while others are open; ``"end"``: not before the end.
         above: Numbers by specification, for ``stop="known"``: a robustness that is certain to stay
             above its number is known. Without one, it is known once it cannot change any more.
-        view: ``"episode"``: a formula is about the run from sample 0 on; ``"step"``: about every
-            instant.
-        nan: ``"raise"`` refuses a signal that is nan; ``"hold"`` keeps its last value, in the
-            record too.
-        align: How a bound that is no multiple of the period becomes samples, as for
-            `rtamt.Monitor`; None refuses it.
-        semantics: How predicates count, as for `rtamt.Monitor`.
-        inputs: Variables that the system reads, for interface-aware semantics; None: those that the
-            texts declare ``input``.
-        outputs: Variables that the system sets; None: those that the texts declare ``output``.
         label: A name for tables and pictures that tells who acted.
-        substeps: Whether to take a sample after every step of the simulation that an environment
-            makes inside of its own, as for `StlMonitor`. The run then stops at the sample that
-            shows the violation, though the environment has made the whole step.
-        at_termination: How an end of the system itself is read: ``"complete"``, the run is all
-            there is (an invariant that held is satisfied, a goal not reached is violated);
-            ``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated, whatever
-            its robustness is. None is ``"complete"``, and warns where an environment's end so
-            satisfies what was open.
-        at_truncation: How a time limit is read: ``"cut"``, an ``always`` without bounds that held
-            is satisfied, an ``eventually`` without bounds violated, and windows that were not seen
-            to their end stay open; ``"complete"``; or ``"open"``, the run could have gone on, and
-            open verdicts stay UNDECIDED.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
+            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination``,
+            ``at_truncation`` and ``substeps``.
 
     Returns:
         The signals, the robustness with its bounds and verdicts at every sample, and why it ended.
@@ -169,25 +139,13 @@ def simulate(
         >>> run.courses["near"].verdict.name, run.courses["upright"].verdict.name
         ('VIOLATED', 'UNDECIDED')
     """
-    specs, reading = with_own_monitor(
-        monitor_of(system),
-        specs,
-        {
-            "signals": signals,
-            "period": period,
-            "view": view,
-            "nan": nan,
-            "align": align,
-            "semantics": semantics,
-            "inputs": inputs,
-            "outputs": outputs,
-            "at_termination": at_termination,
-            "at_truncation": at_truncation,
-        },
-    )
+    given = checked_reading(reading, simulate, RunReading)
+    specs, signals, given = with_own_monitor(monitor_of(system), specs, signals, given)
     return Simulation(
         system,
         specs,
+        signals,
+        given,
         case=case,
         start=start,
         policy=policy,
@@ -196,6 +154,4 @@ def simulate(
         stop=stop,
         above=above,
         label=label,
-        substeps=substeps,
-        **reading,
     ).go()

@@ -11,20 +11,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 import gymnasium as gym
 
 import rtamt
-from rtamt import InputError, InputTypeError
+from rtamt import End, InputError, InputTypeError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice, check_known, check_number
 from rtamt_gym.checks.numbers import exact
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import AtTermination, AtTruncation, warn_of_open_end
-from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
 from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.judging.specs import (
-    Align,
-    Nan,
     SpecsLike,
-    View,
     check_period,
     load_specs,
     own_requirements,
@@ -61,34 +58,20 @@ class Simulation:
         self,
         system: Any,  # noqa: ANN401 - MuJoCo is not typed
         specs: SpecsLike | None,
+        signals: Mapping[str, SignalLike] | None,
+        reading: Reading,
         *,
-        signals: Mapping[str, SignalLike] | None = None,
         case: Mapping[str, float | Waveform] | None = None,
         start: Snapshot | None = None,
         policy: Policy | None = None,
         seed: int | None = None,
-        period: float | str | None = None,
         duration: float | None = None,
         stop: Stop = "violation",
         above: Mapping[str, float] | None = None,
-        view: View = "episode",
-        nan: Nan = "raise",
-        align: Align | None = None,
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
         label: str = "",
-        substeps: bool = False,
-        at_termination: AtTermination | None = None,
-        at_truncation: AtTruncation = "cut",
     ) -> None:
         _check_stop(stop, above)
-        check_choice("view", view, get_args(View))
-        check_choice("nan", nan, get_args(Nan))
-        check_choice("align", align, (None, *get_args(Align)))
-        check_choice("at_termination", at_termination, (None, *get_args(AtTermination)))
-        check_choice("at_truncation", at_truncation, get_args(AtTruncation))
-        if substeps and not isinstance(system, gym.Env):
+        if reading.substeps and not isinstance(system, gym.Env):
             raise InputError(
                 Argument("substeps", value=True),
                 f" is for environments, whose step makes several, got {system!r}; give a smaller ",
@@ -96,54 +79,51 @@ class Simulation:
                 " where the system takes one",
             )
         given = None if case is None else Case(case)
-        ran = as_system(system, policy, seed, start, given, substeps=substeps)
+        ran = as_system(system, policy, seed, start, given, substeps=reading.substeps)
         monitor = cast("StepMonitor", system) if isinstance(system, PanelValues) else None
         if monitor is not None:
-            _refuse_options(
-                {"specs": specs, "signals": signals, "period": period, "inputs": inputs}
-                | {"outputs": outputs, "align": align}
-                | {"view": view if view not in {"episode", monitor.view} else None}
-                | {"above": above}
-                | {"nan": nan if nan not in {"raise", monitor.nan} else None}
-                | {"semantics": semantics if semantics != "standard" else None}
-            )
-            loaded, panel, view, nan = monitor.specs, monitor.panel, monitor.view, monitor.nan
-            align, signals = monitor.align, dict.fromkeys(monitor.signals, "")
+            _refuse_options({"specs": specs, "signals": signals, "above": above})
+            reading = reading.over(monitor.reading, "the StepMonitor", "leave it out")
+            loaded, panel = monitor.specs, monitor.panel
+            signals = dict.fromkeys(monitor.signals, "")
             most = _most(duration, exact(ran.period or 1), ran)
         else:
             loaded = _loaded(specs, system, ran.name)
-            if period is None:
-                period = ran.period
-            if period is None and ran.needs_period:
+            if reading.period is None:
+                reading = reading.having(period=ran.period)
+            if reading.period is None and ran.needs_period:
                 lacks = ran.needs_period
                 reason = lacks if isinstance(lacks, str) else "does not say how long a step lasts"
                 raise InputError(f"{ran.name} {reason}; give ", Argument("period"), " in seconds")
             why = why_no_period(system) if isinstance(system, gym.Env) else ""
-            check_period(loaded, period, ran.name, why)
-            interface = Interface(semantics, inputs, outputs)
+            check_period(loaded, reading.period, ran.name, why)
             check_known("above", above or {}, loaded)
-            panel = Panel(loaded, period, view, interface=interface, align=align)
+            panel = Panel(loaded, reading)
             most = _most(duration, panel.period, ran)
         variables = list(dict.fromkeys(name for spec in loaded.values() for name in spec.variables))
         ran.bind(variables, signals, panel.period)
         limits = [steps for steps in (most, ran.limit) if steps is not None]
         goes_on = monitor is not None and start is None
-        ends = _Ends(at_termination, at_truncation, isinstance(ran, Environment), goes_on)
+        ends = _Ends(
+            reading.at_termination, reading.at_truncation, isinstance(ran, Environment), goes_on
+        )
         self._system, self._panel, self._ends, self._loaded = ran, panel, ends, loaded
         self._stop, self._above, self._most = stop, above or {}, most
-        self._record = Recorder(panel, variables, signals or {}, nan, fed=monitor is not None)
+        self._record = Recorder(
+            panel, variables, signals or {}, reading.nan, fed=monitor is not None
+        )
         self._ended: RunEnd = "error"
         self._steps = 0  # and one more once sample 0 was taken
         self._begin = time.perf_counter()
         self._told: dict[str, Any] = {
             "system": ran.name,
             "period": panel.period,
-            "view": view,
+            "view": reading.view,
             "stop": stop,
             "limit": min(limits, default=None),
             "seed": seed,
             "label": label,
-            "align": align,
+            "align": reading.align,
             "case": given,
         }
 
@@ -240,7 +220,7 @@ class _Ends(NamedTuple):
     """How the end of a run is read, and whether the system is there to go on after it."""
 
     at_termination: AtTermination | None
-    at_truncation: AtTruncation
+    at_truncation: End
     environment: bool
     goes_on: bool
 

@@ -166,7 +166,7 @@ class Environment(System):
         own = {**own_signals(self._env)}
         shown: Any = self._env
         if self._monitor is not None:
-            own |= self._monitor.judging["signals"] or {}
+            own |= self._monitor.judging.signals or {}
             shown = self._monitor.env
         parsed = parse_signals(signals or {}, variables, SOURCES, extra=True, own=own)
         self._reads_at_reset = [signal.bind_reset(shown) for signal in parsed]

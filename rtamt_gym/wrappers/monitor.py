@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, SupportsFloat
+from typing import Any, SupportsFloat, Unpack
 
 import gymnasium as gym
 import numpy as np
@@ -14,16 +14,15 @@ from gymnasium.utils import RecordConstructorArgs
 
 from rtamt import SpecificationError
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.interface import Interface, Names, Semantics
 from rtamt_gym.judging.panel import Feed, Panel
-from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, read_period, recordable
+from rtamt_gym.judging.reading import RunReading, checked_reading, lists_reading
+from rtamt_gym.judging.specs import SpecsLike, read_period, recordable
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.books import Books
 from rtamt_gym.wrappers.callable_spec import CallableSpec
 from rtamt_gym.wrappers.episode import EpisodeMonitoring
-from rtamt_gym.wrappers.monitoring import MonitorOptions, OnSatisfaction, OnViolation, single_env
+from rtamt_gym.wrappers.monitoring import OnSatisfaction, OnViolation, OwnOptions, single_env
 from rtamt_gym.wrappers.observing import Observe
 from rtamt_gym.wrappers.substeps import SubSteps, fits, read_substep_period
 
@@ -134,30 +133,22 @@ class StlMonitor(
 
     _UNPICKLED = frozenset({"_feed", "_feed_reset", "_inside"})
 
+    @lists_reading(RunReading)
     def __init__(
         self,
         env: gym.Env[ObsType, ActType],
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
-        period: float | str | None = None,
         on_violation: OnViolation = "terminate",
         on_satisfaction: OnSatisfaction = "report",
-        at_termination: AtTermination | None = None,
-        at_truncation: AtTruncation = "cut",
-        view: View = "episode",
-        nan: Nan = "raise",
-        align: Align | None = None,
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
-        substeps: bool = False,
         history: bool = False,
         observe: Observe | None = None,
         clip: float = 1.0,
+        **reading: Unpack[RunReading],
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -170,45 +161,25 @@ class StlMonitor(
                 ``"qpos[1]"``, or a callable of a :class:`rtamt_gym.Step`, or a pair of one of them
                 and its value at reset, which action, reward and info need; a variable that is not
                 among them reads what the environment says in its own ``signals``, as scenarios do
-            period: Time between two samples, in seconds or as text with a unit; ``None`` reads
-                it from the environment; ``1`` with bounds in the default unit counts steps
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode, or only ``"report"`` it
             on_satisfaction: What it does once every specification is certainly satisfied: only
                 ``"report"`` it, or ``"terminate"`` or ``"truncate"`` the episode
-            at_termination: How the environment's own end is read: ``"complete"``, the episode is
-                all there is (an invariant that held is satisfied, a goal not reached is violated);
-                ``"cut"``, as a time limit; ``"failure"``, what is not decided yet is violated,
-                whatever its robustness is. ``None`` is ``"complete"``, and warns once where that
-                satisfies what was open
-            at_truncation: How a time limit is read: ``"cut"``, invariants over the recorded time
-                are satisfied, and windows that were not seen to their end stay open;
-                ``"complete"``; or ``"open"``, the episode could have gone on
-            view: ``"episode"`` evaluates a formula at sample 0 of the episode, ``"step"`` at
-                every instant
-            nan: ``"raise"`` refuses a signal that is nan, ``"hold"`` keeps its last value
-            align: How a bound that is no multiple of the period becomes samples: ``None`` refuses
-                it; ``"outward"``, ``"inward"`` and ``"nearest"`` are as for ``rtamt.Monitor``
-            semantics: How predicates count, as for ``rtamt.Monitor``: ``"standard"``;
-                ``"boolean"``, where each is +inf or -inf; or interface-aware, such as
-                ``"output-robustness"``
-            inputs: Variables that the system reads, for interface-aware semantics; ``None``: those
-                that the texts declare ``input``
-            outputs: Variables that the system sets; ``None``: those that the texts declare
-                ``output``
             details: Whether to add ``info["stl"]``, the state of every specification
             cost: What ``info["cost"]`` is, if it is to be added: ``"violation"`` is 1 at a step
                 that shows that an instant violates p, where the formula is ``always(p)``, so that
                 the sum counts unsafe instants; ``"depth"`` is how deep; ``"latched"`` is 1 from
                 the first violation on; ``"first"`` is 1 only at the step that shows it
             buffer_length: How many records :attr:`stl_episodes` keeps
-            substeps: Whether to take a sample after every step of the simulation, see above
             history: Whether to keep the samples of the episode for :meth:`explain`, 8 bytes for
                 each variable of each specification
             observe: ``"state"`` appends the state of the monitors to the observation;
                 ``"obligations"`` what temporal operators owe too
             clip: Bound of the numbers that ``observe`` appends; the interesting margins of every
                 specification should lie inside
+            **reading: How samples are judged, the options of :class:`rtamt_gym.Reading`:
+                ``period``, ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
+                ``at_termination``, ``at_truncation`` and ``substeps``
 
         Raises:
             SpecificationError: If a specification is wrong, speaks of the first sample only, has
@@ -218,19 +189,10 @@ class StlMonitor(
                 variable, or a selector does not fit the environment; if ``substeps`` does not; if
                 the semantics is unknown, or a name in ``inputs`` or ``outputs`` is no variable
         """
-        interface = Interface(semantics, inputs, outputs)
-        options = MonitorOptions(
-            period=period,
+        read = checked_reading(reading, type(self), RunReading)
+        options = OwnOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
-            at_termination=at_termination,
-            at_truncation=at_truncation,
-            view=view,
-            nan=nan,
-            align=align,
-            semantics=semantics,
-            inputs=interface.inputs,
-            outputs=interface.outputs,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
@@ -238,27 +200,25 @@ class StlMonitor(
         given: dict[str, Any] = {
             "specs": recordable(specs),
             "signals": signals,
-            "substeps": substeps,
             "history": history,
             **options,
+            **read.whole(RunReading).options(),
         }
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         gym.Wrapper.__init__(self, single_env(env))
-        find_period = read_substep_period if substeps else read_period
-        loaded = self._set_up(env, specs, signals, options, find_period)
+        find_period = read_substep_period if read.substeps else read_period
+        judged = self._set_up(env, specs, signals, read, options, find_period)
         self.stl_episodes = deque(maxlen=buffer_length)
         try:
-            self._panel = Panel(
-                loaded, self._period, view, nan, interface, align, cost, history=history
-            )
+            self._panel = Panel(judged.specs, judged.reading, cost, history=history)
         except SpecificationError as error:
-            inner = None if substeps else read_substep_period(env)
-            if inner is not None and period is None and fits(loaded, inner, view, cost):
+            inner = None if read.substeps else read_substep_period(env)
+            if inner is not None and read.period is None and fits(judged, inner, cost):
                 error.add_note(f"substeps=True takes samples {inner:g} s apart, which fits")
             raise
         panel = self._panel
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
-        self._substeps = substeps
+        self._substeps = read.substeps
         self._bind_signals()
         self._books = Books(env)
 

@@ -11,19 +11,17 @@ from typing import Any, ClassVar, Literal, NoReturn, TypedDict, get_args
 import gymnasium as gym
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv, VectorWrapper
 
-from rtamt import InputError, InputTypeError, Specification, StateError
+from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, AtTruncation, warn_of_open_end
-from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.ends import AtTermination, warn_of_open_end
+from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.panel import Panel
+from rtamt_gym.judging.reading import EpisodeReading, Reading, RunReading
 from rtamt_gym.judging.specs import (
-    Align,
-    Nan,
     SpecsLike,
-    View,
     ask_another,
     check_period,
     load_specs,
@@ -53,24 +51,10 @@ OnViolation = Literal["terminate", "truncate", "report"]
 OnSatisfaction = Literal["report", "terminate", "truncate"]
 """What happens to an episode once every specification is certainly satisfied."""
 
-_Choice = Literal[
-    "on_violation",
-    "on_satisfaction",
-    "at_termination",
-    "at_truncation",
-    "view",
-    "nan",
-    "align",
-    "cost",
-]
+_Choice = Literal["on_violation", "on_satisfaction", "cost"]
 _CHOICES: dict[_Choice, tuple[object, ...]] = {
     "on_violation": get_args(OnViolation),
     "on_satisfaction": get_args(OnSatisfaction),
-    "at_termination": (None, *get_args(AtTermination)),
-    "at_truncation": get_args(AtTruncation),
-    "view": get_args(View),
-    "nan": get_args(Nan),
-    "align": (None, *get_args(Align)),
     "cost": (None, *get_args(Cost)),
 }
 
@@ -79,30 +63,24 @@ _ENDS: tuple[Literal["on_violation"], Literal["on_satisfaction"]]
 _ENDS = "on_violation", "on_satisfaction"
 
 
-class MonitorOptions(TypedDict, total=False):
-    """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
+class OwnOptions(TypedDict):
+    """The keyword arguments of all monitors that say what they do, and not how they judge."""
 
-    period: float | str | None
     on_violation: OnViolation
     on_satisfaction: OnSatisfaction
-    at_termination: AtTermination | None
-    at_truncation: AtTruncation
-    view: View
-    nan: Nan
-    align: Align | None
-    semantics: Semantics
-    inputs: Names | None
-    outputs: Names | None
     details: bool
     cost: Cost | None
     buffer_length: int
 
 
-_JUDGING = (
-    *("signals", "view", "nan", "align", "semantics", "inputs", "outputs"),
-    *("at_termination", "at_truncation"),
-)
-"""The arguments of a monitor that say how it reads and judges samples."""
+class MonitorOptions(EpisodeReading, total=False):
+    """The keyword arguments of `StlMonitor` and of `VectorStlMonitor`."""
+
+    on_violation: OnViolation
+    on_satisfaction: OnSatisfaction
+    details: bool
+    cost: Cost | None
+    buffer_length: int
 
 
 class Monitoring(Observing):
@@ -113,18 +91,18 @@ class Monitoring(Observing):
 
     env: Any
     _panel: Panel | VectorPanel
-    _saved_kwargs: dict[str, Any]
 
     def _set_up(
         self,
         env: Any,  # noqa: ANN401 - an environment, or many
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None,
-        options: MonitorOptions,
+        reading: Reading,
+        options: OwnOptions,
         read_period: Callable[[Any], float | None],
         sources: Mapping[str, Source] = SOURCES,
         agents: Collection[str] = (),
-    ) -> dict[str, Specification]:
+    ) -> Judging:
         """Checks the options, parses specifications and signals, and finds the period."""
         _refuse_monitored(env)
         for name, choices in _CHOICES.items():
@@ -134,14 +112,14 @@ class Monitoring(Observing):
             raise InputError(f"expected buffer_length= as an integer, 0 or more, got {length!r}")
         self._on_violation = options["on_violation"]
         self._on_satisfaction = options["on_satisfaction"]
-        self._at_termination: AtTermination = options["at_termination"] or "complete"
-        self._at_truncation = options["at_truncation"]
-        self._unasked = options["at_termination"] is None  # and nobody was told yet
+        self._at_termination: AtTermination = reading.at_termination or "complete"
+        self._at_truncation = reading.at_truncation
+        self._unasked = reading.at_termination is None  # and nobody was told yet
         self._assumed: str | None = None  # what an end satisfied unasked, until that is told
         self._seen_success = self._told_success = False
         self._details = options["details"]
         self._cost = options["cost"]
-        loaded = self._loaded = load_specs(specs, own_requirements(env))
+        loaded = load_specs(specs, own_requirements(env))
         variables = [name for spec in loaded.values() for name in spec.variables]
         given = {} if signals is None else signals
         self._signals = parse_signals(
@@ -149,21 +127,22 @@ class Monitoring(Observing):
         )
         timed = any(spec.timed for spec in loaded.values())
         self._read_period = read_period
-        self._period = options["period"]
-        self._guards_period = False
-        if self._period is None:
-            self._period = read_period(env)
-            self._guards_period = timed and self._period is not None
-        if self._period is None and timed:
-            self._period = ask_another(env)
-            check_period(loaded, self._period, env.unwrapped, why_no_period(env))
-        return loaded
+        period, self._guards_period = reading.period, False
+        if period is None:
+            period = read_period(env)
+            self._guards_period = timed and period is not None
+        if period is None and timed:
+            period = ask_another(env)
+            check_period(loaded, period, env.unwrapped, why_no_period(env))
+        self._judging = Judging(loaded, signals, reading.having(period=period).whole(RunReading))
+        return self._judging
 
     def _check_period(self, env: Any) -> None:  # noqa: ANN401
         """Refuses an environment that has changed its period since the wrapper was made."""
-        if self._guards_period and self._read_period(env) != self._period:
+        period = self._judging.reading.period
+        if self._guards_period and self._read_period(env) != period:
             raise StateError(
-                f"expected the period of {self._period} s that {env.unwrapped} had at "
+                f"expected the period of {period} s that {env.unwrapped} had at "
                 f"construction, got {self._read_period(env)} s; wrap it again, or give period="
             )
 
@@ -185,14 +164,9 @@ class Monitoring(Observing):
             )
 
     @property
-    def judging(self) -> dict[str, Any]:
-        """What it monitors and how, as arguments of `rtamt_gym.simulate`."""
-        given = self._saved_kwargs
-        return {
-            "specs": self._loaded,
-            "period": self._period,
-            **{name: given.get(name) for name in _JUDGING},
-        }
+    def judging(self) -> Judging:
+        """What it monitors and how; every option of its reading counts as given."""
+        return self._judging
 
     @contextmanager
     def tapped(self, tap: Any) -> Iterator[None]:  # noqa: ANN401 - an environment, or many
@@ -283,7 +257,7 @@ def vector_env(env: Any) -> VectorEnv[Any, Any, Any]:  # noqa: ANN401 - whatever
     raise InputTypeError(f"expected a vector environment of Gymnasium, got {env!r}; {way_out}")
 
 
-def check_can_end(options: MonitorOptions, autoreset: AutoresetMode, env: object) -> None:
+def check_can_end(options: OwnOptions, autoreset: AutoresetMode, env: object) -> None:
     """Refuses to end episodes of a vector environment that nobody could reset then."""
     if autoreset is AutoresetMode.DISABLED:
         return

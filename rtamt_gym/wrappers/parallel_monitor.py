@@ -5,25 +5,24 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable, Iterable, Mapping
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium as gym
 import numpy as np
 
 from rtamt import InputError, InputTypeError
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
 from rtamt_gym.judging.infos import step_info
-from rtamt_gym.judging.interface import Interface, Names, Semantics
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.specs import Align, Nan, SpecsLike, View, read_period
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
+from rtamt_gym.judging.specs import SpecsLike, read_period
 from rtamt_gym.signals.agents import agent_sources
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.episode import EpisodeMonitoring
 from rtamt_gym.wrappers.monitoring import (
-    MonitorOptions,
     OnSatisfaction,
     OnViolation,
+    OwnOptions,
     refuse_monitored,
 )
 
@@ -128,27 +127,20 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
     _UNPICKLED = frozenset({"_feed", "_feed_reset"})
     env: Any
 
+    @lists_reading(EpisodeReading)
     def __init__(
         self,
         env: Any,  # noqa: ANN401 - of PettingZoo's form
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
-        period: float | str | None = None,
         on_violation: OnViolation = "terminate",
         on_satisfaction: OnSatisfaction = "report",
-        at_termination: AtTermination | None = None,
-        at_truncation: AtTruncation = "cut",
-        view: View = "episode",
-        nan: Nan = "raise",
-        align: Align | None = None,
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
         history: bool = False,
+        **reading: Unpack[EpisodeReading],
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -159,55 +151,37 @@ class ParallelStlMonitor(EpisodeMonitoring, ParallelEnv):  # type: ignore[misc] 
                 such as ``"agent_0: obs[2]"`` or ``"'agent 0': info['speed']"``, or a callable of a
                 :class:`rtamt_gym.Step` of all agents, or a pair of one of them and its value at
                 reset, which action, reward and info need; or in the environment's own ``signals``
-            period: As for :class:`StlMonitor`
             on_violation: What a certain violation does: ``"terminate"`` or ``"truncate"`` the
                 episode of all agents, or only ``"report"`` it
             on_satisfaction: The same once every specification is certainly satisfied; by default
                 it is only reported
-            at_termination: As for :class:`StlMonitor`, of the last agents
-            at_truncation: As for :class:`StlMonitor`, of the last agents
-            view: As for :class:`StlMonitor`
-            nan: ``"raise"`` refuses a signal that is nan, and one of an agent that has left;
-                ``"hold"`` keeps its last value
-            align: As for :class:`StlMonitor`
-            semantics: As for :class:`StlMonitor`
-            inputs: As for :class:`StlMonitor`
-            outputs: As for :class:`StlMonitor`
             details: Whether to add ``info["stl"]``, the state of every specification
             cost: As for :class:`StlMonitor`
             buffer_length: How many records :attr:`stl_episodes` keeps
             history: Whether to keep the samples of the episode for :meth:`explain`
+            **reading: How samples are judged, as for :class:`StlMonitor`, the end being that of
+                the last agents: ``period``, ``view``, ``nan``, ``align``, ``semantics``,
+                ``inputs``, ``outputs``, ``at_termination`` and ``at_truncation``
 
         Raises:
             SpecificationError: As :class:`StlMonitor` does
             InputError: As :class:`StlMonitor` does; and if a selector names no agent
             InputTypeError: If the environment has not the form of PettingZoo's parallel API
         """
-        interface = Interface(semantics, inputs, outputs)
-        options = MonitorOptions(
-            period=period,
+        read = checked_reading(reading, type(self), EpisodeReading)
+        options = OwnOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
-            at_termination=at_termination,
-            at_truncation=at_truncation,
-            view=view,
-            nan=nan,
-            align=align,
-            semantics=semantics,
-            inputs=interface.inputs,
-            outputs=interface.outputs,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
         )
         agents = _agents(env)
         self.env = env
-        sources = agent_sources(agents, hold=nan == "hold")
-        loaded = self._set_up(env, specs, signals, options, read_period, sources, agents)
+        sources = agent_sources(agents, hold=read.nan == "hold")
+        judged = self._set_up(env, specs, signals, read, options, read_period, sources, agents)
         self.stl_episodes = deque(maxlen=buffer_length)
-        self._panel = Panel(
-            loaded, self._period, view, nan, interface, align, cost, history=history
-        )
+        self._panel = Panel(judged.specs, judged.reading, cost, history=history)
         self._bind_signals()
         self._over = False
 

@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from rtamt import InputError, Specification, SpecificationError, StateError
+from rtamt import InputError, SpecificationError, StateError
 from rtamt.errors import Argument
 from rtamt_gym.judging.costs import Cost
+from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Assessment, Panel
-from rtamt_gym.judging.specs import View
 from rtamt_gym.signals.signals import Env, ParsedSignal, Read
 from rtamt_gym.signals.sources import STEP
 
@@ -198,10 +198,10 @@ def _follow_road(simulation: Any, feed: _Feed) -> _Undo:  # noqa: ANN401
     return lambda: setattr(road, "step", around)
 
 
-def fits(specs: Mapping[str, Specification], period: float, view: View, cost: Cost | None) -> bool:
+def fits(judged: Judging, period: float, cost: Cost | None) -> bool:
     """Whether the specifications can be monitored with this period."""
     try:
-        Panel(specs, period, view, cost=cost)
+        Panel(judged.specs, judged.reading.having(period=period), cost)
     except SpecificationError:
         return False
     return True

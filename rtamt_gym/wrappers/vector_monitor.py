@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
@@ -13,14 +13,10 @@ from numpy.typing import NDArray
 
 from rtamt import StateError
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
 from rtamt_gym.judging.episodes import EpisodeRecords
-from rtamt_gym.judging.interface import Interface, Names, Semantics
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.judging.specs import (
-    Align,
-    Nan,
     SpecsLike,
-    View,
     autoreset_mode,
     checked_mask,
     read_period,
@@ -33,9 +29,9 @@ from rtamt_gym.signals.columns import Batch, Floats, Lanes, SignalColumns
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.wrappers.lanes import LaneMonitoring, flagged
 from rtamt_gym.wrappers.monitoring import (
-    MonitorOptions,
     OnSatisfaction,
     OnViolation,
+    OwnOptions,
     check_can_end,
     refuse_monitored,
     vector_env,
@@ -107,28 +103,21 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     _UNPICKLED = frozenset({"_columns"})
     _panel: VectorPanel
 
+    @lists_reading(EpisodeReading)
     def __init__(
         self,
         env: Batch,
         specs: SpecsLike,
         signals: Mapping[str, SignalLike] | None = None,
         *,
-        period: float | str | None = None,
         on_violation: OnViolation = "report",
         on_satisfaction: OnSatisfaction = "report",
-        at_termination: AtTermination | None = None,
-        at_truncation: AtTruncation = "cut",
-        view: View = "episode",
-        nan: Nan = "raise",
-        align: Align | None = None,
-        semantics: Semantics = "standard",
-        inputs: Names | None = None,
-        outputs: Names | None = None,
         details: bool = False,
         cost: Cost | None = None,
         buffer_length: int = 100,
         observe: Observe | None = None,
         clip: float = 1.0,
+        **reading: Unpack[EpisodeReading],
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
@@ -143,33 +132,23 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
             InputError: As :class:`StlMonitor` does; and if the environment cannot do what
                 ``on_violation`` or ``on_satisfaction`` asks
         """
-        interface = Interface(semantics, inputs, outputs)
-        options = MonitorOptions(
-            period=period,
+        read = checked_reading(reading, type(self), EpisodeReading)
+        options = OwnOptions(
             on_violation=on_violation,
             on_satisfaction=on_satisfaction,
-            at_termination=at_termination,
-            at_truncation=at_truncation,
-            view=view,
-            nan=nan,
-            align=align,
-            semantics=semantics,
-            inputs=interface.inputs,
-            outputs=interface.outputs,
             details=details,
             cost=cost,
             buffer_length=buffer_length,
         )
         given: dict[str, Any] = {"specs": recordable(specs), "signals": signals, **options}
+        given |= read.whole(EpisodeReading).options()
         RecordConstructorArgs.__init__(self, **given, observe=observe, clip=clip)
         VectorWrapper.__init__(self, vector_env(env))
-        loaded = self._set_up(env, specs, signals, options, read_period)
+        judged = self._set_up(env, specs, signals, read, options, read_period)
         self._autoreset = autoreset_mode(env)
         check_can_end(options, self._autoreset, env)
         names = [signal.name for signal in self._signals]
-        self._panel = VectorPanel(
-            loaded, env.num_envs, self._period, view, nan, names, interface, align, cost
-        )
+        self._panel = VectorPanel(judged.specs, env.num_envs, judged.reading, names, cost)
         panel = self._panel
         self._set_up_observations(env, observe, clip, panel.monitors, panel.track_obligations)
         self._bind_signals()

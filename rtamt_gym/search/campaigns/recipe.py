@@ -77,7 +77,7 @@ class Recipe:
             **{
                 name: _written(value)
                 for name, value in self._options.items()
-                if name not in _SIDE_BY_SIDE
+                if name not in _SIDE_BY_SIDE and value is not False  # as where it is not given
             },
         }
 

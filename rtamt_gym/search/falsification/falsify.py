@@ -19,6 +19,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.elsewhere import Elsewhere, check_workers
@@ -31,7 +32,7 @@ from rtamt_gym.search.falsification.scales import given_scales, needs_scales
 from rtamt_gym.search.falsification.search import Search, SearchOver
 from rtamt_gym.search.runs.record import Record, check_columns
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Options, Runner
+from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import space_of, tell_failures
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.record import Stop
@@ -51,6 +52,7 @@ class IrreproducibleWarning(UserWarning):
     """A simulation that violated a requirement did not do so again."""
 
 
+@lists_reading(EpisodeReading)
 def falsify(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
     requirements: Requirements | None = None,
@@ -63,7 +65,6 @@ def falsify(
     signals: Mapping[str, SignalLike] | None = None,
     policy: Policy | None = None,
     duration: float | None = None,
-    period: float | str | None = None,
     batch: int = 100,
     scales: Mapping[str, float] | Literal["plain"] | None = None,
     reduce: bool = True,
@@ -71,7 +72,7 @@ def falsify(
     backend: Backend | None = None,
     timeout: float | None = None,
     progress: bool = False,
-    **options: Unpack[Options],
+    **reading: Unpack[EpisodeReading],
 ) -> Falsification:
     """Searches for an input with which a system violates a requirement.
 
@@ -116,7 +117,6 @@ def falsify(
         signals: As for `simulate`.
         policy: As for `simulate`.
         duration: The simulated time of a run, in seconds. None: until the system ends by itself.
-        period: As for `simulate`.
         batch: How many simulations run side by side at most; 1: none do.
         scales: The scale of predicates by their text, ``{"rpm < 3000": 1000}``; ``"plain"``: none.
             None: where predicates read different variables, the range of each one's robustness over
@@ -132,8 +132,9 @@ def falsify(
         backend: As for `sweep`.
         timeout: As for `sweep`, of the simulations in other processes.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **options: ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
-            ``at_termination`` and ``at_truncation`` as for `simulate`.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
+            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
+            ``at_truncation``.
 
     Returns:
         What was found; if no simulation violates, the closest. A simulation that raises an error
@@ -191,6 +192,7 @@ def falsify(
     chosen = find_optimizer(optimizer)
     name = optimizer if isinstance(optimizer, str) else _name_of(optimizer)
     budget, seed = check_count(Argument("budget"), budget), _checked_seed(seed)
+    judged = checked_reading(reading, falsify, EpisodeReading)
 
     def make(specs: Requirements | None, stop: Stop) -> Runner:
         return Runner(
@@ -199,10 +201,9 @@ def falsify(
             signals=signals,
             policy=policy,
             duration=duration,
-            period=period,
             stop=stop,
             batch=batch,
-            **options,
+            **judged.options(),
         )
 
     timeout = check_workers(n_jobs, backend, timeout)

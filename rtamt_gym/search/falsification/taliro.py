@@ -18,8 +18,9 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal, WaveformInterpolation
 from rtamt_gym.inputs.space import Space, SpaceLike
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Options, Runner
+from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.sweep import space_of
 from rtamt_gym.signals.signals import SignalLike
 from rtamt_gym.simulation.entries import as_number, refuse_unknown
@@ -42,6 +43,7 @@ __all__ = ["TaliroProblem", "TaliroSystem"]
 State = dict[str, float]
 
 
+@lists_reading(EpisodeReading)
 class TaliroProblem(Model[State, Case, Sample]):
     """A system of ours and its requirements, as a model and a specification of psy-taliro.
 
@@ -63,8 +65,7 @@ class TaliroProblem(Model[State, Case, Sample]):
         signals: As for `rtamt_gym.simulate`.
         policy: As for `rtamt_gym.simulate`.
         duration: As for `rtamt_gym.simulate`.
-        period: As for `rtamt_gym.simulate`.
-        **options: Further options of `rtamt_gym.simulate`, as for `rtamt_gym.sweep`.
+        **reading: How samples are judged, as for `rtamt_gym.sweep`.
 
     Raises:
         RtamtError: As `rtamt_gym.sweep` does.
@@ -95,8 +96,7 @@ class TaliroProblem(Model[State, Case, Sample]):
         signals: Mapping[str, SignalLike] | None = None,
         policy: Policy | None = None,
         duration: float | None = None,
-        period: float | str | None = None,
-        **options: Unpack[Options],
+        **reading: Unpack[EpisodeReading],
     ) -> None:
         self._runner = Runner(
             system,
@@ -104,9 +104,8 @@ class TaliroProblem(Model[State, Case, Sample]):
             signals=signals,
             policy=policy,
             duration=duration,
-            period=period,
             batch=1,
-            **options,
+            **checked_reading(reading, type(self), EpisodeReading).options(),
         )
         self.space = space_of(self._runner, space, "TaliroProblem")
         self.static_inputs = dict.fromkeys(self.space.columns, (0.0, 1.0))

@@ -9,15 +9,20 @@ from fractions import Fraction
 from typing import Literal, Unpack, get_args
 
 import rtamt
-from rtamt import Explanation, InputError
+from rtamt import End, Explanation, InputError
 from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.judging.ends import AtTruncation
+from rtamt_gym.judging.reading import SampleReading, checked_reading, lists_reading
 from rtamt_gym.recorded.progress import progress as shown_progress
 from rtamt_gym.search.mining.bisection import Found, ValueVerdict, tightest
 from rtamt_gym.search.mining.requirement import Ranges, Template, template
-from rtamt_gym.search.mining.traces import Period, Reading, Samples, Traces, samples_of
-from rtamt_gym.search.mining.values import Candidates, bounds_between, text_of, values_between
+from rtamt_gym.search.mining.traces import Samples, Traces, samples_of
+from rtamt_gym.search.mining.values import (
+    Candidates,
+    bounds_between,
+    text_of,
+    values_between,
+)
 from rtamt_gym.tables import counted, number, shorten
 
 __all__ = ["Mined", "Witness", "mine", "mined_over"]
@@ -139,6 +144,7 @@ def _wrapped(text: str) -> list[str]:
     )
 
 
+@lists_reading(SampleReading)
 def mine(
     requirement: str | rtamt.Specification,
     traces: Traces,
@@ -146,10 +152,9 @@ def mine(
     *,
     constants: Mapping[str, float] | None = None,
     tolerance: float | None = None,
-    period: Period | None = None,
-    end: AtTruncation | None = None,
+    end: End | None = None,
     progress: bool = True,
-    **reading: Unpack[Reading],
+    **reading: Unpack[SampleReading],
 ) -> Mined:
     """Finds the tightest value of a parameter for which a requirement holds on all traces.
 
@@ -173,12 +178,12 @@ def mine(
         constants: Values of other parameters and constants.
         tolerance: The distance of two values that are told apart; their multiples are tried. 0: all
             floats. None: the power of ten at or below a 100,000th of the range. Not for a bound.
-        period: Seconds between samples. None: those of a file or a run, else bounds count samples.
         end: The reading of the end of a trace, as for `rtamt.judge`. None: ``"complete"`` for a run
             that its system has ended, else ``"cut"``. What is undecided does not satisfy.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **reading: ``semantics``, ``inputs``, ``outputs``, ``nan`` and ``align``, as for
-            `rtamt.judge`. A run has the ``align`` that it was judged with.
+        **reading: How samples are judged: ``period`` (None: that of a file or a run, else bounds
+            count samples), ``nan``, ``align`` (a run has the one that it was judged with),
+            ``semantics``, ``inputs`` and ``outputs``, as for `rtamt.judge`.
 
     Raises:
         SpecificationError: If the requirement is wrong for some value of the range.
@@ -199,10 +204,13 @@ def mine(
         >>> mine("eventually[0:?t](speed > 20)", [calm, fast], {"t": (0, 3)})
         <Mined t = 1, the least: eventually[0:?t](speed > 20) on 2 traces>
     """
-    check_choice("end", end, (None, *get_args(AtTruncation)))
+    check_choice("end", end, (None, *get_args(End)))
+    judged = checked_reading(reading, mine, SampleReading)
+    if end is not None:
+        judged = judged.having(end=end)
     wanted = template(requirement, ranges, constants)
     spec = wanted.at(wanted.low)
-    read, notes = samples_of(traces, spec, period, end, reading, shown=progress)
+    read, notes = samples_of(traces, spec, judged, shown=progress)
     return mined_over(wanted, read, tolerance, notes, shown=progress)
 
 

@@ -7,20 +7,18 @@ import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 import rtamt
 from rtamt import InputError, InputTypeError, RtamtError
 from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.ends import AtTruncation
-from rtamt_gym.judging.interface import Names, Semantics
+from rtamt_gym.judging.reading import Reading, SampleReading
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.readers import is_bag
 from rtamt_gym.recorded.ruled import read_ruled
@@ -33,23 +31,12 @@ if TYPE_CHECKING:
     from rtamt_gym.search.sweeps.sweep import Sweep
     from rtamt_gym.simulation.run import Run
 
-__all__ = ["Reading", "Samples", "Traces", "notes_on", "samples_of"]
+__all__ = ["Samples", "Traces", "notes_on", "samples_of"]
 
-Period = float | str | Fraction
 TraceLike = Any
 """Columns by name, a data frame, an array, the path of a file, or a `Run`."""
 Traces = TraceLike | Iterable[TraceLike]
 """One trace or several, or a `Sweep`, whose runs are made again."""
-
-
-class Reading(TypedDict, total=False):
-    """How traces are judged: options of `rtamt.judge`, which describes them."""
-
-    semantics: Semantics
-    inputs: Names | None
-    outputs: Names | None
-    nan: Literal["raise", "hold"]
-    align: Literal["outward", "inward", "nearest"] | None
 
 
 @dataclass(frozen=True)
@@ -60,9 +47,7 @@ class Samples:
         name: Its name in messages.
         given: What was handed over; of a sweep, the `Row`.
         signals: The values of its variables, as `rtamt.judge` takes them.
-        period: Seconds between samples, or None.
-        end: The reading of its end.
-        options: How it is judged.
+        reading: How it is judged: its period in seconds, and the reading of its end too.
         n: The number of samples, if it is known.
         start: The time of the first sample.
         notes: What was done to it that its file does not say, in sentences.
@@ -72,9 +57,7 @@ class Samples:
     name: str
     given: object
     signals: Any
-    period: Fraction | None
-    end: AtTruncation
-    options: Reading = field(default_factory=Reading)
+    reading: Reading
     n: int | None = None
     start: float = 0.0
     notes: tuple[str, ...] = ()
@@ -83,19 +66,22 @@ class Samples:
     def judge(self, spec: rtamt.Specification) -> rtamt.Judgement:
         """Judges the trace; an error names it."""
         with _naming(self.name):
-            return rtamt.judge(
-                spec, self.signals, self.period, self.end, n=self.n, **self._options()
-            )
+            options = self._options(spec)
+            return rtamt.judge(spec, self.signals, end=self.reading.end, n=self.n, **options)
 
     def explain(self, spec: rtamt.Specification) -> rtamt.Explanation:
         """Says which sub-formulas and samples decided the robustness."""
         with _naming(self.name):
-            return rtamt.explain(
-                spec, self.signals, self.period, n=self.n, start=self.start, **self._options()
-            )
+            options = self._options(spec)
+            return rtamt.explain(spec, self.signals, n=self.n, start=self.start, **options)
 
-    def _options(self) -> Any:  # noqa: ANN401 - those of rtamt.judge
-        return self.options
+    @property
+    def period(self) -> Fraction | None:
+        """Seconds between samples, or None."""
+        return self.reading.seconds
+
+    def _options(self, spec: rtamt.Specification) -> SampleReading:
+        return self.reading.of_monitors({"": spec})[""]
 
 
 @contextmanager
@@ -111,9 +97,7 @@ def _naming(name: str) -> Iterator[None]:
 def samples_of(
     traces: Traces,
     spec: rtamt.Specification,
-    period: Period | None,
-    end: AtTruncation | None,
-    options: Reading,
+    reading: Reading,
     *,
     shown: bool,
 ) -> tuple[list[Samples], tuple[str, ...]]:
@@ -122,10 +106,8 @@ def samples_of(
     Args:
         traces: The traces.
         spec: The requirement at some value of its parameter; its variables are read.
-        period: Seconds between samples; None: those of each trace.
-        end: The reading of the end. None: ``"complete"`` for a run that its system has ended,
-            else ``"cut"``.
-        options: How traces are judged.
+        reading: How traces are judged. Without a period it is that of each trace; without an end,
+            that of a run that its system has ended is ``"complete"``.
         shown: Whether to show a bar while runs are made.
 
     Raises:
@@ -133,14 +115,13 @@ def samples_of(
         InputTypeError: If one is no trace.
         OSError: If there is no such file.
     """
-    seconds = None if period is None else rtamt.Monitor("(true)", period).period
     every = [traces] if _is_one(traces) else _listed(traces)
     read: list[Samples] = []
     notes: list[str] = []
     for each in every:
         if _is_a(each, "sweep", "Sweep"):
             sweep = cast("Sweep", each)
-            read += _of_sweep(sweep, spec, seconds, end, options, shown=shown)
+            read += _of_sweep(sweep, spec, reading, shown=shown)
             if failed := len(sweep.record.failed()):
                 verb = "is" if failed == 1 else "are"
                 of = f"{counted(failed, 'simulation')} of {len(sweep.record)}"
@@ -148,13 +129,13 @@ def samples_of(
         elif _is_a(each, "run", "Run"):
             run = cast("Run", each)
             name = run.label or f"run {len(read)}"
-            read.append(_of_run(run, name, seconds, end, options))
+            read.append(_of_run(run, name, reading))
         elif isinstance(each, str | os.PathLike):
-            read.append(_of_file(os.fspath(each), each, spec, seconds, end, options))
+            read.append(_of_file(os.fspath(each), each, spec, reading))
         elif isinstance(each, Mapping | np.ndarray) or hasattr(each, "columns"):
             name = f"trace {len(read)}"
             _check_columns(name, each, spec)
-            read.append(Samples(name, each, each, seconds, end or "cut", options))
+            read.append(Samples(name, each, each, reading))
         else:
             raise InputTypeError(
                 "expected a trace as columns by name, a data frame, a path, or a Run, got "
@@ -216,23 +197,19 @@ def _is_a(given: object, module: str, name: str) -> bool:
     return loaded is not None and isinstance(given, getattr(loaded, name))
 
 
-def _of_run(
-    run: Run, name: str, period: Fraction | None, end: AtTruncation | None, options: Reading
-) -> Samples:
+def _of_run(run: Run, name: str, reading: Reading) -> Samples:
     if run.first_sample:
         raise InputError(
             f"{name}: expected the samples of a whole episode, got those from sample "
             f"{run.first_sample} on"
         )
-    if "align" not in options:
-        options = {**options, "align": run.align}
+    if "align" not in reading.given:
+        reading = reading.having(align=run.align)
     return Samples(
         name,
         run,
         run.signals,
-        run.period if period is None else period,
-        end or _own_end(run.ended),
-        options,
+        _of_episode(reading, run.period, run.ended),
         n=run.steps + 1,
         stopped=run.ended in {"violation", "decided", "error"},
     )
@@ -242,9 +219,7 @@ def _of_file(
     path: str,
     given: object,
     spec: rtamt.Specification,
-    period: Fraction | None,
-    end: AtTruncation | None,
-    options: Reading,
+    reading: Reading,
 ) -> Samples:
     if not Path(path).suffix and path != "-" and not Path(path).exists():
         raise InputError(
@@ -253,7 +228,7 @@ def _of_file(
         )
     if Path(path).is_dir() and not is_bag(path):
         raise InputError(f'{path} is a folder; write sorted(Path("{path}").glob("*.csv"))')
-    trace, seconds = read_ruled(path, {"": spec}, Rules(period), Columns())
+    trace, seconds = read_ruled(path, {"": spec}, reading, Columns())
     if isinstance(trace, EventTrace):
         msg = "rules without dense time give samples"
         raise TypeError(msg)
@@ -261,26 +236,26 @@ def _of_file(
         path,
         given,
         trace.columns,
-        seconds,
-        end or "cut",
-        options,
+        reading.having(period=seconds),
         trace.samples,
         trace.start,
         tuple(trace.notes),
     )
 
 
-def _own_end(ended: RunEnd) -> AtTruncation:
-    """The reading of the end of a run: that which its system has ended is all there is."""
-    return "complete" if ended == "terminated" else "cut"
+def _of_episode(reading: Reading, period: Fraction | None, ended: RunEnd) -> Reading:
+    """How a run is judged; one that its system has ended is all there is."""
+    if reading.period is None:
+        reading = reading.having(period=period)
+    if "end" not in reading.given and ended == "terminated":
+        reading = reading.having(end="complete")
+    return reading
 
 
 def _of_sweep(
     sweep: Sweep,
     spec: rtamt.Specification,
-    period: Fraction | None,
-    end: AtTruncation | None,
-    options: Reading,
+    reading: Reading,
     *,
     shown: bool,
 ) -> list[Samples]:
@@ -302,9 +277,7 @@ def _of_sweep(
             f"run {number}",
             row,
             kept[index].signals,
-            kept[index].period if period is None else period,
-            end or _own_end(ended[index]),
-            options,
+            _of_episode(reading, kept[index].period, ended[index]),
             kept[index].samples,
         )
         for index, (number, row) in enumerate(rows.items())

@@ -10,40 +10,44 @@ import gymnasium as gym
 
 import rtamt
 from rtamt_gym.checks.numbers import exact
+from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.panel import Panel
 from rtamt_gym.judging.specs import read_period
-from rtamt_gym.search.runs.lanes import Judging, Lanes
+from rtamt_gym.search.runs.lanes import Lanes
 from rtamt_gym.signals.signals import ElementRead, SignalLike, own_signals, parse_signals
 from rtamt_gym.signals.sources import SOURCES
+from rtamt_gym.simulation.record import Stop
 
 __all__ = ["lanes_of"]
 
 
 def lanes_of(
     system: Any,  # noqa: ANN401
-    specs: Mapping[str, rtamt.Specification],
-    signals: Mapping[str, SignalLike] | None,
-    duration: float | None,
-    period: float | str | None,
     judging: Judging,
+    duration: float | None,
+    stop: Stop,
     batch: int,
 ) -> Lanes | None:
     """The lanes that run the cases of an environment; None if it has none, or they do not do."""
     spec = system.spec if isinstance(system, gym.Env) else None
     if spec is None or spec.vector_entry_point is None or spec.additional_wrappers:
         return None
-    elements = _elements(system, specs, signals)
+    if judging.reading.substeps:
+        return None
+    elements = _elements(system, judging.specs, judging.signals)
     vector = gym.make_vec(spec, num_envs=1)
     has_rollout = hasattr(vector.unwrapped, "rollout")
     vector.close()
     if elements is None or not has_rollout or spec.max_episode_steps is None:
         return None
-    period = read_period(system) if period is None else period
-    panel = Panel(specs, period, judging.view, interface=judging.interface, align=judging.align)
+    if judging.reading.period is None:
+        reading = judging.reading.having(period=read_period(system))
+        judging = judging._replace(reading=reading)
+    panel = Panel(judging.specs, judging.reading)
     most = None
     if duration is not None and duration != math.inf:
         most = int(exact(duration) / (panel.period or 1))
-    return Lanes(system, specs, elements, period, most, judging, batch)
+    return Lanes(system, judging, elements, most, stop, batch)
 
 
 def _elements(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Final, cast
 
@@ -15,20 +14,17 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-import rtamt
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.ends import AtTruncation
-from rtamt_gym.judging.interface import STANDARD, Interface
-from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt_gym.judging.judge import Judging
 from rtamt_gym.judging.vector_panel import VectorPanel
 from rtamt_gym.results.outcome import Outcome
 from rtamt_gym.results.trial import RunEnd, Trial
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.simulation.record import AT_VERDICTS, AT_VIOLATION, KNOWN_EVERY, Stop
 
-__all__ = ["Judging", "Lanes"]
+__all__ = ["Lanes"]
 
 Floats = NDArray[np.float64]
 
@@ -43,18 +39,6 @@ _NUMBERS: Final = 2**24
 """The most numbers that the actions of a batch may be; a batch of long runs has fewer lanes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judging:
-    """How runs are judged and when they are stopped, as `rtamt_gym.simulate` describes it."""
-
-    stop: Stop = "end"
-    view: View = "episode"
-    nan: Nan = "raise"
-    align: Align | None = None
-    interface: Interface = STANDARD
-    at_truncation: AtTruncation = "cut"
-
-
 class Lanes:
     """The lanes of a native vector environment: each runs a case, and all step together.
 
@@ -65,29 +49,25 @@ class Lanes:
 
     Args:
         env: The environment of one case, which is registered with a vector environment.
-        specs: The requirements.
+        judging: The requirements, and how runs are judged.
         elements: The element of the observation that each of their variables reads.
-        period: Seconds between samples, for the monitors.
         most: The greatest number of steps; None: the time limit of the environment.
-        judging: How runs are judged and stopped.
+        stop: When runs are stopped, as `rtamt_gym.simulate` describes it.
         batch: The greatest number of lanes.
     """
 
     def __init__(
         self,
         env: gym.Env[Any, Any],
-        specs: Mapping[str, rtamt.Specification],
-        elements: Mapping[str, int],
-        period: float | str | None,
-        most: int | None,
         judging: Judging,
+        elements: Mapping[str, int],
+        most: int | None,
+        stop: Stop,
         batch: int,
     ) -> None:
         self._spec = cast("EnvSpec", env.spec)
-        self._specs = specs
         self._elements = elements
-        self._period = period
-        self.judging = judging
+        self.judging, self.stop = judging, stop
         simulation: Any = env.unwrapped
         self._actions: tuple[str, ...] = tuple(simulation.action_names)
         self._parameters = frozenset(simulation.parameters)
@@ -219,17 +199,8 @@ class Lanes:
             self._env = gym.make_vec(self._spec, num_envs=count)
             simulation: Any = self._env.unwrapped
             self._defaults = simulation.parameters  # before an episode has others
-            held = self.judging
-            self._panel = VectorPanel(
-                self._specs,
-                count,
-                self._period,
-                held.view,
-                held.nan,
-                list(self._elements),
-                held.interface,
-                held.align,
-            )
+            specs, _, reading = self.judging
+            self._panel = VectorPanel(specs, count, reading, list(self._elements))
         return self._env, self._panel
 
     def _reset(
@@ -284,7 +255,7 @@ class _Batch:
     ) -> None:
         self._panel = panel
         self._above = above
-        self._judging = lanes.judging
+        self._stops, self._at_end = lanes.stop, lanes.judging.reading.at_truncation
         self._steps = lanes.steps
         self._end = lanes.end
         self._all = np.arange(num)
@@ -339,17 +310,17 @@ class _Batch:
         """Ends the runs that the sample ends which has been fed, in the order of `simulate`."""
         ends = self.samples == self._steps
         if ends and self._end == "truncated":
-            self._panel.finish(self.active, self._judging.at_truncation)
+            self._panel.finish(self.active, self._at_end)
             self._over(self.active, "truncated")
             return
-        if self._judging.stop in AT_VIOLATION:
+        if self._stops in AT_VIOLATION:
             self._over(self._panel.violated_at >= 0, "violation")
-        if self._judging.stop in AT_VERDICTS:
+        if self._stops in AT_VERDICTS:
             self._over(~np.logical_or.reduce(self._panel.undecided(self._all)), "decided")
-        if self._judging.stop == "known" and self.samples % KNOWN_EVERY == 0:
+        if self._stops == "known" and self.samples % KNOWN_EVERY == 0:
             self._over(self._panel.knows(self._above), "known")
         if ends:
-            self._panel.finish(self.active, self._judging.at_truncation)
+            self._panel.finish(self.active, self._at_end)
             self._over(self.active, "duration")
 
     def _over(self, lanes: NDArray[np.bool_], why: RunEnd) -> None:

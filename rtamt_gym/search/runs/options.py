@@ -1,57 +1,17 @@
-"""What a runner is given: the options of its runs, and its system."""
+"""What a runner is given: its system, and the longest duration of a run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, TypedDict, get_args
+from collections.abc import Iterator
 
 from gymnasium.vector import VectorEnv
 
 import rtamt
-from rtamt import InputTypeError
-from rtamt.errors import nearest
-from rtamt_gym.checks.arguments import check_choice
-from rtamt_gym.checks.names import listing
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
-from rtamt_gym.judging.interface import Names, Semantics
-from rtamt_gym.judging.specs import Align, Nan, View
+from rtamt import InputTypeError, Period
 from rtamt_gym.simulation.systems import Environment, System
 
-__all__ = ["Options", "check_options", "check_system", "duration_of"]
-
-
-class Options(TypedDict, total=False):
-    """How runs are judged: options of `rtamt_gym.simulate`, which describes them."""
-
-    view: View
-    nan: Nan
-    align: Align | None
-    semantics: Semantics
-    inputs: Names | None
-    outputs: Names | None
-    at_termination: AtTermination | None
-    at_truncation: AtTruncation
-
-
-def check_options(options: Mapping[str, Any]) -> None:
-    """Refuses options that `simulate` does not have, or that have no such value."""
-    known = Options.__annotations__
-    for name in options:
-        if name not in known:
-            raise InputTypeError(
-                f"expected options that simulate has, one of {listing(known)}, got {name}="
-                f"{nearest(name, known)}"
-            )
-    choices: dict[str, tuple[str | None, ...]] = {
-        "view": get_args(View),
-        "nan": get_args(Nan),
-        "at_termination": (None, *get_args(AtTermination)),
-        "at_truncation": get_args(AtTruncation),
-    }
-    for name, values in choices.items():
-        if name in options:
-            check_choice(name, options[name], values)
+__all__ = ["check_system", "duration_of"]
 
 
 def check_system(system: object) -> None:
@@ -72,7 +32,7 @@ def check_system(system: object) -> None:
         )
 
 
-def duration_of(ran: System, duration: float | None, period: float | str | None) -> float | None:
+def duration_of(ran: System, duration: float | None, period: Period | None) -> float | None:
     """The longest duration of a run: that which is given, or the time limit of an environment."""
     if duration is not None:
         return None if duration == math.inf else duration

@@ -22,16 +22,12 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.ranges import Parameter, Signal
 from rtamt_gym.inputs.waveform import Waveform
-from rtamt_gym.judging.interface import Interface
+from rtamt_gym.judging.judge import Judging
+from rtamt_gym.judging.reading import Reading, RunReading, checked_reading, lists_reading
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.having_lanes import lanes_of
-from rtamt_gym.search.runs.lanes import Judging, Lanes
-from rtamt_gym.search.runs.options import (
-    Options,
-    check_options,
-    check_system,
-    duration_of,
-)
+from rtamt_gym.search.runs.lanes import Lanes
+from rtamt_gym.search.runs.options import check_system, duration_of
 from rtamt_gym.search.runs.requirements import Requirements, load_requirements
 from rtamt_gym.search.runs.trace import Trace
 from rtamt_gym.signals.signals import SignalLike
@@ -45,12 +41,13 @@ from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.simulate import simulate
 from rtamt_gym.simulation.systems import Policy
 
-__all__ = ["CaseLike", "Options", "Runner"]
+__all__ = ["CaseLike", "Runner"]
 
 CaseLike = Mapping[str, float | Waveform]
 """What one simulation is given: a number or a waveform for each name."""
 
 
+@lists_reading(RunReading)
 class Runner:
     """Runs cases of one system under requirements, each to a `Trial`.
 
@@ -64,6 +61,8 @@ class Runner:
     Attributes:
         name: The name of the system.
         requirements: The requirements by name.
+        signals: What their variables read, as far as it was given.
+        reading: How runs are judged.
         inputs: What the system itself says is to be varied; empty where it says nothing.
         duration: The longest duration of a run in seconds, as far as it is known.
         period: Seconds between samples, or as text with a unit; None where they are not known.
@@ -77,11 +76,10 @@ class Runner:
         policy: As for `rtamt_gym.simulate`.
         policies: In place of ``policy``: makes the policy of a run from the seed of the run.
         duration: As for `rtamt_gym.simulate`.
-        period: As for `rtamt_gym.simulate`.
         stop: As for `rtamt_gym.simulate`. The robustness of a stopped run is that at the stop,
             and its bounds say what it could still have become.
         batch: How many lanes there are at most.
-        **options: Further options of `rtamt_gym.simulate`, see `Options`.
+        **reading: How samples are judged, as for `rtamt_gym.simulate`.
 
     Raises:
         SpecificationError: If a requirement is wrong.
@@ -101,6 +99,9 @@ class Runner:
         1 violation -0.043
     """
 
+    reading: Reading
+    signals: Mapping[str, SignalLike] | None
+
     def __init__(
         self,
         system: Any,  # noqa: ANN401 - MuJoCo is not typed
@@ -110,13 +111,12 @@ class Runner:
         policy: Policy | None = None,
         policies: SeededPolicy | None = None,
         duration: float | None = None,
-        period: float | str | None = None,
         stop: Stop = "end",
         batch: int = 100,
-        **options: Unpack[Options],
+        **reading: Unpack[RunReading],
     ) -> None:
         check_choice("stop", stop, get_args(Stop))
-        check_options(options)
+        given = checked_reading(reading, type(self), RunReading)
         check_count(Argument("batch"), batch)
         if duration is not None and duration != math.inf:
             duration = check_number("duration", duration)
@@ -125,44 +125,23 @@ class Runner:
         self._system = self._made if self._made is not None else system
         self._policies = policies
         try:
-            requirements, reading = with_own_monitor(
-                monitor_of(self._system),
-                requirements,
-                {"signals": signals, "period": period, **options},
+            requirements, self.signals, self.reading = with_own_monitor(
+                monitor_of(self._system), requirements, signals, given
             )
-            signals, period = reading["signals"], reading["period"]
             simulation = getattr(self._system, "unwrapped", None)
             ran = as_system(self._system, policy, None, None, None, substeps=False)
             self.name = ran.name
             own = getattr(simulation, "requirements", {})
             self.requirements = load_requirements(requirements, own, self.name)
-            self._simulated: dict[str, Any] = {
-                **reading,
-                "policy": policy,
-                "duration": duration,
-                "stop": stop,
-            }
+            self._of_runs: dict[str, Any] = {"policy": policy, "duration": duration, "stop": stop}
             scenario = getattr(simulation, "scenario", None)
             self.inputs: tuple[Signal | Parameter, ...] = getattr(scenario, "inputs", ())
-            self.duration = duration_of(ran, duration, period)
-            self.period = period if period is not None else ran.period
-            judging = Judging(
-                stop,
-                reading.get("view", "episode"),
-                reading.get("nan", "raise"),
-                reading.get("align"),
-                Interface(
-                    reading.get("semantics", "standard"),
-                    reading.get("inputs"),
-                    reading.get("outputs"),
-                ),
-                reading.get("at_truncation", "cut"),
-            )
+            self.duration = duration_of(ran, duration, self.reading.period)
+            self.period = ran.period if self.reading.period is None else self.reading.period
             self._lanes = None
             if policy is None and policies is None and batch > 1:
-                self._lanes = lanes_of(
-                    self._system, self.requirements, signals, duration, period, judging, batch
-                )
+                judging = Judging(self.requirements, self.signals, self.reading)
+                self._lanes = lanes_of(self._system, judging, duration, stop, batch)
         except BaseException:
             self.close()
             raise
@@ -193,13 +172,13 @@ class Runner:
     @property
     def options(self) -> Mapping[str, Any]:
         """What every call of `rtamt_gym.simulate` is given."""
-        return {**self._simulated}
+        return {"signals": self.signals, **self.reading.options(), **self._of_runs}
 
     @property
     def arguments(self) -> Mapping[str, Any]:
         """The keyword arguments that make an equal runner of the same system and requirements."""
         more = {} if self._policies is None else {"policies": self._policies}
-        return {**self._simulated, "batch": self.batch, **more}
+        return {**self.options, "batch": self.batch, **more}
 
     @property
     def takes_seeds(self) -> bool:
@@ -296,7 +275,7 @@ class Runner:
         self, case: CaseLike, seed: int | None, above: Mapping[str, float] | None
     ) -> dict[str, Any]:
         """What `rtamt_gym.simulate` is given for a case, but for the policy of a seed."""
-        options = self._simulated | {"case": Case(case)}
+        options = {**self.options, "case": Case(case)}
         if self.takes_seeds:
             options["seed"] = seed
         if above is not None:
@@ -305,15 +284,10 @@ class Runner:
 
     def judge(self, name: str, trace: Trace) -> float:
         """The robustness of a requirement on samples that were kept."""
-        options: Any = {
-            option: self._simulated[option]
-            for option in ("semantics", "inputs", "outputs", "nan", "align")
-            if option in self._simulated
-        }
-        heights = rtamt.evaluate(
-            self.requirements[name], trace.signals, trace.period, n=trace.samples, **options
-        )
-        return float(heights.min() if self._simulated.get("view") == "step" else heights[0])
+        spec = self.requirements[name]
+        options = self.reading.having(period=trace.period).of_monitors({name: spec})[name]
+        heights = rtamt.evaluate(spec, trace.signals, n=trace.samples, **options)
+        return float(heights.min() if self.reading.view == "step" else heights[0])
 
     def _task(
         self,

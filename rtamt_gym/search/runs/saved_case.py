@@ -20,6 +20,7 @@ from rtamt import InputError, Specification, Verdict
 from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
+from rtamt_gym.judging.reading import ROWS, RunReading
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
 from rtamt_gym.search.runs.report import strict_json
@@ -32,11 +33,9 @@ __all__ = ["SavedCase"]
 
 _FORMAT: Final = "rtamt case 1"
 
-_READING: Final = (
-    *("view", "nan", "align", "semantics", "inputs", "outputs"),
-    *("at_termination", "at_truncation"),
+_READING: Final = tuple(
+    name for name in ROWS if name in RunReading.__annotations__ and name != "period"
 )
-"""The options of `simulate` that say how a run is judged."""
 
 _KEYS: Final = (
     *("format", "system", "requirement", "case", "seed", "duration", "period", "signals"),
@@ -134,7 +133,9 @@ class SavedCase:
             period=options.get("period"),
             duration=options.get("duration"),
             reading={
-                key: _listed(options[key]) for key in _READING if options.get(key) is not None
+                name: _listed(value)
+                for name, value in runner.reading.options().items()
+                if name != "period" and value not in (None, False)
             },
             robustness=outcome.robustness,
             verdict=outcome.verdict,
@@ -342,7 +343,7 @@ def _pairs(signals: Mapping[str, Any] | None) -> dict[str, Any] | None:
 
 def _listed(value: Any) -> Any:  # noqa: ANN401 - an option
     """An option as JSON holds it: several names are a list."""
-    return value if isinstance(value, str) else list(value)
+    return value if isinstance(value, str | bool) else list(value)
 
 
 def _checked_signals(signals: Mapping[str, Any] | None) -> Mapping[str, Any] | None:

@@ -30,10 +30,10 @@ def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
     simulation of a scenario takes, and the robustness of the whole trace a tenth. Unless it is
     violated, such a requirement is hardly ever certain long before the end.
     """
-    standard = {"view": "episode", "semantics": "standard"}
     return (
         runner.duration is not None
-        and all(runner.options.get(name, value) == value for name, value in standard.items())
+        and runner.reading.view == "episode"
+        and runner.reading.semantics == "standard"
         and all(spec.unit == "s" and spec.horizon <= runner.duration for spec in specs.values())
         and any(_nests(spec.formula) for spec in specs.values())
     )

@@ -18,12 +18,13 @@ from rtamt_gym.checks.callers import caller_level
 from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space, SpaceLike
+from rtamt_gym.judging.reading import EpisodeReading, checked_reading, lists_reading
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.campaigns.campaign import run_campaign
 from rtamt_gym.search.runs.record import Record, check_columns, storage
 from rtamt_gym.search.runs.report import failures, summary
 from rtamt_gym.search.runs.requirements import Requirements
-from rtamt_gym.search.runs.runner import Options, Runner
+from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.search.sweeps.heights import RobustnessMap, map_of
 from rtamt_gym.search.sweeps.indices import Indices, indices
 from rtamt_gym.search.sweeps.samplers import SampleCount, Sampler, sample
@@ -210,6 +211,7 @@ class Sweep:
         return "\n".join(lines)
 
 
+@lists_reading(EpisodeReading)
 def sweep(
     system: Any,  # noqa: ANN401 - MuJoCo is not typed
     requirements: Requirements | None = None,
@@ -222,7 +224,6 @@ def sweep(
     signals: Mapping[str, SignalLike] | None = None,
     policy: Policy | None = None,
     duration: float | None = None,
-    period: float | str | None = None,
     stop: Stop = "end",
     batch: int = 100,
     n_jobs: int | None = None,
@@ -230,7 +231,7 @@ def sweep(
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
     progress: bool = True,
-    **options: Unpack[Options],
+    **reading: Unpack[EpisodeReading],
 ) -> Sweep:
     r"""Runs a system on many points of a space; keeps what every requirement becomes on each.
 
@@ -253,7 +254,6 @@ def sweep(
         signals: As for `simulate`.
         policy: As for `simulate`.
         duration: The simulated time of a run, in seconds. None: until the system ends by itself.
-        period: As for `simulate`.
         stop: When to stop a run, as for `simulate`; here ``"end"`` unless it is given, because the
             robustness of whole runs is compared.
         batch: How many simulations run side by side at most; 1: none do.
@@ -268,8 +268,9 @@ def sweep(
         folder: A folder for finished simulations. The same call goes on there after an
             interruption, with those that are not finished; `Record.load` reads them at any time.
         progress: Whether to show a bar on a terminal, after a second, if tqdm is installed.
-        **options: ``view``, ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``,
-            ``at_termination`` and ``at_truncation`` as for `simulate`.
+        **reading: How samples are judged, the options of `rtamt_gym.Reading`: ``period``, ``view``,
+            ``nan``, ``align``, ``semantics``, ``inputs``, ``outputs``, ``at_termination`` and
+            ``at_truncation``.
 
     Returns:
         The record, the space, and what follows from them. An error of a simulation is in its row.
@@ -313,17 +314,16 @@ def sweep(
         >>> done.replay(row)
         <Run of tank: terminated at 19 s, 20 samples>
     """
-    seed = _checked_seed(seed)
+    seed, judged = _checked_seed(seed), checked_reading(reading, sweep, EpisodeReading)
     runner = Runner(
         system,
         requirements,
         signals=signals,
         policy=policy,
         duration=duration,
-        period=period,
         stop=stop,
         batch=batch,
-        **options,
+        **judged.options(),
     )
     varied = space_of(runner, space, "sweep")
     given = Case(fixed or {})

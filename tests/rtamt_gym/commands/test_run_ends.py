@@ -147,5 +147,5 @@ def test_another_reading_is_refused(capsys: Output) -> None:
     assert main([*RUN, *INVARIANT, "--at-truncation", "failure"]) == 2
     assert capsys.readouterr().err == (
         "rtamt: error: argument --at-truncation: invalid choice: 'failure' "
-        "(choose from 'cut', 'complete', 'open'); see rtamt run --help\n"
+        "(choose from 'complete', 'cut', 'open'); see rtamt run --help\n"
     )

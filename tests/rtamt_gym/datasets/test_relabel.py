@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from recordings import difference, monitored, record
 from replay import INF, Replay, X, shaping_options
 
-from rtamt import InputError
+from rtamt import End, InputError
 from rtamt_gym import relabel
 from rtamt_gym.datasets import relabel as module
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.ends import AtTermination, AtTruncation
+from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.shaping import Mode
 from rtamt_gym.wrappers.monitoring import MonitorOptions
 from rtamt_gym.wrappers.rewarding import ShapingOptions
@@ -41,7 +41,7 @@ MODES = st.one_of(st.none(), st.sampled_from(get_args(Mode)))
     cost=st.sampled_from([None, *get_args(Cost)]),
     view=st.sampled_from(["episode", "step"]),
     at_termination=st.sampled_from(get_args(AtTermination)),
-    at_truncation=st.sampled_from(get_args(AtTruncation)),
+    at_truncation=st.sampled_from(get_args(End)),
     bonus=st.sampled_from([0.0, 0.5]),
     penalty=st.sampled_from([0.0, 2.0]),
     lanes=st.integers(1, 4),
@@ -54,7 +54,7 @@ def test_every_option_gives_what_the_wrappers_give_online(
     cost: Cost | None,
     view: Any,  # noqa: ANN401
     at_termination: AtTermination,
-    at_truncation: AtTruncation,
+    at_truncation: End,
     bonus: float,
     penalty: float,
     lanes: int,

@@ -145,10 +145,10 @@ def test_options_that_are_not_about_records_are_refused() -> None:
         with pytest.raises(InputTypeError) as error:
             relabel([episode()], "always(x > 0)", X, mode="add", **{name: 1})  # type: ignore[call-overload]
         assert str(error.value) == (
-            f"relabel() has no option {name!r}; the options are 'period', 'at_termination', "
-            "'at_truncation', 'view', 'nan', 'align', 'semantics', 'inputs', 'outputs', 'details', "
-            "'cost', 'weight', 'clip', 'gamma', 'temperature', 'weights', 'priorities', 'bonus', "
-            f"'penalty'{nearest}"
+            f"relabel() has no option {name!r}; the options are 'semantics', 'inputs', "
+            "'outputs', 'period', 'nan', 'align', 'view', 'at_termination', 'at_truncation', "
+            "'details', 'cost', 'weight', 'clip', 'gamma', 'temperature', 'weights', 'priorities', "
+            f"'bonus', 'penalty'{nearest}"
         )
     assert message([episode()], weight=2.0) == (
         'weight= is about shaped rewards, which mode= asks for; give one, such as mode="add"'

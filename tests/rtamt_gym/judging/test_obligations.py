@@ -13,8 +13,8 @@ from obligations_oracle import Expected, clock, margin
 
 import rtamt
 from rtamt_gym.judging.clocks import Obligations
-from rtamt_gym.judging.interface import STANDARD
 from rtamt_gym.judging.obligations import obligations_of
+from rtamt_gym.judging.reading import Reading
 
 P, Q, R = "p > 0", "q > 0", "r > 0"
 COLUMNS = ["p", "q", "r"]
@@ -103,7 +103,7 @@ traces = st.lists(st.tuples(values, values, values), min_size=1, max_size=10)
 
 
 def made(text: str, num: int) -> Obligations:
-    return Obligations({"spec": rtamt.parse(text)}, num, 1, "raise", STANDARD, None, COLUMNS)
+    return Obligations({"spec": rtamt.parse(text)}, num, Reading(period=1), COLUMNS)
 
 
 @settings(max_examples=150)
@@ -232,17 +232,17 @@ def test_where_it_is_not_enough_is_known(text: str) -> None:
     "text", ["always(p > 0)", "eventually[0:5](p > 0)", f"{P} until {Q}", f"not eventually({P})"]
 )
 def test_an_operator_at_the_top_has_no_clock(text: str) -> None:
-    assert obligations_of(rtamt.parse(text), 1, None) == []
+    assert obligations_of(rtamt.parse(text), Reading(period=1)) == []
 
 
 def test_an_operand_that_is_never_known_leaves_out_its_operator() -> None:
-    (found,) = obligations_of(rtamt.parse(f"always(eventually(always({Q})))"), 1, None)
+    (found,) = obligations_of(rtamt.parse(f"always(eventually(always({Q})))"), Reading(period=1))
     assert (str(found.formula), found.kind) == (f"always({Q})", "oldest")
 
 
 def test_windows_are_in_samples_and_rounded_as_asked() -> None:
     spec = rtamt.parse("always(eventually[0.1:0.25](q > 0))")
-    (found,) = obligations_of(spec, 0.05, None)
+    (found,) = obligations_of(spec, Reading(period=0.05))
     assert (found.begin, found.end) == (2, 5)
-    (found,) = obligations_of(spec, 0.1, "outward")
+    (found,) = obligations_of(spec, Reading(period=0.1, align="outward"))
     assert (found.begin, found.end) == (1, 3)

@@ -18,7 +18,7 @@ from strategies import VARIABLES, formulas
 
 import rtamt
 from rtamt_gym import StepMonitor
-from rtamt_gym.judging.specs import View
+from rtamt_gym.judging.reading import View
 
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 

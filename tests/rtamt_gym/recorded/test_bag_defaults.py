@@ -11,8 +11,8 @@ from bags import START, Said, twist, write_bag
 
 import rtamt
 from rtamt_gym.__main__ import main
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
@@ -25,7 +25,7 @@ TEXT = """
     slow = always(cmd.linear.x < limit)
 """
 SPEC = rtamt.parse(TEXT)
-RULES = Rules(Fraction(1))
+RULES = Reading(period=Fraction(1))
 
 
 def bag(folder: Path, limits: dict[int, float], name: str = "run.mcap") -> str:
@@ -58,7 +58,7 @@ def test_a_default_counts_before_the_first_message(
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == values
     assert (trace.notes, trace.known_from) == ([note], {})
-    dense, _ = read_ruled(path, {"": SPEC}, Rules(dense=True), Columns())
+    dense, _ = read_ruled(path, {"": SPEC}, Reading(dense=True), Columns())
     assert isinstance(dense, EventTrace)
     times = [0, *(second for second in limits if second), *([4] * (4 not in limits))]
     held = [values[second] for second in times]
@@ -74,7 +74,7 @@ def test_a_topic_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
 def test_defaults_alone_pass_no_gate(tmp_path: Path) -> None:
     path = bag(tmp_path, {})
     spec = rtamt.parse("input float64 limit = 0.5; always(limit > 0)")
-    for rules in (RULES, Rules(dense=True)):
+    for rules in (RULES, Reading(dense=True)):
         with pytest.raises(rtamt.InputError) as caught:
             read_ruled(path, {"one": SPEC, "alone": spec}, rules, Columns())
         assert str(caught.value) == (

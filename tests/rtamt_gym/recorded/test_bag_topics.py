@@ -9,8 +9,8 @@ import pytest
 from bags import START, Said, twist, write_bag
 
 import rtamt
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 
@@ -41,7 +41,7 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 def first(bag: str, text: str, **signals: str) -> dict[str, float]:
     """The values of the variables of a text at the first sample; ``__`` in a name is a dot."""
     columns = Columns({name.replace("__", "."): where for name, where in signals.items()})
-    trace, _ = read_ruled(bag, {"": rtamt.parse(text)}, Rules(Fraction(1)), columns)
+    trace, _ = read_ruled(bag, {"": rtamt.parse(text)}, Reading(period=Fraction(1)), columns)
     assert isinstance(trace, Trace)
     return {name: float(values[0]) for name, values in trace.columns.items()}
 
@@ -186,13 +186,13 @@ def test_specifications_that_differ_in_a_topic_are_refused(bag: str) -> None:
         for name, topic in (("a", "/robot0/cmd_vel"), ("b", "/robot1/cmd_vel"))
     }
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(bag, both, Rules(dense=True), Columns())
+        read_ruled(bag, both, Reading(dense=True), Columns())
     assert str(caught.value) == (
         "expected one topic for 'cmd', which two specifications read, got /robot0/cmd_vel and "
         "/robot1/cmd_vel; give one of them another name, or judge them one at a time"
     )
     both["b"] = rtamt.parse("cmd.linear.x > 3")  # says nothing of its own
-    trace, _ = read_ruled(bag, both, Rules(Fraction(1)), Columns())
+    trace, _ = read_ruled(bag, both, Reading(period=Fraction(1)), Columns())
     assert isinstance(trace, Trace)
     assert trace.columns["cmd.linear.x"].tolist() == [1.0]
 
@@ -206,21 +206,21 @@ def test_numbers_that_are_missing_are_refused_or_leave_the_value_before(tmp_path
     path = str(write_bag(tmp_path / "run.mcap", said))
     spec, signals = rtamt.parse("x > 0"), {"x": "/scan.ranges[0]"}
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": spec}, Rules(Fraction(1)), Columns(signals))
+        read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns(signals))
     assert str(caught.value) == (
         f"{path}, message 2 of /scan, recorded at 1 s: expected a number for 'x', got nan; "
         "give --missing hold or --missing drop"
     )
     for columns in (Columns(signals, missing="hold"), Columns(signals, missing="drop")):
-        trace, _ = read_ruled(path, {"": spec}, Rules(Fraction(1)), columns)
+        trace, _ = read_ruled(path, {"": spec}, Reading(period=Fraction(1)), columns)
         assert isinstance(trace, Trace)
         assert trace.columns["x"].tolist() == [0.5, 0.5, 0.5, 0.25, float("inf")]
         assert [*trace.notes] == ["messages without a number leave the value before (x: 2)"]
     path = str(write_bag(tmp_path / "short.mcap", said[2:3]))
     with pytest.raises(rtamt.InputError, match=r"got a list that is shorter; give --missing hold"):
-        read_ruled(path, {"": spec}, Rules(Fraction(1)), Columns(signals))
+        read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns(signals))
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": spec}, Rules(Fraction(1)), Columns(signals, missing="hold"))
+        read_ruled(path, {"": spec}, Reading(period=Fraction(1)), Columns(signals, missing="hold"))
     assert str(caught.value) == (
         f"{path}: expected a number for 'x' in a message of /scan, got none"
     )

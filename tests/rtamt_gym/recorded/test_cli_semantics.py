@@ -11,8 +11,8 @@ import pytest
 from command_line import write_files
 
 import rtamt
+from rtamt import SemanticsName
 from rtamt_gym.__main__ import main
-from rtamt_gym.judging.interface import Semantics
 
 Output = pytest.CaptureFixture[str]
 TEXT = """\
@@ -35,7 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("semantics", ["output-robustness", "input-robustness", "output-vacuity"])
 def test_every_formula_of_a_trace_is_judged_under_the_semantics(
-    semantics: Semantics, folder: Path, capsys: Output
+    semantics: SemanticsName, folder: Path, capsys: Output
 ) -> None:
     command = ["monitor", "roles.stl", "even.csv", "--semantics", semantics, "--out", "out.csv"]
     code = main(command)

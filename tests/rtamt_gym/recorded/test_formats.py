@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 import rtamt
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import csv_reader
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.csv_reader import CsvRecording
 from rtamt_gym.recorded.event_rows import read_events
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.readers import extensions, open_recording
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
@@ -125,7 +125,7 @@ def ruled(path: Path, variables: Sequence[str], *, dense: bool = False) -> Trace
     """Reads a trace as commands do; bags are sampled every 0.125 s."""
     period = Fraction(1, 8) if path.suffix in BAGS and not dense else None
     spec = rtamt.parse(" and ".join(f"{name} < 9" for name in variables))
-    trace, _ = read_ruled(str(path), {"": spec}, Rules(period, dense=dense), Columns())
+    trace, _ = read_ruled(str(path), {"": spec}, Reading(period=period, dense=dense), Columns())
     return trace
 
 

@@ -7,8 +7,9 @@ import pytest
 
 import rtamt
 from rtamt_gym.__main__ import main
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import output
-from rtamt_gym.recorded.judge import Rules, judge, judge_events
+from rtamt_gym.recorded.judge import judge, judge_events
 from rtamt_gym.recorded.output import WRITERS, save
 from rtamt_gym.recorded.readers import open_recording
 from rtamt_gym.recorded.recording import Wanted
@@ -41,7 +42,7 @@ def test_values_come_back_bit_by_bit(
     monkeypatch.setattr(output, "_PIECE", 7)
     samples = trace()
     period = samples.period()
-    judgements = {name: judge(s, samples, period, Rules()) for name, s in SPECS.items()}
+    judgements = {name: judge(s, samples, period, Reading()) for name, s in SPECS.items()}
     save(judgements, path, dense=False)
     with open_recording(str(path)) as recording:
         assert [*recording.names] == ["time", "near.close", "near.near", "far, but"]
@@ -62,7 +63,7 @@ def test_events_come_back_in_the_order_of_their_times(
     monkeypatch.setattr(output, "_LONG", long)
     times = np.arange(8) / 8
     events = EventTrace("made", {"x": (times, np.nan_to_num(X, posinf=9, neginf=-9))})
-    judgements = {name: judge_events(s, events, Rules(dense=True)) for name, s in SPECS.items()}
+    judgements = {name: judge_events(s, events, Reading(dense=True)) for name, s in SPECS.items()}
     save(judgements, path, dense=True)
     with open_recording(str(path)) as recording:
         assert [*recording.names] == ["time", "variable", "value"]

@@ -9,8 +9,8 @@ import pytest
 
 import rtamt
 from rtamt_gym.__main__ import main
+from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns, Missing
-from rtamt_gym.recorded.judge import Rules
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace
 
@@ -47,7 +47,7 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
     tmp_path: Path, text: str, missing: Missing, limits: list[float], notes: list[str]
 ) -> None:
     columns = Columns(missing=missing)
-    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Rules(), columns)
+    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Reading(), columns)
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == limits
     assert trace.notes == notes
@@ -83,7 +83,7 @@ def test_a_default_counts_where_a_table_has_no_value_yet(
 def test_a_default_is_an_event_at_the_first_row(
     tmp_path: Path, text: str, limits: list[list[float]], notes: list[str]
 ) -> None:
-    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Rules(dense=True), Columns())
+    trace, _ = read_ruled(table(tmp_path, text), {"": SPEC}, Reading(dense=True), Columns())
     assert isinstance(trace, EventTrace)
     assert list(trace.signals) == ["x", "limit"]
     assert trace.tables["limit"].tolist() == limits
@@ -93,7 +93,7 @@ def test_a_default_is_an_event_at_the_first_row(
 def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
     path = table(tmp_path, ABSENT)
     with pytest.raises(rtamt.InputError) as caught:
-        read_ruled(path, {"": SPEC}, Rules(), Columns({"limit": "lim"}))
+        read_ruled(path, {"": SPEC}, Reading(), Columns({"limit": "lim"}))
     assert str(caught.value) == (
         f"{path}: no column 'lim', which the specification reads; the columns are time, x"
     )
@@ -101,7 +101,7 @@ def test_a_column_that_was_asked_for_has_to_be_there(tmp_path: Path) -> None:
 
 def test_a_column_of_nearly_the_same_name_is_named(tmp_path: Path) -> None:
     path = table(tmp_path, "time,x,Limit\n1,0.25,1\n2,0.125,1\n")
-    trace, _ = read_ruled(path, {"": SPEC}, Rules(), Columns())
+    trace, _ = read_ruled(path, {"": SPEC}, Reading(), Columns())
     assert trace.notes == [
         "'limit' is 0.5, its default: there is no such column; did you mean 'Limit'?"
     ]
@@ -164,7 +164,7 @@ def test_a_default_is_kept_with_the_outcomes(
     assert cell["robustness"] == 0.25
     # The formula of the outcomes has lost its declarations.
     again = rtamt.parse(outcomes["requirements"]["out"])
-    trace, _ = read_ruled(path, {"": again}, Rules(), Columns(**outcomes["columns"]))
+    trace, _ = read_ruled(path, {"": again}, Reading(), Columns(**outcomes["columns"]))
     assert trace.notes == ["'limit' is 0.5, its default: there is no such column"]
 
 

@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import rtamt
-from rtamt_gym.recorded.judge import Rules, judge, signals_of
+from rtamt_gym.judging.reading import Reading
+from rtamt_gym.recorded.judge import judge, signals_of
 from rtamt_gym.recorded.plot import draw_trace
 from rtamt_gym.recorded.times import TimeAxis
 from rtamt_gym.recorded.trace import Trace
@@ -18,7 +19,7 @@ def drawn(texts: dict[str, str], *, everything: bool = False) -> Figure:
     specs = {name: rtamt.parse(text) for name, text in texts.items()}
     names = dict.fromkeys(v for spec in specs.values() for v in spec.variables)
     trace = Trace("made", {name: SIGNALS[name] for name in names}, N, times, str)
-    judgements = {name: judge(s, trace, trace.period(), Rules()) for name, s in specs.items()}
+    judgements = {name: judge(s, trace, trace.period(), Reading()) for name, s in specs.items()}
     reads = {name: spec.variables for name, spec in specs.items()}
     signals = signals_of(trace, trace.period())
     return draw_trace(signals, judgements, "made", reads, everything=everything)

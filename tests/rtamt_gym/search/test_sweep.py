@@ -301,9 +301,8 @@ def broken(x: float) -> Iterator[dict[str, float]]:
             {"at_trunction": "open"},
             InputTypeError,
             (
-                "expected options that simulate has, one of 'view', 'nan', 'align', 'semantics', "
-                "'inputs', 'outputs', 'at_termination', 'at_truncation', got at_trunction=; did "
-                "you mean 'at_truncation'?"
+                "sweep() got an unexpected keyword argument 'at_trunction'; did you mean "
+                "'at_truncation'?"
             ),
         ),
         (

@@ -12,7 +12,7 @@ from mujoco_models import BOXES, BOXES_SIGNALS, BOXES_SPECS
 
 from rtamt import InputError, InputTypeError, StateError
 from rtamt_gym import Run, Snapshot, StepMonitor, simulate
-from rtamt_gym.judging.specs import View
+from rtamt_gym.judging.reading import View
 
 SIGNALS: dict[str, Any] = {
     **BOXES_SIGNALS,
@@ -255,13 +255,6 @@ def test_what_a_monitor_has_of_its_own_is_refused() -> None:
     given: dict[str, Any] = {
         "specs": "always(z > 0)",
         "signals": {"z": "qpos[0]"},
-        "period": 0.1,
-        "view": "step",
-        "nan": "hold",
-        "align": "nearest",
-        "semantics": "boolean",
-        "inputs": ["z"],
-        "outputs": ["z"],
     }
     for name, value in given.items():
         with pytest.raises(InputError) as refused:
@@ -269,6 +262,21 @@ def test_what_a_monitor_has_of_its_own_is_refused() -> None:
         assert str(refused.value) == (
             f"{name}= is for systems without a monitor, got {name}={value!r} for a StepMonitor, "
             "which has its own; give it to StepMonitor(...)"
+        )
+    other = {
+        "period": (0.1, "0.005"),
+        "view": ("step", "'episode'"),
+        "nan": ("hold", "'raise'"),
+        "align": ("nearest", "None"),
+        "semantics": ("boolean", "'standard'"),
+        "inputs": (("z",), "None"),
+        "outputs": (("z",), "None"),
+    }
+    for name, (value, has) in other.items():
+        with pytest.raises(InputError) as refused:
+            simulate(monitor, duration=1, **{name: value})  # type: ignore[arg-type]  # any of them
+        assert str(refused.value) == (
+            f"{name}= comes from the StepMonitor, which has {has}, got {value!r}; leave it out"
         )
     assert monitor.samples == 0
 

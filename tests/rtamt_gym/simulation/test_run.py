@@ -12,7 +12,7 @@ from strategies import INFINITIES, Trace, formulas, length, sample, traces
 import rtamt
 from rtamt import Formula, InputError, Verdict
 from rtamt_gym import Run, simulate
-from rtamt_gym.judging.specs import View
+from rtamt_gym.judging.reading import View
 from rtamt_gym.simulation.record import Stop
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}

@@ -17,10 +17,10 @@ from oracle import order
 from strategies import INTEGERS, Trace, formulas, length, sample, traces
 
 import rtamt
-from rtamt import Formula, InputError
+from rtamt import Formula, InputError, SemanticsName
 from rtamt_gym import Run, StepMonitor, simulate
-from rtamt_gym.judging.interface import EXACT, Semantics
-from rtamt_gym.judging.specs import View
+from rtamt_gym.judging.interface import EXACT
+from rtamt_gym.judging.reading import View
 
 SPECS = {"low": "always(x < 3)", "soon": "eventually[0:1](x > 2)"}
 
@@ -34,7 +34,7 @@ def run(*values: float, specs: Any = SPECS, **options: Any) -> Run:  # noqa: ANN
     both=st.tuples(formulas(depth=2), formulas(depth=2)),
     trace=traces(values=INTEGERS),
     view=st.sampled_from(("episode", "step")),
-    semantics=st.sampled_from(get_args(Semantics)),
+    semantics=st.sampled_from(get_args(SemanticsName)),
     align=st.sampled_from((None, "outward")),
     period=st.sampled_from((1, 0.5)),
     stop=st.sampled_from(("violation", "decided", "end")),
@@ -43,7 +43,7 @@ def test_a_run_explains_what_was_monitored(
     both: tuple[Formula, Formula],
     trace: Trace,
     view: View,
-    semantics: Semantics,
+    semantics: SemanticsName,
     align: Any,  # noqa: ANN401
     period: float,
     stop: Any,  # noqa: ANN401

@@ -185,7 +185,7 @@ def test_a_branch_of_a_monitor_ends_and_the_monitor_does_not() -> None:
         ),
         (
             {"at_truncation": "failure"},
-            "expected at_truncation='cut' or 'complete' or 'open', got 'failure'",
+            "expected at_truncation='complete' or 'cut' or 'open', got 'failure'",
         ),
     ],
 )

@@ -12,10 +12,10 @@ from mujoco import rollout
 from mujoco_models import arm
 
 import rtamt
+from rtamt import SemanticsName
 from rtamt_gym import Run, Snapshot, StepMonitor, evaluate_rollouts, simulate
-from rtamt_gym.judging.interface import Semantics
 
-SEMANTICS = get_args(Semantics)
+SEMANTICS = get_args(SemanticsName)
 SPECS = {
     "granted": "always(req >= 3 implies eventually[0:2](gnt >= 3))",
     "asked": "eventually(req >= 4)",
@@ -27,7 +27,7 @@ COLUMNS = {name: np.array([row[name] for row in TRACE], np.float64) for name in 
 
 @pytest.mark.parametrize("semantics", SEMANTICS)
 def test_a_run_has_the_robustness_of_its_semantics_and_is_replayed_under_it(
-    semantics: Semantics, tmp_path: Path
+    semantics: SemanticsName, tmp_path: Path
 ) -> None:
     run = simulate(TRACE, SPECS, period=1, stop="end", semantics=semantics, **ROLES)
     for name, text in SPECS.items():
@@ -90,7 +90,7 @@ ARM = "always(rate > 0.1 implies eventually[0:0.02](angle > 0.05))"
 
 
 @pytest.mark.parametrize("semantics", SEMANTICS)
-def test_a_step_monitor_judges_under_its_semantics(semantics: Semantics) -> None:
+def test_a_step_monitor_judges_under_its_semantics(semantics: SemanticsName) -> None:
     model, data = arm("Euler")
     options: Any = {"semantics": semantics, "inputs": ["rate"], "outputs": ["angle"]}
     monitor = StepMonitor(model, data, ARM, SIGNALS, **options)
@@ -125,7 +125,7 @@ def test_a_snapshot_of_another_semantics_is_refused() -> None:
 
 
 @pytest.mark.parametrize("semantics", SEMANTICS)
-def test_rollouts_are_evaluated_under_their_semantics(semantics: Semantics) -> None:
+def test_rollouts_are_evaluated_under_their_semantics(semantics: SemanticsName) -> None:
     model, data = arm("Euler")
     start = np.zeros((2, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     start[:, 1:3] = [[0.2, 0.1], [-0.2, 0.3]]

@@ -15,7 +15,7 @@ from vector_environments import Envs, sync
 from rtamt import InputError, SpecificationError
 from rtamt_gym import StlMonitor, StlReward, VectorStlMonitor, VectorStlReward
 from rtamt_gym.judging.costs import Cost
-from rtamt_gym.judging.specs import View
+from rtamt_gym.judging.reading import View
 
 INVARIANT = "always(x > 1)"
 ASSUMED = (
@@ -164,11 +164,11 @@ def test_a_success_that_the_environment_reports_is_kept_and_said_once() -> None:
         ),
         (
             {"at_truncation": None},
-            "expected at_truncation='cut' or 'complete' or 'open', got None",
+            "expected at_truncation='complete' or 'cut' or 'open', got None",
         ),
         (
             {"at_truncation": "failure"},
-            "expected at_truncation='cut' or 'complete' or 'open', got 'failure'",
+            "expected at_truncation='complete' or 'cut' or 'open', got 'failure'",
         ),
         (
             {"cost": "indicator"},

@@ -17,7 +17,7 @@ import rtamt
 from rtamt import InputError, StateError
 from rtamt_gym import StlMonitor, StlReward, simulate
 from rtamt_gym.judging.panel import Panel
-from rtamt_gym.judging.specs import View
+from rtamt_gym.judging.reading import Reading, View
 
 STEPS = 12
 
@@ -165,7 +165,7 @@ def test_without_history_nothing_is_kept_and_the_error_names_the_option() -> Non
         assert judge.update == judge._machine.update
     for view in ("episode", "step"):
         spec = rtamt.parse("x > 1" if view == "step" else "always(x > 1)")
-        panel = Panel({"a": spec}, 1, view, history=True)
+        panel = Panel({"a": spec}, Reading(period=1, view=view), history=True)
         ((_, judge),) = panel.monitors.values()
         assert judge.update != judge._machine.update
 
