@@ -140,6 +140,17 @@ std::string state_of(M& machine) {
     return std::move(out).written();
 }
 
+// Lets a machine go on from the state of another one of the same program.
+template <class M>
+void follow(M& machine, M& other) {
+    Snapshot out;
+    other.fields(out);
+    const std::string bytes = std::move(out).written();
+    Snapshot in{std::string_view(bytes)};
+    machine.reset();
+    machine.fields(in);
+}
+
 // Throws std::invalid_argument on bytes that are no snapshot of a machine with this program, or a
 // damaged one: then nothing changes.
 template <class M>

@@ -97,7 +97,7 @@ private:
             greatest_ = std::make_unique<EpisodeMachine>(program_.terms, variables(),
                                                          program_.formulas, program_.initial,
                                                          program_.streams);
-        restore_from(*greatest_, state_of(*least_));
+        follow(*greatest_, *least_);
         apart_ = true;
     }
 

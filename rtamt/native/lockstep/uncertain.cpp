@@ -73,7 +73,7 @@ void UncertainBank::part() {
     if (!greatest_)
         greatest_ = std::make_unique<EpisodeBank>(program_.terms, variables(), program_.formulas,
                                                   program_.initial, program_.streams, num());
-    restore_from(*greatest_, state_of(*least_));
+    follow(*greatest_, *least_);
     apart_ = true;
 }
 

@@ -14,17 +14,20 @@ namespace {
 
 struct EpisodeObject : NamedObject<UncertainEpisode> {
     Readout readout;
+    bool nan_is_unknown = false;  // as the reader has it
 };
 
 void construct(EpisodeObject* self, const nb::sequence& terms, const nb::sequence& formulas,
                const nb::sequence& initial, const nb::sequence& streams,
                const nb::tuple& variables, nb::object reader) {
+    const nb::object policy = nb::getattr(reader, "nan", nb::none());
     new (self) EpisodeObject{
         {{UncertainEpisode(discrete_rows(terms), nb::len(variables), formula_rows(formulas),
                          registers_of(initial), registers_of(streams)),
           std::move(reader)},
          Arguments(variables)},
-        {}};
+        {},
+        policy.equal(nb::str("unknown"))};
 }
 
 double finish(EpisodeObject& object, const std::string& end) {

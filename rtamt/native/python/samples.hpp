@@ -4,6 +4,7 @@
 #include <nanobind/nanobind.h>
 
 #include <algorithm>
+#include <limits>
 #include <vector>
 
 #include "python/arrays.hpp"
@@ -62,6 +63,24 @@ bool take_between(NamedObject<M>& object, nb::handle values) {
     return true;
 }
 
+// Takes in the pending sample, nan being what is not known. Returns false if there is none, or if a
+// term has no value.
+template <class T>
+bool take_unknown(T& object) {
+    constexpr double inf = std::numeric_limits<double>::infinity();
+    const double* sample = object.machine.pending();
+    std::vector<double> lower(sample, sample + object.machine.variables());
+    std::vector<double> upper = lower;
+    bool unknown = false;
+    for (std::size_t i = 0; i < lower.size(); ++i) {
+        if (lower[i] == lower[i]) continue;
+        unknown = true;
+        lower[i] = -inf;
+        upper[i] = inf;
+    }
+    return unknown && object.machine.take(lower.data(), upper.data());
+}
+
 // Leaves the rare forms of arguments, nan and all errors to the reader.
 template <class M>
 void take_slowly(NamedObject<M>& object, PyObject* const* args, Py_ssize_t n, PyObject* kwnames) {
@@ -103,6 +122,9 @@ PyObject* update(PyObject* self, PyObject* const* args, Py_ssize_t n, PyObject* 
         if (!read_at_once(object.arguments, args, n, kwnames, machine.pending())) [[unlikely]] {
             take_slowly(object, args, n, kwnames);
         } else if (!machine.take()) [[unlikely]] {
+            if constexpr (requires { object.nan_is_unknown; }) {
+                if (object.nan_is_unknown && take_unknown(object)) return result_of(object);
+            }
             const double* values = machine.pending();
             if (std::none_of(values, values + machine.variables(), [](double x) { return x != x; }))
                 refuse_nan(object, values, machine.samples());
