@@ -89,7 +89,7 @@ else:
         native.discrete_machine,
         machine_with_neutrals(native.episode_machine),
         native.dense_machine,
-        PythonDenseEpisodeMachine,
+        native.dense_episode_machine,
         native.discrete_bank,
         bank_with_neutrals(native.episode_bank),
         native.term_ranges,

@@ -11,11 +11,21 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, Row
+from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
-from rtamt.program.encoding import encoded_dense, encoded_discrete, encoded_episode
+from rtamt.program.dense_regions import RegionProgram
+from rtamt.program.encoding import (
+    encoded_dense,
+    encoded_discrete,
+    encoded_episode,
+    encoded_regions,
+)
+from rtamt.program.placement import Placement
 from rtamt.program.program import Program
 
 __all__ = [
+    "dense_episode_machine",
     "dense_machine",
     "discrete_bank",
     "discrete_machine",
@@ -47,6 +57,40 @@ def dense_machine(
     program: DenseProgram, reader: EventReader, observed: Sequence[int]
 ) -> _native.DenseMachine:
     return _native.DenseMachine(*encoded_dense(program), observed, reader)
+
+
+class _Regions(StateFields):
+    """The registers in C++, where the Python machine has `Regions`."""
+
+    STATE = ()
+
+    def __init__(self, placement: Placement) -> None:
+        self._machine = _native.DenseRegions(*encoded_regions(placement))
+
+    @property
+    def t(self) -> int:
+        return self._machine.t
+
+    def advance(self, rows: Sequence[Row], t: int) -> None:
+        self._machine.advance(rows, t)
+
+    def look(self, worlds: Sequence[int]) -> list[float]:
+        values = self._machine.look(max(worlds) + 1)
+        return [values[world] for world in worlds]
+
+    def reset(self) -> None:
+        self._machine.reset()
+
+    def state(self) -> list[bytes]:
+        return [self._machine.state()]
+
+    def restore(self, state: list[bytes]) -> None:
+        (saved,) = state
+        self._machine.restore(saved)
+
+
+def dense_episode_machine(program: RegionProgram, reader: EventReader) -> PythonDenseEpisodeMachine:
+    return PythonDenseEpisodeMachine(program, reader, _Regions)
 
 
 def discrete_bank(program: Program, num: int, reader: LaneReader) -> _native.DiscreteBank:

@@ -124,8 +124,8 @@ class DenseEpisodeMonitor(DirectUpdate, Online[DenseEpisodeMachine, DenseProgram
     )
     decided_at: MachineValue[float | None] = machine_value(
         "decided_at",
-        "The first time after which no continuation and no end changes the verdict, as those of "
-        "the events; None while there is none.",
+        "The first tick such that the trace up to it decides the verdict, whatever follows: a time "
+        "as those of the events; None while there is none, and if the end decided.",
     )
     finished: MachineValue[bool] = machine_value(
         "finished", "Whether `finish` has ended the trace."

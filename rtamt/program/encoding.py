@@ -12,7 +12,7 @@ from typing import NamedTuple, assert_never
 
 from rtamt.program.dense_lowering import MAX_TICKS, DenseProgram
 from rtamt.program.instructions import Const, Instruction, Load, Map, Window
-from rtamt.program.placement import place
+from rtamt.program.placement import Placement, place
 from rtamt.program.program import Program
 from rtamt.program.schedule import Delay, schedule
 
@@ -22,11 +22,14 @@ __all__ = [
     "Encoded",
     "EncodedDense",
     "EncodedEpisode",
+    "EncodedRegions",
     "FormulaRow",
+    "RegionRow",
     "clock_of",
     "encoded_dense",
     "encoded_discrete",
     "encoded_episode",
+    "encoded_regions",
 ]
 
 
@@ -64,6 +67,30 @@ class DenseRow(NamedTuple):
     value: float
     lo: int | None
     hi: int | None
+
+
+class RegionRow(NamedTuple):
+    """An instruction after the terms over the regions of dense time; bounds are positions."""
+
+    kind: str
+    name: str
+    first: int
+    second: int
+    lo: int | None
+    hi: int | None
+    guard: bool  # these two as in `rtamt.program.instructions.Window`
+    endless: bool
+
+
+class EncodedRegions(NamedTuple):
+    """A program over regions as `rtamt.program.placement.Placement` describes it."""
+
+    terms: int
+    constants: tuple[tuple[int, float], ...]  # the terms that are constants
+    rows: tuple[RegionRow, ...]
+    initial: tuple[int, ...]
+    streams: tuple[int, ...]
+    unknowns: tuple[int, ...]
 
 
 class Encoded(NamedTuple):
@@ -133,6 +160,31 @@ def encoded_episode(program: Program) -> EncodedEpisode:
         placement.initial,
         placement.streams,
         program.variables,
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def encoded_regions(placement: Placement) -> EncodedRegions:
+    """The placement of a program over the regions of dense time."""
+    program = placement.program
+    rows = []
+    for register in range(program.terms, len(program.instructions)):
+        instruction = program.formula(register)
+        lo = hi = None
+        guard = endless = False
+        if isinstance(instruction, Window):
+            lo, hi = instruction.lo, instruction.hi
+            guard, endless = instruction.guard, instruction.endless
+        kind, name, first, second, _ = _fields(program, instruction)
+        rows.append(RegionRow(kind, name, first, second, lo, hi, guard, endless))
+    terms = enumerate(program.instructions[: program.terms])
+    return EncodedRegions(
+        program.terms,
+        tuple((register, term.value) for register, term in terms if isinstance(term, Const)),
+        tuple(rows),
+        placement.initial,
+        placement.streams,
+        placement.unknowns,
     )
 
 

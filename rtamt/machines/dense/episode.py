@@ -8,8 +8,8 @@ earliest of the variables' last events.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, assert_never
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, assert_never
 
 import numpy as np
 
@@ -204,12 +204,25 @@ class Regions(StateFields):
             keeper.reset()
 
 
+class Reading(Protocol):
+    """The registers of a program; `Regions` is the definition."""
+
+    @property
+    def t(self) -> int: ...
+    def advance(self, rows: Sequence[Row], t: int) -> None: ...
+    def look(self, worlds: Sequence[int]) -> list[float]: ...
+    def reset(self) -> None: ...
+    def state(self) -> list[Any]: ...
+    def restore(self, state: list[Any]) -> None: ...
+
+
 class PythonDenseEpisodeMachine(StateFields):
     """Bounds the robustness at the begin of a trace, from events in chunks of any size.
 
     Args:
         regions: The program.
         reader: Turns arguments into events, and refuses them.
+        make: Makes the registers of a back-end.
     """
 
     STATE = (
@@ -233,12 +246,17 @@ class PythonDenseEpisodeMachine(StateFields):
     _first: list[float]
     _last: list[float]
 
-    def __init__(self, regions: RegionProgram, reader: EventReader) -> None:
+    def __init__(
+        self,
+        regions: RegionProgram,
+        reader: EventReader,
+        make: Callable[[Placement], Reading] = Regions,
+    ) -> None:
         self.reader = reader
         self._program = regions
         programs = readings_of(regions.program)
         self._terms = [Terms(program, reader.refuse) for program in programs]
-        self._readings = [Regions(place(program)) for program in programs]
+        self._readings = [make(place(program)) for program in programs]
         self._inputs = Joint(len(reader.variables))
         self.reset()
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dense/machine.hpp"
+#include "dense/regions.hpp"
 #include "discrete/machine.hpp"
 #include "episode/machine.hpp"
 
@@ -47,6 +48,16 @@ inline std::vector<DenseRow> dense_rows(const nb::sequence& encoded) {
     using Bound = std::optional<dense::Time>;
     return rows_of<DenseRow, const char*, const char*, std::size_t, std::size_t, double, Bound,
                    Bound>(encoded);
+}
+
+inline std::vector<dense::RegionRow> region_rows(const nb::sequence& encoded) {
+    using Bound = std::optional<dense::Time>;
+    return rows_of<dense::RegionRow, const char*, const char*, std::size_t, std::size_t, Bound,
+                   Bound, bool, bool>(encoded);
+}
+
+inline std::vector<dense::RegionConstant> region_constants(const nb::sequence& encoded) {
+    return rows_of<dense::RegionConstant, std::size_t, double>(encoded);
 }
 
 inline std::vector<std::size_t> registers_of(const nb::sequence& numbers) {

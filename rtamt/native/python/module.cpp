@@ -12,6 +12,7 @@ NB_MODULE(_native, m) {
     bind_dense(m);
     bind_banks(m);
     bind_ranges(m);
+    bind_regions(m);
 
     nb::dict functions;
     nb::dict folds;

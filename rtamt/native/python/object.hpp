@@ -199,5 +199,6 @@ void bind_episode(nb::module_& m);
 void bind_dense(nb::module_& m);
 void bind_banks(nb::module_& m);
 void bind_ranges(nb::module_& m);
+void bind_regions(nb::module_& m);
 
 }  // namespace rtamt

@@ -1,0 +1,85 @@
+// The registers of a program over the regions of dense time: what is settled of a trace, and what
+// each world adds. The definitions are rtamt/machines/dense/regions.py and the class Regions of
+// rtamt/machines/dense/episode.py.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/snapshot.hpp"
+#include "dense/time.hpp"
+
+namespace rtamt::dense {
+
+// One instruction behind the terms: MAP, or WINDOW over positions at the offsets lo to hi. It writes
+// the register after that of the row before.
+struct RegionRow {
+    std::string kind;
+    std::string name;
+    std::size_t a;
+    std::size_t b;
+    std::optional<Time> lo;  // nothing: no bound
+    std::optional<Time> hi;
+    bool guard;
+    bool endless;
+};
+
+struct RegionConstant {
+    std::size_t reg;
+    double value;
+};
+
+class RegionStream;
+class RegionFuture;
+class AtBegin;
+struct RegionTrace;
+
+class Regions {
+public:
+    enum World { now, lower, upper, cut_lower, cut_upper, worlds };
+    using Values = std::array<double, worlds>;
+
+    // Takes how many registers are terms and the constants among them; the formulas behind them; and
+    // the registers that are read at position 0 alone, at all positions, and those of the latter
+    // that never settle. Throws std::invalid_argument on rows that are none.
+    Regions(std::size_t terms, const std::vector<RegionConstant>& constants,
+            const std::vector<RegionRow>& rows, const std::vector<std::size_t>& initial,
+            const std::vector<std::size_t>& streams, const std::vector<std::size_t>& unknowns);
+    Regions(Regions&&) noexcept;
+    Regions& operator=(Regions&&) noexcept;
+    ~Regions();
+
+    std::size_t terms() const { return terms_; }
+    Time last() const { return t_; }
+    // Takes in the terms at n new positions, the terms of one position behind those of another;
+    // all positions up to t have been seen.
+    void advance(const Time* positions, const double* terms, std::size_t n, Time t);
+    // The robustness at position 0 in the first worlds; `now` is no number before position 0.
+    Values look(std::size_t worlds);
+
+    void reset();
+    void fields(Snapshot& s);
+    std::uint64_t fingerprint() const { return fingerprint_; }
+
+private:
+    Values at_zero(std::size_t reg, const std::vector<Values>& found, std::size_t worlds) const;
+
+    std::size_t terms_;
+    std::vector<std::optional<double>> constants_;  // of the terms
+    std::vector<RegionRow> rows_;
+    std::vector<std::size_t> initial_;
+    std::vector<std::unique_ptr<RegionStream>> streams_;  // by register; null: none
+    std::vector<std::size_t> order_;
+    std::vector<std::unique_ptr<AtBegin>> folds_;  // by register; null: none
+    std::unique_ptr<RegionTrace> trace_;
+    Time t_ = -1;
+    std::vector<double> first_;  // the terms at position 0
+    std::uint64_t fingerprint_;
+};
+
+}  // namespace rtamt::dense
