@@ -11,7 +11,7 @@ from rtamt.inputs.arrays import Floats
 from rtamt.inputs.event_reader import EventReader
 from rtamt.inputs.lanes import LaneReader
 from rtamt.inputs.samples import SampleReader
-from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, Row
+from rtamt.machines.dense.episode import PythonDenseEpisodeMachine, RegionRow
 from rtamt.machines.state import StateFields
 from rtamt.program.dense_lowering import DenseProgram
 from rtamt.program.dense_regions import RegionProgram
@@ -71,7 +71,7 @@ class _Regions(StateFields):
     def t(self) -> int:
         return self._machine.t
 
-    def advance(self, rows: Sequence[Row], t: int) -> None:
+    def advance(self, rows: Sequence[RegionRow], t: int) -> None:
         self._machine.advance(rows, t)
 
     def look(self, worlds: Sequence[int]) -> list[float]:

@@ -22,9 +22,9 @@ __all__ = [
     "Encoded",
     "EncodedDense",
     "EncodedEpisode",
+    "EncodedRegionRow",
     "EncodedRegions",
     "FormulaRow",
-    "RegionRow",
     "clock_of",
     "encoded_dense",
     "encoded_discrete",
@@ -69,7 +69,7 @@ class DenseRow(NamedTuple):
     hi: int | None
 
 
-class RegionRow(NamedTuple):
+class EncodedRegionRow(NamedTuple):
     """An instruction after the terms over the regions of dense time; bounds are positions."""
 
     kind: str
@@ -87,7 +87,7 @@ class EncodedRegions(NamedTuple):
 
     terms: int
     constants: tuple[tuple[int, float], ...]  # the terms that are constants
-    rows: tuple[RegionRow, ...]
+    rows: tuple[EncodedRegionRow, ...]
     initial: tuple[int, ...]
     streams: tuple[int, ...]
     unknowns: tuple[int, ...]
@@ -176,7 +176,7 @@ def encoded_regions(placement: Placement) -> EncodedRegions:
             lo, hi = instruction.lo, instruction.hi
             guard, endless = instruction.guard, instruction.endless
         kind, name, first, second, _ = _fields(program, instruction)
-        rows.append(RegionRow(kind, name, first, second, lo, hi, guard, endless))
+        rows.append(EncodedRegionRow(kind, name, first, second, lo, hi, guard, endless))
     terms = enumerate(program.instructions[: program.terms])
     return EncodedRegions(
         program.terms,

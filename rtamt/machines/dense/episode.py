@@ -204,12 +204,12 @@ class Regions(StateFields):
             keeper.reset()
 
 
-class Reading(Protocol):
+class RegionRegisters(Protocol):
     """The registers of a program; `Regions` is the definition."""
 
     @property
     def t(self) -> int: ...
-    def advance(self, rows: Sequence[Row], t: int) -> None: ...
+    def advance(self, rows: Sequence[RegionRow], t: int) -> None: ...
     def look(self, worlds: Sequence[int]) -> list[float]: ...
     def reset(self) -> None: ...
     def state(self) -> list[Any]: ...
@@ -250,7 +250,7 @@ class PythonDenseEpisodeMachine(StateFields):
         self,
         regions: RegionProgram,
         reader: EventReader,
-        make: Callable[[Placement], Reading] = Regions,
+        make: Callable[[Placement], RegionRegisters] = Regions,
     ) -> None:
         self.reader = reader
         self._program = regions
