@@ -3,8 +3,8 @@
 Until the first such sample, one machine runs alone. From there on a twin goes on from its state:
 the one takes the least values of all terms, the twin the greatest. Programs of episodes are
 monotone in their predicates (`rtamt.program.polarity`), so whatever the samples are inside their
-intervals, theirs is a robustness between that of the one and that of the twin, and their bounds lie
-between its lower bound and the twin's upper one.
+intervals, their robustness lies between the one's and the twin's, and their bounds lie between its
+lower bound and the twin's upper one.
 """
 
 from __future__ import annotations

@@ -52,14 +52,15 @@ class DenseCause(NamedTuple):
 class DenseExplanationStep:
     """A formula on the way from the specification down to what decided its robustness.
 
-    Times are as those of the events: numbers in the specification's unit, or `numpy.datetime64`.
+    Times are of the kind of the events' times: numbers in the specification's unit, or
+    `numpy.datetime64`.
 
     Attributes:
         formula: The formula.
         name: Its name in the specification, or None.
         text: The formula as text; named formulas inside it are shown by their names.
         time: The time at which it was evaluated.
-        value: Its robustness there: that of `evaluate_dense`, which lasts from this time on.
+        value: Its robustness there, as `evaluate_dense` gives it: it lasts from this time on.
         witness: For ``until``, ``since`` and ``unless``: the time at which the right side was
             reached, whichever side decided; None if there is none.
         outside: Begin and end of the formula's window if the window lies outside the trace and
@@ -86,8 +87,8 @@ class DenseExplanation:
     It is what `Explanation` is over samples. ``str`` gives a table of at most 80 columns.
 
     Attributes:
-        steps: From the specification down; each value is that of the step below it, or its
-            opposite. The last step is the predicate that decided, ``true`` or ``false``, or a
+        steps: From the specification down; each step takes its value, or the opposite, from the
+            step below it. The last step is the predicate that decided, ``true`` or ``false``, or a
             temporal operator whose window lies outside the trace.
         causes: The variables of that predicate with their values at the time of the last step;
             empty if a window outside the trace decided.
@@ -157,8 +158,9 @@ def explain_dense(
     Args:
         spec: Text, a formula, or a parsed specification.
         signals: As for `evaluate_dense`.
-        time: The time whose robustness is explained, as those of the events; it goes to the nearest
-            tick. None: where the trace begins, the first time at which all variables are known.
+        time: The time whose robustness is explained, of the kind of the events' times; it goes to
+            the nearest tick. None: where the trace begins, the first time at which all variables
+            are known.
         resolution: As for `DenseMonitor`.
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 

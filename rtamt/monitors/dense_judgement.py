@@ -48,8 +48,8 @@ def judge_dense(
         **options: ``semantics``, ``inputs``, ``outputs`` and ``backend``, as for `Monitor`.
 
     Returns:
-        The judgement. Its ``decided_at`` is a time as those of the events, `numpy.datetime64` too;
-        ``untested`` is in seconds, of dates since 1970.
+        The judgement. Its ``decided_at`` is a time of the kind of the events' times,
+        `numpy.datetime64` too; ``untested`` is in seconds, for dates since 1970.
 
     Raises:
         SpecificationError: As for `evaluate_dense`.

@@ -154,7 +154,7 @@ def add_reading(parser: argparse.ArgumentParser, *names: str, **defaults: str) -
     Args:
         parser: The parser of the command.
         *names: The names of the options.
-        **defaults: The default of an option in words, where it is another than that of its row.
+        **defaults: The default of an option in words, where its row has another.
     """
     for name in names:
         row = ROWS[name]
@@ -206,7 +206,7 @@ def check_outputs(*files: Path | None, picture: Path | None, inputs: Sequence[st
 
     Args:
         files: The files.
-        picture: One more, whose format is that of its name.
+        picture: One more, whose name says its format.
         inputs: The files that the command reads; other arguments may be among them.
 
     Raises:

@@ -126,13 +126,13 @@ def _add_columns(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--separator",
         metavar="CHARACTER",
-        help="what stands between the cells of a text, such as ';' or tab (default: that of its "
-        "first line)",
+        help="what stands between the cells of a text, such as ';' or tab (default: what its "
+        "first line has)",
     )
     group.add_argument(
         "--decimal",
         metavar="MARK",
-        help="the decimal mark of a text, . or , (default: that of its first rows)",
+        help="the decimal mark of a text, . or , (default: what its first rows have)",
     )
     group.add_argument(
         "--missing",
@@ -206,7 +206,7 @@ def read_arguments(options: argparse.Namespace) -> tuple[Asked, list[str]]:
 
 
 def read_trace_of(asked: Asked, path: str) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a trace, and its period: the one that was given, else that of its samples, or None.
+    """Reads a trace, and its period: as given, else found in its samples, or None.
 
     Raises:
         InputError: If the trace cannot be read, or is too short to have a period.

@@ -61,7 +61,7 @@ class Episodes(Runner):
         deterministic: bool = True,
         n_envs: int = 1,
         made: gym.Env[Any, Any] | None = None,
-        **options: Any,  # noqa: ANN401 - those of `Runner`
+        **options: Any,  # noqa: ANN401 - as for `Runner`
     ) -> None:
         self._n_envs = check_count(Argument("n_envs"), n_envs)
         self._given = env
@@ -98,7 +98,7 @@ class Episodes(Runner):
         return self._n_envs * _WAVES if self._envs else super().batch
 
     def close(self) -> None:
-        """Closes the environments that were made, but for the first."""
+        """Closes the environments made here: all but the first, which the runner itself closes."""
         for env in self._envs[1:]:
             env.close()
         super().close()

@@ -68,7 +68,7 @@ def evaluate_policy(
 ) -> Evaluation:
     r"""Plays episodes of a policy and counts how many satisfy each requirement.
 
-    Episode i has the seed ``seed + i``: that of its reset, and of whatever is random in the policy.
+    Episode i has the seed ``seed + i``, for its reset and for whatever is random in the policy.
     The result depends on nothing else: not on how many episodes run side by side, in which process,
     or which is over first; but see ``n_envs`` for networks.
 
@@ -95,9 +95,9 @@ def evaluate_policy(
     its answer, and those beyond are left out. `Evaluation.decision` says the answers.
 
     ``stop="violation"`` saves the rest of every episode that violates a requirement. The rate at
-    which all requirements are satisfied at once, that of a single one, is as without it. The other
-    requirements may be undecided at the stop, so that their rates are too low. Robustness is that
-    of the samples until then, and returns and lengths end there. ``"decided"`` and ``"known"`` stop
+    which all requirements are satisfied at once stays as without it, and so does the rate of a
+    single requirement. The other requirements may be undecided at the stop, so that their rates are
+    too low. Robustness, returns and lengths end at the stop. ``"decided"`` and ``"known"`` stop
     at the first violation too. ``"verdicts"`` stops once all verdicts are certain and leaves all
     rates as they are; robustness, returns and lengths end at the stop.
 
@@ -107,7 +107,7 @@ def evaluate_policy(
             environment that takes a seed for each of its own. One that resets by itself plays one
             episode in each of its environments, and begins anew once all are over.
         specs: The specifications, as for `simulate`, or names of requirements that the environment
-            has. None: those of its monitor, or all that it has of its own.
+            has. None: what its monitor monitors, or all that it has of its own.
         signals: What their variables read, as for `simulate`.
         episodes: How many episodes are played.
         seed: The seed of the first episode; each further one has one more.

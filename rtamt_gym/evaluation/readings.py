@@ -1,4 +1,4 @@
-"""How the episodes of an evaluation were read: kept with it, and compared with that of another."""
+"""How the episodes of an evaluation were read and judged: kept with it, compared with another's."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ __all__ = ["check_read_alike", "reading_of"]
 def reading_of(runner: Episodes | VectorEpisodes) -> dict[str, Any]:
     """How a runner reads and judges episodes, as JSON can write it.
 
-    The signals are those of the variables that requirements have, wherever they come from; of a
-    function it is not known what it reads: None.
+    It has a signal for each variable of the requirements, wherever it comes from; None stands for a
+    function, of which nobody knows what it reads.
     """
     found = runner.reading.written()
     monitor = runner.monitor

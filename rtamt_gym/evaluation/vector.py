@@ -72,7 +72,7 @@ class VectorEpisodes(Runner):
         policy: Any,  # noqa: ANN401
         deterministic: bool = True,
         made: Vector | None = None,
-        **options: Any,  # noqa: ANN401 - those of `Runner`
+        **options: Any,  # noqa: ANN401 - as for `Runner`
     ) -> None:
         self._given = env
         self._env: Vector = made or (env if isinstance(env, VectorEnv) else env())

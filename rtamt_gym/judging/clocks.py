@@ -1,7 +1,7 @@
 """The clocks and margins of what temporal operators owe, sample by sample, in many environments.
 
-An operand may look ahead by some samples, its latency L; then its newest known value is that of L
-samples ago. An operator with the window [a, b] asks of such values what one with the window
+An operand may look ahead by some samples, its latency L; then its newest known value is L samples
+old. An operator with the window [a, b] asks of such values what one with the window
 [a + L, b + L] asks of values that are known at once: these are its a and b below. Let t be the
 newest sample, and s an instant at which the operator is asked.
 
@@ -12,17 +12,17 @@ newest sample, and s an instant at which the operator is asked.
 * ``"oldest"`` of ``always[a:b] p``: the same with p failing instead of q holding. The clock is 1
   once p has held throughout the window of an instant.
 * ``"oldest"`` of ``p until[a:b] q``: if p fails while an instant is pending, that is overdue at
-  once: the clock is 1 at this sample, and counts later instants from there on. Of ``p unless[a:b]
+  once: the clock is 1 at this sample, and counts later instants from there on. For ``p unless[a:b]
   q``: if p fails, nothing is pending any more, and q at its time makes the clock 1.
-* ``"newest"``: how much of its window the newest instant still has, ``(b - (t - s)) / b``. Of
-  ``until`` it falls to 0 where p fails, of ``unless`` where q holds.
-* ``"last"``: the samples since the operand of ``once[a:b]``, ``prev`` or ``rise`` last held, that
-  of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1; 1 if that is longer ago
-  or has not happened. Of ``since`` it is 1 too if p has failed after q.
+* ``"newest"``: how much of its window the newest instant still has, ``(b - (t - s)) / b``. For
+  ``until`` it falls to 0 where p fails, for ``unless`` where q holds.
+* ``"last"``: the samples since the operand of ``once[a:b]``, ``prev`` or ``rise`` last held, or the
+  operand of ``historically[a:b]`` or ``fall`` last failed, as a fraction of b + 1; 1 if that is
+  longer ago or has not happened. For ``since`` it is 1 too if p has failed after q.
 
 A window without an end has no such fraction. Its clock is 0 if nothing is pending, 1/2 (``until``,
 ``eventually``, ``unless`` and ``always`` that are counted from the oldest) or 1 while something is,
-if a = 0; with an a > 0 it grows to there over the first samples. Of ``once`` and its kin it is 0
+if a = 0; with an a > 0 it grows to there over the first samples. For ``once`` and its kin it is 0
 once the operand has held, else 1. An operator that is asked at the first instant alone keeps a
 clock of 1.
 

@@ -319,7 +319,7 @@ def options_of_parts(
     reading: Reading,
 ) -> list[SampleReading]:
     """The keyword arguments of the monitors of parts of specifications."""
-    # Beside the specifications, so that a part takes those of their names that it knows.
+    # Beside the specifications, so that a part takes from their inputs and outputs what it knows.
     numbered = {str(number): part for number, part in enumerate(parts)}
     beside = {f"specification {name}": spec for name, spec in specs.items()}
     options = reading.of_monitors({**beside, **numbered})

@@ -27,8 +27,8 @@ class InstantMonitor:
     """The robustness of a formula at every instant, and a judge of ``always(formula)``.
 
     Attributes:
-        robustness: That of the newest instant whose horizon has passed; before the first, that of
-            the samples so far.
+        robustness: The robustness at the newest instant whose horizon has passed; before the first
+            such instant, the robustness of the samples so far.
         judge: Gives bounds and verdict of ``always(formula)`` over the same samples.
     """
 

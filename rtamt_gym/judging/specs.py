@@ -59,14 +59,14 @@ def own_requirements(env: Any) -> Mapping[str, rtamt.Specification]:  # noqa: AN
 def load_specs(
     specs: SpecsLike, own: Mapping[str, rtamt.Specification] = MappingProxyType({})
 ) -> dict[str, rtamt.Specification]:
-    """Loads what specifications require, by name.
+    """Loads the requirements of specifications, by name.
 
-    A text that is the name of a requirement in ``own`` is that requirement.
+    A text that is the name of a requirement in ``own`` stands for that requirement.
 
     Each formula that no other formula of its text uses is a requirement, and is judged by itself;
-    see `rtamt.Specification.requirements`. Text alone gives them their names. Of several
-    specifications, one with a single requirement has the name that it is given, ``"safe"``, and one
-    with several adds theirs: ``"safe.near"``, ``"safe.slow"``.
+    see `rtamt.Specification.requirements`. A specification alone names them by its text. In a
+    mapping a specification with a single requirement gives it the name of its key, ``"safe"``; one
+    with several adds their names: ``"safe.near"``, ``"safe.slow"``.
 
     Raises:
         SpecificationError: If a specification is wrong; a note names it if there are several.
@@ -107,7 +107,7 @@ def read_period(env: Env) -> float | None:
     """Reads the seconds between two steps of an environment; None if they are not known.
 
     They are ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
-    ``1 / unwrapped.config["policy_frequency"]`` (highway-env); else those of the one environment
+    ``1 / unwrapped.config["policy_frequency"]`` (highway-env); else the same of the one environment
     that ``unwrapped`` holds as an attribute, if it takes the same actions (PointMaze, AntMaze).
     The frame rate of the pictures, ``metadata["render_fps"]``, is not the rate of the samples:
     Pendulum has 30 and steps 20 times.

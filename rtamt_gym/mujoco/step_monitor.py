@@ -45,7 +45,7 @@ class StepMonitor(PanelValues):
       ``MjData`` has by name; the index may be left out where there is one number
     * ``contact:foot,floor``: 1 while the two geoms touch, else 0; ``contact:foot,floor.force``: the
       sum of the normal forces between them, in newtons, which gives a specification a margin.
-      A name that no geom has is that of a body, and means all its geoms; one name alone stands for
+      A name that no geom has names a body, and means all its geoms; one name alone stands for
       the contact with anything; only contacts that MuJoCo's solver includes count
     * a callable of model and data
 
@@ -55,7 +55,7 @@ class StepMonitor(PanelValues):
     ``mj_step`` first derives positions, sensors, contacts and forces from the state, then advances
     the state. So after a step ``qpos``, ``qvel``, ``act`` and ``time`` are new, while derived
     quantities (``xpos``, ``sensordata``, contacts, forces, ``qacc``) are one step late, and with
-    the RK4 integrator positions are those of a state that it only tried. ``forward=True`` calls
+    the RK4 integrator positions come from a state that it only tried. ``forward=True`` calls
     ``mj_forward`` after every step, which derives them again, so that all values of a sample belong
     to one instant; the trajectory stays the same.
 
@@ -202,7 +202,7 @@ class StepMonitor(PanelValues):
         Samples come from ``mjcb_control``, which MuJoCo calls inside ``mj_step``, one for every
         step; the first is sample 0, unless `reset` took it, and the state after the last step is
         fed at the end. A controller that was set before is called too. In the callback positions
-        are those of the sample, but forces and sensors those of the step before. The callback is
+        belong to the sample, but forces and sensors to the step before. The callback is
         one for the whole process, and MuJoCo compiles no model while it is set: prefer `step` where
         the loop can be changed.
 
@@ -290,7 +290,7 @@ class StepMonitor(PanelValues):
             self._begin()
 
     def state(self) -> tuple[Any, ...]:
-        """The state of the monitors, for `restore`; that of the simulation is not in it."""
+        """The state of the monitors, for `restore`, without the state of the simulation."""
         return self.panel.state(), replace(self._clock), self._running
 
     def restore(self, state: tuple[Any, ...]) -> None:

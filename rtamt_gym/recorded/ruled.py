@@ -23,7 +23,7 @@ __all__ = ["read_ruled"]
 def read_ruled(
     path: str, specs: Mapping[str, rtamt.Specification], reading: Reading, columns: Columns
 ) -> tuple[Trace | EventTrace, Fraction | None]:
-    """Reads a trace, and its period: the one that was given, else that of its samples, or None.
+    """Reads a trace, and its period: as given, else found in its samples, or None.
 
     Raises:
         InputError: If the trace cannot be read, or is too short to have a period.

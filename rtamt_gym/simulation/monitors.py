@@ -78,5 +78,5 @@ class Tap(gym.Wrapper[Any, Any, Any, Any]):
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]  # as Gymnasium's wrappers do
-        """That of the environment: wrappers around this one keep theirs."""
+        """The spec of the environment, without this wrapper: outer wrappers add theirs to it."""
         return self.env.spec

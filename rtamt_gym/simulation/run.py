@@ -44,8 +44,8 @@ class Run(RunRecord):
         wall_time: Seconds that it took, monitors included.
         align: How bounds that are no multiple of the period became samples, or None.
         first_sample: The number of the first recorded sample in its episode. It is 0, unless the
-            run went on from a `StepMonitor`: then robustness, bounds and verdicts are those of the
-            whole episode, of which the run has the samples from this one on.
+            run went on from a `StepMonitor`: then robustness, bounds and verdicts judge the whole
+            episode, of which the run has the samples from this one on.
         case: The `Case` that it was given, or None.
         reward: The sum of the rewards that an environment has given; None of another system.
 
@@ -73,13 +73,13 @@ class Run(RunRecord):
         """Evaluates specifications offline on the recorded signals, with `rtamt.evaluate`.
 
         For the run's own specifications, the first value equals the last that was monitored. With
-        ``view="step"`` the values are those of the monitor, without its latency; but a formula that
+        ``view="step"`` the monitor has the same values, later by its latency; but a formula that
         as a whole is ``always p`` or ``eventually p`` looks back online and forward here, see
         `rtamt.Monitor`.
 
         Args:
             specs: Specifications that read the signals of the run, under the standard semantics;
-                their bounds are rounded as those of the run. None: the run's own, under theirs.
+                their bounds are rounded as the run's were. None: the run's own, under theirs.
 
         Returns:
             The robustness at every sample, by name of the specification.
@@ -198,7 +198,7 @@ class Run(RunRecord):
         """Draws signals, robustness, bounds and verdicts into a file: .png, .svg, .pdf.
 
         Raises:
-            InputError: If the extension is not that of a picture.
+            InputError: If the file does not have the extension of a picture.
         """
         from rtamt_gym.drawing import check_format, save
         from rtamt_gym.simulation.plot import draw

@@ -73,7 +73,7 @@ def simulate(
     ``duration`` of a `StepMonitor` that goes on afterwards: open verdicts stay UNDECIDED.
 
     A `StepMonitor` has specifications and options of its own. Its run goes on as `StepMonitor.run`
-    does, to the last bit: robustness, bounds and verdicts are those of the whole episode, and the
+    does, to the last bit: robustness, bounds and verdicts judge the whole episode, and the
     first recorded sample is the monitor's last one, or sample 0 if it has none. Afterwards the
     monitor stands at the end of the run. With ``start=snapshot`` the run is a branch: it goes on
     from the snapshot, and afterwards monitor and simulation are what they were before the call, to
@@ -88,8 +88,8 @@ def simulate(
         specs: A specification (text, path of a ``.stl`` file, formula, or `rtamt.Specification`),
             or several with their names; of a text, every formula that no other formula uses is
             one by itself. The name of a requirement that an environment has of its own
-            (``"AT1"``) is that requirement, and None all of them, or those of its monitor. None for
-            a `StepMonitor`.
+            (``"AT1"``) stands for that requirement. None: all of these, or what its monitor
+            monitors; for a `StepMonitor` it must be None.
         signals: What the variables of the specifications read, and what else to record: signals
             that no specification reads are in the run and its picture too.
         case: Numbers and waveforms by name, such as a `Case`, for this run.

@@ -45,7 +45,7 @@ __all__ = ["Simulation"]
 
 
 class Simulation:
-    """One simulation under specifications; the arguments are those of `rtamt_gym.simulate`.
+    """One simulation under specifications; `rtamt_gym.simulate` documents the arguments.
 
     Attributes:
         run: The run; None as long as the simulation is not over, and where an error came before

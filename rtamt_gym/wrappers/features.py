@@ -111,7 +111,7 @@ def time_left(sample: Numeric, horizon: int | None) -> Numeric:
     """``1 - sample / horizon``, 0 from the horizon on; 1 without a horizon.
 
     Args:
-        sample: The sample taken last, 0 being that of reset.
+        sample: The sample taken last; the reset takes sample 0.
         horizon: Samples after the first on which the robustness depends.
 
     Example:

@@ -44,7 +44,7 @@ __all__ = ["VectorStlMonitor"]
 class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     """Monitors every environment of a vector environment against specifications.
 
-    Samples and infos are those of environments wrapped by :class:`StlMonitor` one by one. The infos
+    Samples and infos are as if :class:`StlMonitor` wrapped each environment. The infos
     have the form of vector environments: an array for every key, and a mask ``_key`` of the
     environments that have it. Numbers are float64. Works with the vector environments of
     :func:`gymnasium.make_vec`, native, synchronous and asynchronous, and with others that keep to
@@ -121,7 +121,7 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
     ) -> None:
         """Parses the specifications, binds the signals, and refuses what cannot be monitored.
 
-        The arguments are those of :class:`StlMonitor`, except that ``env`` is a vector environment,
+        It takes the arguments of :class:`StlMonitor`, except that ``env`` is a vector environment,
         that a callable signal reads all environments at once, that for the period of an
         ``AsyncVectorEnv`` one more environment is made and closed if a specification has bounds,
         and that ``on_violation`` is ``"report"`` by default; it and ``on_satisfaction`` may be
@@ -165,19 +165,19 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         seed: int | list[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, dict[str, Any]]:
-        """Resets the environments and their monitors, with ``reset_mask`` those of the mask.
+        """Resets the environments and their monitors; with ``reset_mask`` only where it is true.
 
         Raises:
             InputError: If a signal is nan or cannot be read.
             StateError: If the environment has changed its period since construction, if it has
-                reset others than those of the mask, or if the mask is given before any reset.
+                reset others than the mask says, or if the mask is given before any reset.
         """
         mask: Lanes | None = None
         if options is not None and "reset_mask" in options:
             mask = checked_mask(options["reset_mask"], self.num_envs)
             if not self._running:
                 raise StateError(
-                    "expected a reset of all environments before that of some, got "
+                    "expected a reset of all environments before a reset of some, got "
                     "options={'reset_mask': ...}; call reset()"
                 )
             # Gymnasium's environments take it out, and a wrapper around this one looks for it.
@@ -200,7 +200,7 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
         self._running = True
         return obs if self._state is None else self._observed(obs, self.values()), infos
 
-    def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - those of the environment
+    def close(self, **kwargs: Any) -> None:  # noqa: ANN401 - as the environment takes
         """Closes the environments; episodes that have not ended are recorded as truncated."""
         self._abandon(np.ones(self.num_envs, np.bool_))
         super().close(**kwargs)
@@ -261,7 +261,7 @@ class VectorStlMonitor(LaneMonitoring, VectorWrapper, RecordConstructorArgs):
 
     @property
     def samples(self) -> NDArray[np.int64]:
-        """Samples fed since each environment's reset, that of the reset included."""
+        """Samples fed since each environment's reset, counting the sample of the reset."""
         return self._panel.samples
 
     @property

@@ -1,8 +1,8 @@
 """Signals over the regions of dense time as runs of equal values, and their folds.
 
 `rtamt.program.dense_regions` says what positions are. A run lasts from its start to the next one;
-the last run of a signal lasts as far as the caller knows the signal. The last axis of values is
-that of runs; axes in front of it are those of corners (`rtamt.machines.episode.machine`).
+the last run of a signal lasts as far as the caller knows the signal. The last axis of values counts
+runs; axes in front of it count corners (`rtamt.machines.episode.machine`).
 """
 
 from __future__ import annotations

@@ -95,7 +95,7 @@ public:
     // Does what DiscreteBank::take does; no chosen lane is finished.
     std::size_t take(const Table& table, const std::uint8_t* mask);
     // Takes in a sample of every chosen lane whose terms are known: for each of them num() numbers,
-    // of which the first ones are those of the chosen lanes.
+    // first the numbers of the chosen lanes.
     void take(const Table& table, const std::uint8_t* mask, const double* terms);
     void reset(const std::uint8_t* mask = nullptr);
     // Ends the traces of the chosen lanes, of at least one sample each.

@@ -65,7 +65,7 @@ class Recipe:
         return sent
 
     def identity(self) -> dict[str, Any]:
-        """What tells rows of the runner from those of another, as JSON can write it.
+        """What tells rows of this runner from rows of another one, as JSON can write it.
 
         A function, and an object that JSON cannot write, is there by its name alone.
         """

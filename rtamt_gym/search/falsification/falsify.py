@@ -88,7 +88,7 @@ def falsify(
     | ``"random"`` | uniform points |
     | ``"sobol"`` | a scrambled Sobol sequence |
     | ``"cma"`` | CMA-ES from random starts |
-    | ``"dual_annealing"``, ``"differential_evolution"`` | those of SciPy, as they come |
+    | ``"dual_annealing"``, ``"differential_evolution"`` | SciPy's, with its defaults |
     | ``"tpe"`` | the Parzen estimator of Optuna |
     | a function | one's own: it calls ``evaluate`` until that ends it |
 
@@ -98,7 +98,7 @@ def falsify(
 
     A robustness over several units is decided by the one with the least numbers: of speed and rpm
     by the speed. Where predicates read different variables, optimizers therefore get it in units of
-    scales, by `rtamt.scaled`. Verdicts and `Falsification.robustness` are those of the requirement
+    scales, by `rtamt.scaled`. Verdicts and `Falsification.robustness` belong to the requirement
     itself.
 
     Args:

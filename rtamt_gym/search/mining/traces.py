@@ -1,4 +1,4 @@
-"""What a parameter is mined over: recorded traces, runs of simulations, and those of a sweep."""
+"""What a parameter is mined over: recorded traces, runs of simulations, runs of a sweep."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ def samples_of(
     Args:
         traces: The traces.
         spec: The requirement at some value of its parameter; its variables are read.
-        reading: How traces are judged. Without a period it is that of each trace; without an end,
-            that of a run that its system has ended is ``"complete"``.
+        reading: How traces are judged. Without a period each trace has its own; without an end,
+            a run that its system has ended is ``"complete"``.
         shown: Whether to show a bar while runs are made.
 
     Raises:

@@ -29,7 +29,7 @@ __all__ = ["Lanes"]
 Floats = NDArray[np.float64]
 
 _STEPS: Final = 100
-"""The steps of a call. Of a lane that is over within one, the rest is thrown away."""
+"""The steps of a call. A lane that is over within a call throws the rest of its steps away."""
 
 _REWARD: Final = 0.0
 """The sum of rewards where there is a ``rollout``, which gives observations alone: scenarios have
@@ -42,7 +42,7 @@ _NUMBERS: Final = 2**24
 class Lanes:
     """The lanes of a native vector environment: each runs a case, and all step together.
 
-    The numbers are those of `rtamt_gym.simulate`, to the last bit.
+    `rtamt_gym.simulate` gives the same numbers, to the last bit.
 
     Attributes:
         size: The greatest number of cases of a batch.
@@ -247,7 +247,7 @@ class _Batch:
         samples: How many samples the active lanes have been fed.
         ends: Why the run of a lane is over, by lane.
         last: The last sample of each lane.
-        wall: The seconds that each lane took: its share of those of all that ran.
+        wall: The seconds that each lane took: an equal share of each call, for lanes that ran.
     """
 
     def __init__(

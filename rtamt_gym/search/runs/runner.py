@@ -205,7 +205,7 @@ class Runner:
     ) -> Iterator[tuple[int, Trial]]:
         """Runs cases; gives the row of each with the index of the case, soon after it is over.
 
-        The order is not that of the cases: a lane that is stopped is given before others. A row
+        Rows come in another order than cases: a lane that is stopped is given before others. A row
         depends on its case and seed alone. An error of a simulation is in its row, as its type and
         its text, with what the samples before it have left.
 

@@ -42,8 +42,8 @@ def judged_whole(specs: Mapping[str, Specification], runner: Runner) -> bool:
 class Whole:
     """Runs cases to the end, and judges them by their samples.
 
-    Rows are those of `Runner`, except that a run without a violation is never stopped, and that its
-    end is the time at which its verdicts were certain. A run that violates, that fails, or that
+    `Runner` gives the same rows, except that a run without a violation is never stopped, and that
+    its end is the time at which its verdicts were certain. A run that violates, that fails, or that
     ends before every verdict is certain, is run again under monitors, which stop it.
 
     Args:

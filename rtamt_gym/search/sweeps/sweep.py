@@ -54,7 +54,7 @@ class Sweep:
         record: The simulations, a row for each.
         space: What was varied.
         sampler: How the points were chosen.
-        seed: The seed that chose them, and that of the first simulation.
+        seed: The seed that chose them, and the seed of the first simulation.
     """
 
     record: Record
@@ -152,7 +152,7 @@ class Sweep:
         Where a grid has more columns, a cell is the least over these. Needs the extra ``plot``.
 
         Raises:
-            InputError: As `map`, and if the extension is not that of a picture.
+            InputError: As `map`, and if the file does not have the extension of a picture.
         """
         drawing, pictures = _pictures("Sweep.heat_map")
         drawing.check_format(Path(path))
@@ -166,7 +166,7 @@ class Sweep:
         Needs the extra ``plot``.
 
         Raises:
-            InputError: If the extension is not that of a picture.
+            InputError: If the file does not have the extension of a picture.
         """
         drawing, pictures = _pictures("Sweep.scatter")
         drawing.check_format(Path(path))
@@ -262,7 +262,7 @@ def sweep(
             started again, and the simulation with it; ended again, its row has a
             ``ChildProcessError``.
         backend: Where the processes run: None: on this machine; ``"dask"``: on the workers of the
-            present Dask client; ``"ray"``: on those of Ray.
+            present Dask client; ``"ray"``: on the workers of Ray.
         timeout: Seconds that a simulation may take, in a process of its own: one that takes longer
             is ended, even if it hangs, and has a ``TimeoutError`` in its row.
         folder: A folder for finished simulations. The same call goes on there after an

@@ -185,7 +185,7 @@ def test_calls_before_the_first_reset_are_refused() -> None:
     with pytest.raises(StateError) as caught:
         envs.reset(options={"reset_mask": np.array([True, False])})
     assert str(caught.value) == (
-        "expected a reset of all environments before that of some, got "
+        "expected a reset of all environments before a reset of some, got "
         "options={'reset_mask': ...}; call reset()"
     )
 
