@@ -36,7 +36,7 @@ from rtamt_gym.simulation.record import Stop
 from rtamt_gym.simulation.run import Run
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import Backend
+    from rtamt_gym.search.campaigns.workers import ClusterBackend
 
 __all__ = ["evaluate_policy"]
 
@@ -52,7 +52,7 @@ def evaluate_policy(
     seed: int = 0,
     n_envs: int = 1,
     n_jobs: int | None = None,
-    backend: Backend | None = None,
+    backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
     duration: float | None = None,

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt_gym.judging.costs import options_of_parts
-from rtamt_gym.judging.obligations import Asked, Kind, Obligation, bare, obligations_of
+from rtamt_gym.judging.obligations import ClockKind, Instants, Obligation, bare, obligations_of
 from rtamt_gym.judging.part_values import Aligned, PartValues, Which
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.signals.columns import Floats, Lanes
@@ -170,8 +170,8 @@ class _Clock:
         self._begin = obligation.begin + late
         self._end = None if obligation.end is None else obligation.end + late
         asked = obligation.asked
-        self._first, self._every = asked is Asked.FIRST, asked is Asked.EVERY
-        self._where = None if isinstance(asked, Asked) else courses[asked]
+        self._first, self._every = asked is Instants.FIRST, asked is Instants.EVERY
+        self._where = None if isinstance(asked, Instants) else courses[asked]
         self._start = 0
         self._count = np.zeros(num, np.int64)
 
@@ -345,4 +345,4 @@ class _Last(_Clock):
         self._count[which] = count
 
 
-_CLOCKS: dict[Kind, type[_Clock]] = {"oldest": _Oldest, "newest": _Newest, "last": _Last}
+_CLOCKS: dict[ClockKind, type[_Clock]] = {"oldest": _Oldest, "newest": _Newest, "last": _Last}

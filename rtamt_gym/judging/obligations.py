@@ -41,9 +41,9 @@ import rtamt
 from rtamt import Formula
 from rtamt_gym.judging.reading import Reading
 
-__all__ = ["Asked", "Kind", "Obligation", "bare", "obligations_of"]
+__all__ = ["ClockKind", "Instants", "Obligation", "bare", "obligations_of"]
 
-Kind = Literal["oldest", "newest", "last"]
+ClockKind = Literal["oldest", "newest", "last"]
 """What a clock counts from."""
 
 _PAST = {"once", "historically", "since", "prev", "s_prev", "rise", "fall"}
@@ -52,7 +52,7 @@ _MUST_LAST = {"always", "unless", "next"}
 _NEIGHBOURS = {"next", "s_next", "prev", "s_prev", "rise", "fall"}
 
 
-class Asked(Enum):
+class Instants(Enum):
     """The instants at which an operator is asked, where no formula says it."""
 
     EVERY = "every"
@@ -69,14 +69,14 @@ class Obligation:
         begin: The begin of its window, in samples.
         end: The end of its window; None if it has none.
         asked: The instants at which its value counts; a formula without a future, or one of
-            `Asked`.
+            `Instants`.
     """
 
     formula: Formula
-    kind: Kind
+    kind: ClockKind
     begin: int
     end: int | None
-    asked: Formula | Asked
+    asked: Formula | Instants
 
     @property
     def name(self) -> str:
@@ -91,7 +91,7 @@ class Obligation:
     @property
     def parts(self) -> tuple[Formula, ...]:
         """All formulas whose values its clock needs."""
-        return self.operands if isinstance(self.asked, Asked) else (*self.operands, self.asked)
+        return self.operands if isinstance(self.asked, Instants) else (*self.operands, self.asked)
 
 
 def obligations_of(spec: rtamt.Specification, reading: Reading) -> list[Obligation]:
@@ -102,25 +102,25 @@ def obligations_of(spec: rtamt.Specification, reading: Reading) -> list[Obligati
     top = spec.formula
     while _name(top) == "not":
         (top,) = _parts(top)
-    found = dict.fromkeys(_asked_in(top, universal=True, asked=Asked.FIRST))
+    found = dict.fromkeys(_asked_in(top, universal=True, asked=Instants.FIRST))
     made = []
     for formula, universal, asked in found:
         if formula is top or any(math.isinf(bare(spec, p).horizon) for p in _parts(formula)):
             continue
-        kind: Kind = "newest"
+        kind: ClockKind = "newest"
         if _name(formula) in _PAST:
             kind = "last"
-        elif asked is Asked.FIRST or universal is not (_name(formula) in _MUST_LAST):
+        elif asked is Instants.FIRST or universal is not (_name(formula) in _MUST_LAST):
             kind = "oldest"
         made.append(Obligation(formula, kind, *_window(spec, formula, reading), asked))
     return list(dict.fromkeys(made))
 
 
-_Found = tuple[Formula, bool, Formula | Asked]
+_Found = tuple[Formula, bool, Formula | Instants]
 """An operator, whether every instant that is asked counts, and the instants."""
 
 
-def _asked_in(node: Formula, *, universal: bool, asked: Formula | Asked) -> Iterator[_Found]:
+def _asked_in(node: Formula, *, universal: bool, asked: Formula | Instants) -> Iterator[_Found]:
     """The temporal operators of a formula."""
     if not any(_name(each) in _PAST | _FUTURE for each in node.nodes()):
         return
@@ -150,35 +150,35 @@ def _asked_in(node: Formula, *, universal: bool, asked: Formula | Asked) -> Iter
             yield from _asked_below(node, universal=universal, asked=asked)
 
 
-def _asked_below(node: Formula, *, universal: bool, asked: Formula | Asked) -> Iterator[_Found]:
+def _asked_below(node: Formula, *, universal: bool, asked: Formula | Instants) -> Iterator[_Found]:
     """The temporal operators in the operands of one."""
     name, parts = _name(node), _parts(node)
     # In both operands of until the first must last, the second must come to pass.
     below = [name in {"always", "historically"}] if len(parts) == 1 else [True, False]
     if name in _NEIGHBOURS:
         below = [universal]
-    later = _later(asked) if name in {"next", "s_next"} else Asked.EVERY
+    later = _later(asked) if name in {"next", "s_next"} else Instants.EVERY
     for part, all_count in zip(parts, below, strict=True):
         yield from _asked_in(part, universal=all_count, asked=later)
 
 
-def _narrowed(asked: Formula | Asked, conditions: Iterable[Formula]) -> Formula | Asked:
+def _narrowed(asked: Formula | Instants, conditions: Iterable[Formula]) -> Formula | Instants:
     """The instants at which these hold too."""
     conditions = list(conditions)
-    if asked is Asked.FIRST or not conditions:
+    if asked is Instants.FIRST or not conditions:
         return asked
-    return rtamt.conjunction(conditions if isinstance(asked, Asked) else [asked, *conditions])
+    return rtamt.conjunction(conditions if isinstance(asked, Instants) else [asked, *conditions])
 
 
 def _negated(formula: Formula) -> Formula:
     return _parts(formula)[0] if _name(formula) == "not" else ~formula
 
 
-def _later(asked: Formula | Asked) -> Formula:
+def _later(asked: Formula | Instants) -> Formula:
     """The instants after those."""
-    if isinstance(asked, Asked):
+    if isinstance(asked, Instants):
         every = rtamt.parse("true").formula
-        asked = every if asked is Asked.EVERY else ~every.prev(strong=True)
+        asked = every if asked is Instants.EVERY else ~every.prev(strong=True)
     return asked.prev(strong=True)
 
 

@@ -43,7 +43,7 @@ SpecLike = str | os.PathLike[str] | rtamt.Formula | rtamt.Specification
 SpecsLike = SpecLike | Mapping[str, SpecLike]
 """One specification, or several with their names."""
 
-Env = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
+AnyEnv = gym.Env[Any, Any] | VectorEnv[Any, Any, Any]
 """An environment, or a vector of them."""
 
 
@@ -103,7 +103,7 @@ def recordable(specs: SpecsLike) -> str | dict[str, str]:
     return _text(specs)
 
 
-def read_period(env: Env) -> float | None:
+def read_period(env: AnyEnv) -> float | None:
     """Reads the seconds between two steps of an environment; None if they are not known.
 
     They are ``unwrapped.dt`` (MuJoCo, Pendulum, Acrobot), ``unwrapped.tau`` (CartPole) or
@@ -157,7 +157,7 @@ def find_period(simulation: Any) -> tuple[float, str] | None:  # noqa: ANN401 - 
     return None if found is None else (found[0], f"{path}.{found[1]}")
 
 
-def ask_another(env: Env) -> float | None:
+def ask_another(env: AnyEnv) -> float | None:
     """Reads the period of an `AsyncVectorEnv` from one more environment; of all else gives None.
 
     Its environments cannot be asked: they are shut down when they lack an attribute. So the first
@@ -180,7 +180,7 @@ def ask_another(env: Env) -> float | None:
         another.close()
 
 
-def why_no_period(env: Env) -> str:
+def why_no_period(env: AnyEnv) -> str:
     """Says where the period of an environment was looked for, or why it is not known."""
     if _skips(env):
         return "a MaxAndSkipObservation makes several steps in one"
@@ -280,7 +280,7 @@ def _load(spec: SpecLike) -> rtamt.Specification:
     )
 
 
-def _skips(env: Env) -> bool:
+def _skips(env: AnyEnv) -> bool:
     """Whether a `MaxAndSkipObservation` makes several steps in one."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, MaxAndSkipObservation):

@@ -11,10 +11,7 @@ ALTERNATIVES = {"SatisfactionCallback"}
 """Names that users import from the module of their learner, one callback for each."""
 
 OPEN = {
-    "Asked",
-    "Backend",
     "Columns",
-    "Env",
     "Failure",
     "Judgement",
     "Kind",

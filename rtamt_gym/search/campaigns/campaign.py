@@ -21,7 +21,7 @@ from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.runner import CaseLike, Runner
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import Backend
+    from rtamt_gym.search.campaigns.workers import ClusterBackend
 
 __all__ = ["run_campaign"]
 
@@ -34,7 +34,7 @@ def run_campaign(
     tasks: Iterable[tuple[CaseLike, int | None]],
     *,
     n_jobs: int | None = None,
-    backend: Backend | None = None,
+    backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
     about: Mapping[str, Any] | None = None,

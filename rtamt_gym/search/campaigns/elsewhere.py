@@ -22,13 +22,13 @@ from rtamt_gym.search.runs.runner import CaseLike, Runner
 from rtamt_gym.search.runs.trace import Trace
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import Backend
+    from rtamt_gym.search.campaigns.workers import ClusterBackend
 
 __all__ = ["Elsewhere", "check_workers"]
 
 
 def check_workers(
-    n_jobs: int | None, backend: Backend | None, timeout: float | None
+    n_jobs: int | None, backend: ClusterBackend | None, timeout: float | None
 ) -> float | None:
     """Checks where runs are to be, as for `run_campaign`; gives the timeout.
 
@@ -66,7 +66,7 @@ class Elsewhere:
         self,
         runner: Runner,
         n_jobs: int | None,
-        backend: Backend | None,
+        backend: ClusterBackend | None,
         timeout: float | None,
         *,
         whole: bool = False,

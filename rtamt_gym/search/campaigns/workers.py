@@ -11,9 +11,9 @@ import joblib
 
 from rtamt import InputError
 
-__all__ = ["Backend", "chosen", "spread"]
+__all__ = ["ClusterBackend", "chosen", "spread"]
 
-Backend = Literal["dask", "ray"]
+ClusterBackend = Literal["dask", "ray"]
 """The backends of joblib that have workers elsewhere."""
 
 _S = TypeVar("_S")
@@ -22,7 +22,7 @@ _R = TypeVar("_R")
 
 
 @contextmanager
-def chosen(backend: Backend | None, n_jobs: int | None) -> Iterator[tuple[int, int]]:
+def chosen(backend: ClusterBackend | None, n_jobs: int | None) -> Iterator[tuple[int, int]]:
     """Chooses the backend of joblib for what is inside.
 
     Args:

@@ -40,7 +40,7 @@ from rtamt_gym.simulation.systems import Policy
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import Backend
+    from rtamt_gym.search.campaigns.workers import ClusterBackend
 
 __all__ = ["IrreproducibleWarning", "falsify"]
 
@@ -69,7 +69,7 @@ def falsify(
     scales: Mapping[str, float] | Literal["plain"] | None = None,
     reduce: bool = True,
     n_jobs: int | None = None,
-    backend: Backend | None = None,
+    backend: ClusterBackend | None = None,
     timeout: float | None = None,
     progress: bool = False,
     **reading: Unpack[EpisodeReading],

@@ -34,7 +34,7 @@ from rtamt_gym.simulation.run import Run
 from rtamt_gym.simulation.systems import Policy
 
 if TYPE_CHECKING:  # joblib is optional
-    from rtamt_gym.search.campaigns.workers import Backend
+    from rtamt_gym.search.campaigns.workers import ClusterBackend
 
 __all__ = ["FailedSimulationWarning", "Sweep", "space_of", "sweep", "tell_failures"]
 
@@ -227,7 +227,7 @@ def sweep(
     stop: Stop = "end",
     batch: int = 100,
     n_jobs: int | None = None,
-    backend: Backend | None = None,
+    backend: ClusterBackend | None = None,
     timeout: float | None = None,
     folder: str | os.PathLike[str] | None = None,
     progress: bool = True,
