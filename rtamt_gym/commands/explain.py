@@ -25,14 +25,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Prints an explanation for each requirement of each trace; returns the verdict."""
     from rtamt_gym.commands.judging import failure_lines, judge_files, matrix_of
-    from rtamt_gym.recorded.report import undecided_lines
+    from rtamt_gym.results.matrix import undecided_lines
 
     asked, paths = read_arguments(options)
     rows = judge_files(asked, paths, workers=1, explain=tuple(Verdict))
     texts = []
     for row in rows:
         for name, cell in row.outcomes.items():
-            names = [row.trace] * (len(rows) > 1) + [name] * (len(asked.specs) > 1)
+            names = [row.name] * (len(rows) > 1) + [name] * (len(asked.specs) > 1)
             lines = [f"{', '.join(names)}:"] if names else []
             lines.append(cell.explanation)
             if cell.way_out:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import re
 import warnings
@@ -12,7 +11,6 @@ from contextlib import closing, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import rtamt
 from rtamt import InputError
 from rtamt_gym.commands.arguments import (
     EPISODES,
@@ -33,7 +31,6 @@ from rtamt_gym.commands.varied import add_varied, read_varied
 from rtamt_gym.tables import shorten
 
 if TYPE_CHECKING:
-    from rtamt_gym.results.trial import Trial
     from rtamt_gym.search.falsification.falsification import Falsification
 
 __all__ = ["add_arguments", "run"]
@@ -121,9 +118,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Searches, prints what was found and writes the files asked for; returns 1 if it violates."""
     from rtamt_gym.judging.specs import own_requirements
+    from rtamt_gym.results.codec import check_name
     from rtamt_gym.search.falsification.falsify import IrreproducibleWarning, falsify
     from rtamt_gym.search.runs.naming import named_system
-    from rtamt_gym.search.runs.saved_case import check_name
     from rtamt_gym.search.sweeps.sweep import FailedSimulationWarning
     from rtamt_gym.simulation.policies import policy_of
 
@@ -175,7 +172,7 @@ def run(options: argparse.Namespace) -> int:
             found.record.save(options.record)
         if options.plot:
             found.plot(options.plot)
-        print(_to_json(found) if options.json else "\n".join(_lines(found, options, notes)))
+        print(found.to_json() if options.json else "\n".join(_lines(found, options, notes)))
     return int(found.falsified)
 
 
@@ -217,48 +214,3 @@ def _lines(found: Falsification, options: argparse.Namespace, notes: list[str]) 
     if options.record:
         files.append(f"record: {options.record}")
     yield from ["", *files] if files else []
-
-
-def _to_json(found: Falsification) -> str:
-    """The outcome as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``."""
-    from rtamt_gym.search.runs.report import strict_json
-
-    return strict_json(
-        {
-            "format": "rtamt search 1",
-            "rtamt": rtamt.__version__,
-            "system": found.record.system,
-            "requirement": found.requirement,
-            "formula": found.record.requirements[found.requirement],
-            "falsified": found.falsified,
-            "robustness": _finite(found.robustness),
-            "input": json.loads(found.input.to_json()),
-            "found": json.loads(found.found.to_json()),
-            "simulation_seed": found.row.seed,
-            "simulations": found.simulations,
-            "failed": len(found.record.failed()),
-            "simulated_time": found.simulated_time,
-            "reductions": found.reductions,
-            "budget": found.budget,
-            "seed": found.seed,
-            "optimizer": found.optimizer,
-            "scales": dict(found.scales),
-            "gap": found.coverage.gap,
-            "distance": found.coverage.distance,
-            "requirements": dict(found.record.requirements),
-            "robustness_of_simulations": {
-                name: [_height(row, name) for row in found.record]
-                for name in found.record.requirements
-            },
-        }
-    )
-
-
-def _height(row: Trial, name: str) -> float | str | None:
-    """The robustness of a requirement in a simulation; None if it failed."""
-    known = not row.error and name in row.outcomes
-    return _finite(row.outcomes[name].robustness) if known else None
-
-
-def _finite(height: float) -> float | str:
-    return height if math.isfinite(height) else str(height)

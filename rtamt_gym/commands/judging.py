@@ -19,9 +19,11 @@ from rtamt_gym.commands.traces import Asked, read_trace_of
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded import judge
 from rtamt_gym.recorded.judge import Judgement
-from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome, Row
 from rtamt_gym.recorded.progress import progress, silence
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.outcome import Failure, Outcome
+from rtamt_gym.results.trial import Trial
 
 __all__ = ["Judged", "failure_lines", "judge_file", "judge_files", "matrix_of", "row_of"]
 
@@ -106,7 +108,7 @@ def _refused(asked: Asked, path: str) -> dict[str, Failure]:
 
 def judge_files(
     asked: Asked, paths: Sequence[str], *, workers: int, explain: Sequence[Verdict]
-) -> list[Row]:
+) -> list[Trial]:
     """Judges traces, in the order of their names whatever the number of workers.
 
     Args:
@@ -128,18 +130,18 @@ def judge_files(
 
 
 def _in_processes(
-    task: Callable[[str], Row],
+    task: Callable[[str], Trial],
     asked: Asked,
     paths: Sequence[str],
     workers: int,
     advance: Callable[[int], None],
-) -> list[Row]:
+) -> list[Trial]:
     """Does a task for each trace in processes.
 
     If a process dies, as for lack of memory, nobody knows at which trace: the first that has no
     row yet is judged alone, and only if its process dies too it is a failure.
     """
-    rows: list[Row] = []
+    rows: list[Trial] = []
     alone = False
     while len(rows) < len(paths):
         left = paths[len(rows) :][: 1 if alone else None]
@@ -154,15 +156,17 @@ def _in_processes(
         except BrokenProcessPool:
             if alone:
                 message = f"{left[0]}: the process that judged it died, perhaps for lack of memory"
-                rows.append(Row(left[0], "", dict.fromkeys(asked.specs, Failure(message))))
+                rows.append(
+                    Trial.of_trace(left[0], "", dict.fromkeys(asked.specs, Failure(message)))
+                )
                 advance(1)
             alone = not alone
     return rows
 
 
 def _begin(
-    pool: ProcessPoolExecutor, task: Callable[[str], Row], paths: Sequence[str]
-) -> Iterator[Row]:
+    pool: ProcessPoolExecutor, task: Callable[[str], Trial], paths: Sequence[str]
+) -> Iterator[Trial]:
     """Starts the processes, which ignore interrupts from their first moment on."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -177,11 +181,11 @@ def _begin_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where that is not inherited
 
 
-def _row_of_file(asked: Asked, explain: Sequence[Verdict], path: str) -> Row:
+def _row_of_file(asked: Asked, explain: Sequence[Verdict], path: str) -> Trial:
     return row_of(asked, judge_file(asked, path, formulas=False), explain=explain)
 
 
-def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
+def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Trial:
     """What a trace came to, as plain values; some verdicts with their explanation."""
     cells: dict[str, Outcome | Failure] = {}
     for name, spec in asked.specs.items():
@@ -193,19 +197,19 @@ def row_of(asked: Asked, judged: Judged, *, explain: Sequence[Verdict]) -> Row:
         except Exception as error:  # noqa: BLE001 - the others are to be judged
             cells[name] = _failure(error)
     if judged.trace is None:
-        return Row(judged.path, "", cells)
+        return Trial.of_trace(judged.path, "", cells)
     described = judge.described(judged.trace, judged.period)
     notes = [*judged.trace.notes]
     timed = any(spec.timed for spec in asked.specs.values())
     untimed = isinstance(judged.trace, Trace) and judged.trace.times is None
     if timed and untimed and judged.period is None:
         notes.append("no column is one of times, so that bounds count samples")
-    return Row(judged.path, described, cells, notes)
+    return Trial.of_trace(judged.path, described, cells, notes)
 
 
-def matrix_of(asked: Asked, rows: Sequence[Row]) -> Matrix:
+def matrix_of(asked: Asked, rows: Sequence[Trial]) -> Matrix:
     """The rows, with the formulas of the requirements."""
-    return Matrix({name: str(spec.standalone()) for name, spec in asked.specs.items()}, rows)
+    return Matrix(rows, {name: str(spec.standalone()) for name, spec in asked.specs.items()})
 
 
 def failure_lines(matrix: Matrix) -> list[str]:
@@ -258,15 +262,17 @@ def _outcome(
     explanation = ""
     if judgement.verdict in explain:
         explanation = _explanation(spec, judged, reading)
+    found = judgement.found
     return Outcome(
-        judgement.verdict,
-        judgement.found.robustness,
-        (judgement.found.lower, judgement.found.upper),
-        str(judgement) if explain else "",
-        judgement.certain_from if explain else None,
-        judgement.not_recorded,
-        judgement.way_out,
-        explanation,
+        found.robustness,
+        found.lower,
+        found.upper,
+        found.verdict,
+        judgement.decided if explain else None,
+        text=str(judgement) if explain else "",
+        not_recorded=judgement.not_recorded,
+        way_out=judgement.way_out,
+        explanation=explanation,
     )
 
 

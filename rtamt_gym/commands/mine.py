@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rtamt import InputError
 from rtamt_gym.checks.names import listing
@@ -19,7 +18,6 @@ from rtamt_gym.recorded.progress import progress
 from rtamt_gym.recorded.trace import Trace
 
 if TYPE_CHECKING:
-    from rtamt_gym.search.mining.mining import Mined
     from rtamt_gym.search.mining.traces import Samples
 
 __all__ = ["add_arguments", "run"]
@@ -96,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
             traces.append(_read(asked, path))
             advance(1)
     mined = mined_over(wanted, traces, tolerance, notes_on(traces), shown=True)
-    print(_to_json(mined) if options.json else mined)
+    print(mined.to_json() if options.json else mined)
     return 0
 
 
@@ -146,29 +144,3 @@ def _read(asked: Asked, path: str) -> Samples:
         trace.start,
         tuple(trace.notes),
     )
-
-
-def _to_json(mined: Mined) -> str:
-    found: dict[str, Any] = {
-        "requirement": mined.requirement,
-        "formula": mined.formula,
-        "parameter": mined.parameter,
-        "value": mined.value,
-        "side": mined.side,
-        "fails_at": mined.fails_at,
-        "low": mined.low,
-        "high": mined.high,
-        "traces": mined.traces,
-        "witnesses": [
-            {"trace": each.name, "robustness": _finite(each.robustness)} for each in mined.witnesses
-        ],
-        "explanation": str(mined.explanation),
-        "evaluations": mined.evaluations,
-        "probes": mined.probes,
-        "notes": list(mined.notes),
-    }
-    return json.dumps(found, indent=2, allow_nan=False)
-
-
-def _finite(value: float) -> float | str:
-    return value if math.isfinite(value) else str(value)

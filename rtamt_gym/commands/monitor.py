@@ -18,7 +18,7 @@ from rtamt_gym.commands.traces import add_arguments as add_traces
 if TYPE_CHECKING:
     from rtamt_gym.commands.judging import Judged
     from rtamt_gym.recorded.columns import Columns
-    from rtamt_gym.recorded.outcome import Matrix
+    from rtamt_gym.results.matrix import Matrix
 
 __all__ = ["add_arguments", "run"]
 
@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
 def _report(matrix: Matrix, judged: Judged | None) -> Sequence[str]:
     """The lines of the report: on one trace in detail, on several as a table."""
     if judged is None:
-        from rtamt_gym.recorded.matrix import matrix_lines
+        from rtamt_gym.results.matrix import matrix_lines
 
         return [*matrix_lines(matrix), ""]
     if judged.trace is None or not judged.judgements:
@@ -158,12 +158,12 @@ def _write(
     """Writes the files that are asked for; returns a line about each."""
     said = []
     if options.junit:
-        from rtamt_gym.recorded.junit import to_junit
+        from rtamt_gym.results.junit import to_junit
 
         options.junit.write_bytes(to_junit(matrix, _rules(asked)))
         said.append(f"outcomes: {options.junit}\n")
     if options.markdown:
-        from rtamt_gym.recorded.markdown import to_markdown
+        from rtamt_gym.results.markdown import to_markdown
 
         options.markdown.write_text(to_markdown(matrix), encoding="utf-8")
         said.append(f"outcomes: {options.markdown}\n")

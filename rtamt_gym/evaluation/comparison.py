@@ -7,8 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from rtamt import InputError, InputTypeError, Verdict
 from rtamt.errors import Argument
@@ -16,10 +15,10 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.compared import LEVEL, Compared, compared_of
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.evaluation.json_files import write_text
 from rtamt_gym.evaluation.paired import Effect, effect_of, holm
 from rtamt_gym.evaluation.readings import check_read_alike
 from rtamt_gym.evaluation.tables import comparison_table
+from rtamt_gym.results.codec import document, read_as, save
 from rtamt_gym.results.statistics import SUCCESS
 from rtamt_gym.results.trial import STOPPED, Trial
 from rtamt_gym.search.runs.requirements import Requirements
@@ -84,9 +83,7 @@ class Comparison:
 
     def to_json(self) -> str:
         """Strict JSON that holds all of the comparison; infinities are ``"inf"`` and ``"-inf"``."""
-        from rtamt_gym.evaluation.comparison_storage import written
-
-        return written({each.name: getattr(self, each.name) for each in fields(self)})
+        return _written(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the text of `to_json` into a file.
@@ -94,7 +91,7 @@ class Comparison:
         Raises:
             InputError: If the name does not end in ``.json``.
         """
-        write_text(self.to_json(), path)
+        save(self.to_json(), path)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Comparison:
@@ -103,9 +100,12 @@ class Comparison:
         Raises:
             InputError: If the file does not hold a comparison.
         """
-        from rtamt_gym.evaluation.comparison_storage import read
+        return read_as(path, "comparison", Comparison.of_kept)
 
-        return Comparison(**read(Path(path)))
+    @staticmethod
+    def of_kept(kept: Mapping[str, Any]) -> Comparison:
+        """The comparison that a result of the kind ``"comparison"`` holds, read as JSON."""
+        return _comparison_of(kept)
 
     def __repr__(self) -> str:
         return f"<Comparison of {self.a} and {self.b}: {counted(len(self.seeds), 'pair')}>"
@@ -309,3 +309,79 @@ def _cells(compared: Compared) -> dict[str, Any]:
     ends = (math.nan, math.nan) if effect is None else effect.interval
     cells |= dict(zip(("robustness low", "robustness high"), ends, strict=True))
     return cells
+
+
+_INTERVALS: Final = ("interval_a", "interval_b", "interval")
+
+
+def _written(comparison: Comparison) -> str:
+    """A comparison as a result of the kind ``"comparison"``.
+
+    What follows from the rest, such as rates and sentences, is there for other programs.
+    """
+    kept = {each.name: getattr(comparison, each.name) for each in fields(comparison)}
+    compared = comparison.requirements
+    return document(
+        "comparison",
+        {
+            **kept,
+            "requirements": {name: each.formula for name, each in compared.items()},
+            "compared": [_plain_compared(each) for each in compared.values()],
+            "success": _plain_compared(comparison.success),
+            "returns": _plain_effect(comparison.returns),
+        },
+    )
+
+
+def _comparison_of(kept: Mapping[str, Any]) -> Comparison:
+    """Reads the result that `_written` has made."""
+    requirements = [_read_compared(each) for each in kept["compared"]]
+    return Comparison(
+        kept["system"],
+        kept["a"],
+        kept["b"],
+        tuple(kept["seeds"]),
+        {each.name: each for each in requirements},
+        _read_compared(kept["success"]),
+        _read_effect(kept["returns"]),
+        tuple(kept["notes"]),
+    )
+
+
+def _plain_compared(compared: Compared) -> dict[str, Any]:
+    kept = {each.name: getattr(compared, each.name) for each in fields(compared)}
+    derived = ("pairs", "rate_a", "rate_b", "difference", "sentence")
+    return (
+        kept
+        | {name: getattr(compared, name) for name in derived}
+        | {"robustness": _plain_effect(compared.robustness)}
+    )
+
+
+def _read_compared(kept: Mapping[str, Any]) -> Compared:
+    values = {each.name: kept[each.name] for each in fields(Compared)}
+    values |= {name: _two(kept[name]) for name in _INTERVALS}
+    return Compared(**values | {"robustness": _read_effect(kept["robustness"])})
+
+
+def _plain_effect(effect: Effect | None) -> dict[str, Any] | None:
+    if effect is None:
+        return None
+    return {
+        "statistic": effect.statistic,
+        "value": effect.value,
+        "interval": effect.interval,
+        "pairs": effect.pairs,
+    }
+
+
+def _read_effect(kept: Mapping[str, Any] | None) -> Effect | None:
+    if kept is None:
+        return None
+    pairs = tuple(_two(pair) for pair in kept["pairs"])
+    return Effect(kept["statistic"], float(kept["value"]), _two(kept["interval"]), pairs)
+
+
+def _two(kept: list[Any]) -> tuple[float, float]:
+    first, second = kept
+    return float(first), float(second)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from base64 import b64decode, b64encode
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,10 +18,20 @@ from numpy.typing import NDArray
 from rtamt import InputError, StateError
 from rtamt_gym.checks.names import listing
 from rtamt_gym.evaluation.frames import Frame, played
-from rtamt_gym.evaluation.json_files import write_text
+from rtamt_gym.results.codec import (
+    document,
+    fraction_of,
+    number_of,
+    plain,
+    plain_results,
+    read_as,
+    save,
+    trials_of,
+)
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.simulation.run import Run
+from rtamt_gym.simulation.written import plain_run, run_fields
 from rtamt_gym.tables import counted
 
 if TYPE_CHECKING:  # it is optional
@@ -142,9 +152,7 @@ class Evaluation:
         The worst runs are in it with their samples, those that explain their robustness, and their
         pictures.
         """
-        from rtamt_gym.evaluation.storage import written
-
-        return written(self)
+        return _written(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the text of `to_json` into a file.
@@ -152,7 +160,7 @@ class Evaluation:
         Raises:
             InputError: If the name does not end in ``.json``.
         """
-        write_text(self.to_json(), path)
+        save(self.to_json(), path)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Evaluation:
@@ -161,9 +169,12 @@ class Evaluation:
         Raises:
             InputError: If the file does not hold an evaluation.
         """
-        from rtamt_gym.evaluation.storage import read
+        return read_as(path, "evaluation", Evaluation.of_kept)
 
-        return Evaluation(**read(Path(path)))
+    @staticmethod
+    def of_kept(kept: Mapping[str, Any]) -> Evaluation:
+        """The evaluation that a result of the kind ``"evaluation"`` holds, read as JSON."""
+        return _evaluation_of(kept)
 
     def __eq__(self, other: object) -> bool:
         """Whether all is equal but the wall times, and whether episodes can be played again."""
@@ -193,3 +204,89 @@ _COMPARED: Final = (
     *("record", "system", "policy", "period", "limit", "seed", "decision", "worst_runs", "frames"),
     "reading",
 )
+
+
+_KEPT = ("policy", "period", "limit", "seed", "decision", "reading")
+"""The fields of an evaluation that JSON holds as they are."""
+
+
+def _written(evaluation: Evaluation) -> str:
+    """The evaluation as a result of the kind ``"evaluation"``; `_evaluation_of` reads it.
+
+    What follows from the episodes is there for other programs: ``_evaluation_of`` makes it anew.
+    """
+    runs: list[Run] = []
+    places: dict[str, list[int]] = {}
+    for name, worst in evaluation.worst_runs.items():
+        for run in worst:
+            if all(run is not each for each in runs):
+                runs.append(run)
+        places[name] = [next(i for i, each in enumerate(runs) if each is run) for run in worst]
+    found = plain_results(evaluation.record)
+    every = {**evaluation.requirements, evaluation.success.name: evaluation.success}
+    return document(
+        "evaluation",
+        {
+            **{name: getattr(evaluation, name) for name in _KEPT},
+            **found,
+            "results": every,
+            "runs": [
+                _run(run) | {"frames": _frames(evaluation.frames.get(run.seed or 0, ()))}
+                for run in runs
+            ],
+            "worst_runs": places,
+        },
+    )
+
+
+def _evaluation_of(kept: Mapping[str, Any]) -> Evaluation:
+    """Reads the result that `_written` has made."""
+    runs = [Run(**run_fields(each)) for each in kept["runs"]]
+    frames = {
+        each["seed"]: tuple(
+            Frame(number_of(frame["time"]), b64decode(frame["webp"])) for frame in each["frames"]
+        )
+        for each in kept["runs"]
+        if each.get("frames")
+    }
+    worst = kept["worst_runs"]
+    return Evaluation(
+        Record(trials_of(kept), kept["requirements"], kept["system"]),
+        kept["system"],
+        kept["policy"],
+        fraction_of(kept["period"]),
+        number_of(kept["limit"]),
+        kept["seed"],
+        kept["decision"],
+        worst_runs={name: tuple(runs[i] for i in places) for name, places in worst.items()},
+        frames=frames,
+        reading=kept.get("reading"),  # files of older versions have none
+    )
+
+
+def _run(run: Run) -> dict[str, Any]:
+    """A run in full, with the predicate that decided each robustness."""
+    kept = plain_run(run)
+    for name, course in kept["courses"].items():
+        course["deciding"] = _deciding(run, name)
+    return kept
+
+
+def _frames(frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    return [{"time": frame.time, "webp": b64encode(frame.webp).decode("ascii")} for frame in frames]
+
+
+def _deciding(run: Run, name: str) -> dict[str, Any] | None:
+    """The predicate that decided a robustness, where, and what its variables were there.
+
+    None: a window that lies outside of the run decided.
+    """
+    explanation = run.explain(name)
+    if explanation.predicate is None:
+        return None
+    last = explanation.steps[-1]
+    values = {cause.variable: cause.value for cause in explanation.causes}
+    kept: dict[str, Any] = plain(
+        {"predicate": last.text, "sample": last.sample, "time": last.time, "values": values}
+    )
+    return kept

@@ -16,6 +16,7 @@ from rtamt_gym.judging.interface import EXACT, robustness_text
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.recording import Floats
 from rtamt_gym.recorded.trace import EventTrace, Trace
+from rtamt_gym.results.outcome import Moment
 from rtamt_gym.tables import counted, number, sample_text, time_text
 
 __all__ = [
@@ -76,6 +77,7 @@ class Judgement:
         start: The time of the first sample; 0 for events.
         period: Seconds between samples; None for events, or if bounds count samples.
         step: The usual distance of two times in seconds; None if they are sample numbers.
+        dense: Whether the trace was judged in dense time.
     """
 
     found: rtamt.Judgement
@@ -84,6 +86,7 @@ class Judgement:
     start: float
     period: Fraction | None
     step: float | None
+    dense: bool = False
 
     def __str__(self) -> str:
         words = f"{self.verdict.name}, robustness {self.robustness_text}"
@@ -100,15 +103,19 @@ class Judgement:
         return self.found.verdict
 
     @property
-    def certain_from(self) -> float | None:
-        """The time from which on no continuation could change the verdict, or None.
-
-        In seconds, or a sample number if there is no period.
-        """
+    def decided(self) -> Moment | None:
+        """From when on no continuation could change the verdict, or None."""
         at = self.found.decided_at
-        if at is None or self.period is None:
-            return at
-        return self.start + float(int(at) * self.period)
+        if at is None:
+            return None
+        if self.dense:
+            return Moment(None, at)
+        return Moment.of(int(at), self.period, self.start)
+
+    @property
+    def certain_from(self) -> float | None:
+        """The time of `decided` in seconds, or the number of its sample if there is no period."""
+        return None if self.decided is None else self.decided.time
 
     @property
     def not_recorded(self) -> tuple[str, ...]:
@@ -275,7 +282,7 @@ def judge_events(
         events = rtamt.evaluate_dense(part, signals, semantics=semantics)
         values = _signed(events.values, semantics)
         series[name] = Series(events.times, values, trace.step, str(part.formula), held=True)
-    return Judgement(found, series, semantics, 0.0, None, trace.step)
+    return Judgement(found, series, semantics, 0.0, None, trace.step, dense=True)
 
 
 def _signed(values: Floats, semantics: SemanticsName) -> Floats:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Mapping
 
 from rtamt_gym.recorded.judge import Judgement
+from rtamt_gym.results.matrix import indented, undecided_lines
 from rtamt_gym.tables import shorten, table
 
-__all__ = ["report", "undecided_lines"]
+__all__ = ["report"]
 
 
 def report(judgements: Mapping[str, Judgement], trace: str, notes: Iterable[str] = ()) -> list[str]:
@@ -45,29 +45,7 @@ def report(judgements: Mapping[str, Judgement], trace: str, notes: Iterable[str]
     return [
         *verdicts,
         trace,
-        *(line for note in notes for line in _wrapped(f"note: {note}", "")),
+        *(line for note in notes for line in indented(f"note: {note}", "")),
         "",
         *table(cells, "<<>>>>"),
     ]
-
-
-def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
-    """Says why a verdict is open, indented; no line if it is decided.
-
-    Args:
-        not_recorded: What the verdict needs and the trace does not have.
-        way_out: What would decide it; empty if it is decided.
-    """
-    return [line for text in (*not_recorded, way_out) for line in _wrapped(text, "    ")]
-
-
-def _wrapped(text: str, indent: str) -> list[str]:
-    return textwrap.wrap(
-        text,
-        width=80,
-        initial_indent=indent,
-        subsequent_indent=f"{indent}  ",
-        break_on_hyphens=False,
-        max_lines=4,
-        placeholder=" ...",
-    )

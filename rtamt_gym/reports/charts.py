@@ -286,8 +286,8 @@ def episode_chart(episode: ShownEpisode, unit: str) -> Chart:
     summary = (
         f"Robustness {number(episode.final)} at the end, {episode.verdict}"
         + (
-            f"; the violation was certain from {time(episode.violated_at, unit)} on."
-            if episode.violated_at is not None
+            f"; the violation was certain from {time(episode.decided_at.time, unit)} on."
+            if episode.decided_at is not None
             else "."
         )
         + " Diamonds mark the samples that decided." * bool(episode.deciding and episode.predicates)
@@ -300,7 +300,7 @@ def episode_chart(episode: ShownEpisode, unit: str) -> Chart:
             for name in ("times", "signals", "robustness", "lower", "upper", "predicates")
         },
         "deciding": episode.deciding,
-        "violated_at": episode.violated_at,
+        "decided_at": episode.decided_at,
         "frames": episode.frames,
         "verdict": episode.verdict,
         "unit": unit,

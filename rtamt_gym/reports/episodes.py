@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,19 +17,13 @@ from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.reading import PredicateReading
 from rtamt_gym.reports.model import Decision, ShownEpisode
 from rtamt_gym.reports.series import points_of, rounded, shown, six
-from rtamt_gym.reports.views import Word
+from rtamt_gym.results.outcome import Moment, Outcome, word
 from rtamt_gym.search.runs.report import case_lines
 from rtamt_gym.simulation.run import Run
 
-__all__ = ["WORDS", "Played", "case_texts", "episode_of_run", "in_words_of"]
+__all__ = ["Played", "case_texts", "episode_of_run", "in_words_of", "rounded_moment"]
 
 Floats = NDArray[np.float64]
-
-WORDS: Final[Mapping[Verdict, Word]] = {
-    Verdict.SATISFIED: "satisfied",
-    Verdict.VIOLATED: "violated",
-    Verdict.UNDECIDED: "undecided",
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +38,9 @@ class Played:
         times: The time of each sample.
         period: Seconds between samples, or None.
         align: How bounds were rounded.
-        verdict: What the requirement became.
-        final: Its robustness at the end.
+        outcome: What the requirement became.
         curves: Its robustness, lower and upper bound at every sample; empty if not known.
-        violated_at: The place of the sample that made a violation certain, or None.
-        whole: Whether the first sample is that of the episode.
+        first: The number of the first sample in its episode.
     """
 
     label: str
@@ -58,11 +50,9 @@ class Played:
     times: Floats
     period: Fraction | None
     align: Any
-    verdict: Verdict
-    final: float
+    outcome: Outcome
     curves: Mapping[str, Floats]
-    violated_at: int | None
-    whole: bool = True
+    first: int = 0
 
     def episode(self, room: int, episodes: int, **also: Any) -> ShownEpisode:  # noqa: ANN401 - fields of an episode
         """The episode for a page that shows so many, in a room for numbers.
@@ -72,17 +62,18 @@ class Played:
         """
         predicates = self._predicates()
         every = {**self.signals, **self.curves, **{f"({p})": v for p, v in predicates.items()}}
-        explanation = self._explanation() if self.whole else None
-        decided = () if explanation is None else self._decisions(explanation)
+        explanation = self._explanation() if self.first == 0 else None
+        deciding = () if explanation is None else self._decisions(explanation)
         keep = [] if explanation is None else [step.sample for step in explanation.steps]
-        keep += [] if self.violated_at is None else [self.violated_at]
+        decided = self._violated()
+        keep += [] if decided is None else [(decided.sample or 0) - self.first]
         most = points_of(room, episodes, len(every) + 1)
         at = shown(every.values(), len(self.times), keep, most)
         curves = {name: rounded(values[at]) for name, values in self.curves.items()}
         return ShownEpisode(
             label=self.label,
-            verdict=WORDS[self.verdict],
-            final=six(self.final),
+            verdict=word(self.outcome),
+            final=six(self.outcome.robustness),
             samples=len(self.times),
             times=rounded(self.times[at]),
             signals={name: rounded(values[at]) for name, values in self.signals.items()},
@@ -90,11 +81,20 @@ class Played:
             lower=curves.get("lower", ()),
             upper=curves.get("upper", ()),
             predicates={text: rounded(values[at]) for text, values in predicates.items()},
-            deciding=decided,
-            violated_at=None if self.violated_at is None else six(self.times[self.violated_at]),
+            deciding=deciding,
+            decided_at=decided,
             explanation="" if explanation is None else str(explanation),
             **also,
         )
+
+    def _violated(self) -> Moment | None:
+        """When a violation was certain; of a file that knows the time alone at the next sample."""
+        at = self.outcome.decided
+        if at is None or at.time is None or self.outcome.verdict is not Verdict.VIOLATED:
+            return None
+        if at.sample is None:
+            at = Moment(int(np.abs(self.times - at.time).argmin()) + self.first, at.seconds)
+        return rounded_moment(at)
 
     def _predicates(self) -> dict[str, Floats]:
         found = {}
@@ -138,7 +138,6 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
     course = run.courses[name]
     step = run.view == "step"
     spec = course.specification
-    violated = course.verdict is Verdict.VIOLATED and course.decided_at is not None
     played = Played(
         label=label,
         spec=spec.always() if step else spec,
@@ -147,13 +146,16 @@ def episode_of_run(run: Run, name: str, label: str, room: int, episodes: int) ->
         times=run.times,
         period=run.period,
         align=run.align,
-        verdict=course.verdict,
-        final=course.final,
+        outcome=course.outcome(run.period),
         curves={key: getattr(course, key) for key in ("robustness", "lower", "upper")},
-        violated_at=(course.decided_at or 0) - run.first_sample if violated else None,
-        whole=run.first_sample == 0,
+        first=run.first_sample,
     )
     return played.episode(room, episodes, seed=run.seed, case=case_texts(run.case or {}))
+
+
+def rounded_moment(moment: Moment) -> Moment:
+    """The moment with seconds of six digits."""
+    return Moment(moment.sample, None if moment.seconds is None else six(moment.seconds))
 
 
 def case_texts(case: Mapping[str, Any]) -> tuple[str, ...]:

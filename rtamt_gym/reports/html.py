@@ -147,7 +147,9 @@ class _View:
         trials = requirement.trials
         columns = {
             "robustness": texts.aligned([trial.robustness for trial in trials]),
-            "violated_at": texts.aligned([trial.violated_at for trial in trials]),
+            "decided_at": texts.aligned(
+                [None if t.decided_at is None else t.decided_at.time for t in trials]
+            ),
             "duration": texts.aligned([trial.duration for trial in trials]),
             "reward": texts.aligned([trial.reward for trial in trials]),
         }

@@ -14,15 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
-from rtamt_gym.reports.views import (
-    Cases,
-    ComparisonView,
-    Convergence,
-    HeatMap,
-    Series,
-    TraceTable,
-    Word,
-)
+from rtamt_gym.reports.views import Cases, ComparisonView, Convergence, HeatMap, Series, TraceTable
+from rtamt_gym.results.outcome import Moment, Word
 
 __all__ = [
     "Counts",
@@ -73,7 +66,7 @@ class ShownTrial:
         label: What tells it from others: ``seed 17``, ``simulation 4`` or the name of a file.
         verdict: What became of the requirement.
         robustness: The robustness at the end; None if there is none.
-        violated_at: When a violation became certain; None if it did not, or nobody knows.
+        decided_at: When a violation became certain; None if it did not, or nobody knows.
         duration: How long the episode was; None if nobody knows.
         reward: The sum of the environment's rewards; None for a system without.
         seed: The seed of the reset; None for a system without.
@@ -84,7 +77,7 @@ class ShownTrial:
     label: str
     verdict: Word
     robustness: float | None = None
-    violated_at: float | None = None
+    decided_at: Moment | None = None
     duration: float | None = None
     reward: float | None = None
     seed: int | None = None
@@ -146,7 +139,7 @@ class ShownEpisode:
         upper: The greatest robustness that was still possible.
         predicates: The robustness of each predicate of the requirement, by its text.
         deciding: The samples that decided.
-        violated_at: When the violation became certain; None if it did not.
+        decided_at: When the violation became certain; None if it did not.
         seed: As `ShownTrial.seed`.
         case: As `ShownTrial.case`.
         explanation: The way from the requirement down to the deciding sample, for a terminal;
@@ -167,7 +160,7 @@ class ShownEpisode:
     upper: Series = ()
     predicates: Mapping[str, Series] = field(default_factory=dict)
     deciding: tuple[Decision, ...] = ()
-    violated_at: float | None = None
+    decided_at: Moment | None = None
     seed: int | None = None
     case: tuple[str, ...] = ()
     explanation: str = ""
@@ -193,6 +186,8 @@ class ShownRequirement:
         first_violations: When violations became certain, earliest first.
         trials: What became of it in each episode, worst first.
         left_out: How many episodes ``trials`` leaves out, which shows the worst 500.
+        statistics: Numbers of the robustness that no chart shows, such as the conditional value at
+            risk.
         worst: The worst episodes in full, worst first.
         note: A sentence, such as what the early end of episodes saved; may be empty.
         by_end: How many episodes are violated by how they ended, at a robustness above zero.
@@ -209,6 +204,7 @@ class ShownRequirement:
     first_violations: Series
     trials: tuple[ShownTrial, ...]
     left_out: int = 0
+    statistics: tuple[Fact, ...] = ()
     worst: tuple[ShownEpisode, ...] = ()
     note: str = ""
     by_end: int = 0

@@ -10,16 +10,15 @@ from typing import Final
 import numpy as np
 
 from rtamt_gym.evaluation.evaluation import Evaluation
-from rtamt_gym.reports.episodes import WORDS, episode_of_run, in_words_of
+from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import (
     Fact,
     Picture,
     Section,
     ShownEpisode,
     ShownRequirement,
-    ShownTrial,
 )
-from rtamt_gym.reports.rows import at_stop, labelled, requirement_of, trials_of, worst_first
+from rtamt_gym.reports.rows import at_stop, judged, requirement_of, trials_of
 from rtamt_gym.reports.series import six
 from rtamt_gym.results.statistics import SUCCESS, RequirementResult
 from rtamt_gym.simulation.run import Run
@@ -84,7 +83,7 @@ def _requirement(evaluation: Evaluation, name: str, room: int, episodes: int) ->
         name,
         in_words_of(result.formula, evaluation.period, unit=unit, step=step),
         result.formula,
-        trials_of(evaluation.record, name),
+        trials_of(evaluation.record, judged(evaluation.record, name)),
         [_episode(evaluation, run, name, room, episodes) for run in runs],
         rate=result.rate,
         interval=result.interval,
@@ -113,8 +112,9 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
     """As many pictures as so many letters can be: evenly spread, that of the violation first."""
     largest = max((len(frame.source) for frame in frames), default=1)
     places = np.linspace(0, len(frames) - 1, min(len(frames), letters // largest)).round()
+    at = None if episode.decided_at is None else episode.decided_at.time
     for i, frame in enumerate(frames):
-        if len(places) and frame.time == episode.violated_at:
+        if len(places) and frame.time == at:
             places[np.abs(places - i).argmin()] = i
     return tuple(frames[int(place)] for place in places)
 
@@ -122,34 +122,11 @@ def _fitting(frames: Sequence[Picture], letters: int, episode: ShownEpisode) -> 
 def _success(evaluation: Evaluation) -> ShownRequirement:
     """All requirements at once."""
     result = evaluation.success
-    trials = []
-    for i, row in enumerate(evaluation.record):
-        outcomes = list(row.outcomes.values())
-        failed = bool(row.error) or len(outcomes) < len(evaluation.requirements)
-        worst = None if failed else min(each.verdict for each in outcomes)
-        times = [
-            each.decided_at
-            for each in outcomes
-            if worst is not None and WORDS[worst] == "violated" and each.verdict is worst
-        ]
-        at = min((time for time in times if time is not None), default=None)
-        trials.append(
-            ShownTrial(
-                labelled(i, row),
-                "failed" if worst is None else WORDS[worst],
-                None if failed else six(result.robustness[i]),
-                at,
-                six(row.simulated),
-                None if row.reward is None else six(row.reward),
-                row.seed,
-                text=row.error,
-            )
-        )
     return requirement_of(
         SUCCESS,
         "every requirement of this evaluation is satisfied in one and the same episode",
         result.formula,
-        sorted(trials, key=worst_first),
+        trials_of(evaluation.record, evaluation.record.together()),
         rate=result.rate,
         interval=result.interval,
     )

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
 import rtamt
-from rtamt import EpisodeMonitor, InputError, Verdict
+from rtamt import EpisodeMonitor, InputError
 from rtamt_gym.judging.interface import EXACT
 from rtamt_gym.judging.reading import Reading
 from rtamt_gym.recorded.columns import Columns
@@ -18,10 +18,14 @@ from rtamt_gym.recorded.judge import viewed
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import Trace
 from rtamt_gym.reports.episodes import Played, in_words_of
-from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement, ShownTrial
-from rtamt_gym.reports.rows import TRIALS, requirement_of, worst_first
+from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
+from rtamt_gym.reports.rows import TRIALS, judged, requirement_of, trials_of
 from rtamt_gym.reports.series import six
-from rtamt_gym.reports.views import Cell, TraceLine, TraceTable, Word
+from rtamt_gym.reports.views import Cell, TraceLine, TraceTable
+from rtamt_gym.results.codec import trials_of as read_trials
+from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.tables import counted
 
 __all__ = ["of_matrix"]
@@ -29,104 +33,92 @@ __all__ = ["of_matrix"]
 _LONGEST: Final = 20_000
 """The most samples of a trace whose bounds are shown: they are made sample by sample."""
 
-_WORDS: Final[Mapping[str, Word]] = {
-    "SATISFIED": "satisfied",
-    "VIOLATED": "violated",
-    "UNDECIDED": "undecided",
-    "ERROR": "failed",
-}
-
 _RULES: Final = ("period", "time", "end", "view", "semantics", "align")
 
 
-def of_matrix(outcomes: Mapping[str, Any], folder: Path, room: int) -> Section:
-    """The section of outcomes; the worst trace of each requirement is read again, if it is there.
+def of_matrix(kept: Mapping[str, Any], folder: Path, room: int) -> Section:
+    """The section of recorded traces; the worst of each requirement is read again, if it is there.
 
     Args:
-        outcomes: What ``rtamt monitor --json`` has written, read as JSON.
+        kept: A result of the kind ``"traces"``, as ``rtamt monitor --json`` writes it.
         folder: Where traces are looked for that are not in the present folder.
         room: How many numbers all episodes together may have.
 
     Raises:
-        KeyError: If the outcomes lack something.
+        KeyError: If the result lacks something.
     """
-    formulas, traces = outcomes["requirements"], outcomes["traces"]
-    facts = [Fact("traces", str(len(traces)))]
-    facts += [Fact(name, str(outcomes[name])) for name in _RULES if name in outcomes]
+    matrix, reading = Matrix(read_trials(kept), kept["requirements"]), kept["reading"]
+    formulas = matrix.requirements
+    facts = [Fact("traces", str(len(matrix)))]
+    facts += [Fact(name, str(reading[name])) for name in _RULES if name in reading]
     requirements, notes = [], []
-    for name, formula in formulas.items():
-        found, note = _requirement(outcomes, name, formula, folder, room // len(formulas))
+    for name in formulas:
+        found, note = _requirement(matrix, reading, name, folder, room // len(formulas))
         requirements.append(found)
         notes += [note] if note and note not in notes else []
-    lines = sorted(
-        (_line(trace, formulas) for trace in traces),
-        key=lambda line: ("failed", "violated", "undecided", "satisfied").index(line.verdict),
-    )
-    kept = {line.name for line in lines[:TRIALS]}
+    words = get_args(Word)
+    places = sorted(range(len(matrix)), key=lambda i: words.index(matrix[i].word))[:TRIALS]
     return Section(
         kind="matrix",
-        title=f"{counted(len(traces), 'recorded trace')} under "
+        title=f"{counted(len(matrix), 'recorded trace')} under "
         f"{counted(len(formulas), 'requirement')}",
-        unit="s" if _period(outcomes) else "steps",
+        unit="s" if _period(matrix) else "steps",
         facts=tuple(facts),
         notes=tuple(notes),
         requirements=tuple(requirements),
         matrix=TraceTable(
             tuple(formulas),
-            tuple(_line(each, formulas) for each in traces if each["trace"] in kept),
-            max(0, len(traces) - TRIALS),
+            tuple(_line(matrix[i], formulas) for i in sorted(places)),
+            len(matrix) - len(places),
         ),
     )
 
 
-def _period(outcomes: Mapping[str, Any]) -> object:
+def _period(matrix: Matrix) -> object:
     """None if bounds count samples, as the descriptions of the traces say."""
-    described = (trace["described"] or "" for trace in outcomes["traces"])
-    return None if any(text.endswith("bounds count samples") for text in described) else 1
+    return None if any(row.described.endswith("bounds count samples") for row in matrix) else 1
 
 
-def _line(trace: Mapping[str, Any], formulas: Mapping[str, str]) -> TraceLine:
-    cells = [trace["requirements"][name] for name in formulas]
+def _line(row: Trial, names: Iterable[str]) -> TraceLine:
     return TraceLine(
-        name=trace["trace"],
-        verdict=_WORDS[trace["verdict"]],
-        described=trace["described"] or "",
-        cells=tuple(Cell(_WORDS[each["verdict"]], _robustness(each)) for each in cells),
-        notes=tuple(trace["notes"]),
+        name=row.name,
+        verdict=row.word,
+        described=row.described,
+        cells=tuple(Cell(word(row.cell(name)), _robustness(row.judged(name))) for name in names),
+        notes=row.notes,
     )
 
 
-def _robustness(cell: Mapping[str, Any]) -> float | None:
-    return None if "robustness" not in cell else six(float(cell["robustness"]))
+def _robustness(outcome: Outcome | None) -> float | None:
+    return None if outcome is None else six(outcome.robustness)
 
 
 def _requirement(
-    outcomes: Mapping[str, Any], name: str, formula: str, folder: Path, room: int
+    matrix: Matrix, reading: Mapping[str, Any], name: str, folder: Path, room: int
 ) -> tuple[ShownRequirement, str]:
     """A requirement with its worst trace in full, and why it has none."""
-    trials = []
-    for trace in outcomes["traces"]:
-        cell = trace["requirements"][name]
-        word = _WORDS[cell["verdict"]]
-        certain = cell.get("certain_from") if word == "violated" else None
-        text = cell.get("error") or cell.get("way_out") or ""
-        at = None if certain is None else six(float(certain))
-        trials.append(ShownTrial(trace["trace"], word, _robustness(cell), at, text=text))
-    trials.sort(key=worst_first)
-    judged = [each for each in trials if each.robustness is not None]
+    formula, outcomes = matrix.requirements[name], judged(matrix, name)
+    trials = trials_of(matrix.rows, outcomes, lambda _, row: row.name)
+    known = [trial.label for trial in trials if trial.robustness is not None]
     worst, note = [], ""
-    if judged:
+    if known:
+        row = next(row for row in matrix if row.name == known[0] and row.judged(name))
         try:
-            worst = [_episode(outcomes, judged[0], formula, folder, room)]
+            worst = [_episode(row.name, row.outcomes[name], reading, formula, folder, room)]
         except (rtamt.RtamtError, OSError) as error:
             message = str(error).partition("\n")[0]
             note = f"The worst trace of {name} is not shown in full: {message}."
-    words = in_words_of(formula, _period(outcomes), step=outcomes.get("view") == "step")
+    words = in_words_of(formula, _period(matrix), step=reading.get("view") == "step")
     return requirement_of(name, words, formula, trials, worst), note
 
 
 def _episode(
-    outcomes: Mapping[str, Any], trial: ShownTrial, formula: str, folder: Path, room: int
+    name: str,
+    outcome: Outcome,
+    kept: Mapping[str, Any],
+    formula: str,
+    folder: Path,
+    room: int,
 ) -> ShownEpisode:
     """A trace in full.
 
@@ -134,15 +126,15 @@ def _episode(
         RtamtError: If it cannot be read again, or is of another kind.
         OSError: If it is not there.
     """
-    if outcomes["time"] == "dense" or outcomes["semantics"] not in EXACT:
+    if kept["time"] == "dense" or kept["semantics"] not in EXACT:
         raise InputError("this page shows samples under the standard or the boolean semantics")
-    period = Fraction(outcomes["period"]) if "period" in outcomes else None
-    said = {name: outcomes[name] for name in ("view", "semantics", "align") if name in outcomes}
+    period = Fraction(kept["period"]) if "period" in kept else None
+    said = {each: kept[each] for each in ("view", "semantics", "align") if each in kept}
     reading = Reading(period=period, **said)
-    path = Path(trial.label)
+    path = Path(name)
     path = path if path.exists() else folder / path
     spec = rtamt.parse(formula)
-    columns = Columns(**outcomes.get("columns", {}))
+    columns = Columns(**kept.get("columns", {}))
     trace, period = read_ruled(str(path), {"": spec}, reading, columns)
     if not isinstance(trace, Trace):
         raise InputError("this page shows samples")
@@ -150,22 +142,16 @@ def _episode(
     start = trace.start if period is not None else 0.0
     times = np.arange(float(trace.samples)) * float(period or 1) + start
     curves = _curves(whole, trace, period, reading)
-    verdict = next(v for v in Verdict if _WORDS[v.name] == trial.verdict)
-    at = None
-    if trial.violated_at is not None:
-        at = int(np.abs(times - trial.violated_at).argmin())
     played = Played(
-        label=trial.label,
+        label=name,
         spec=whole,
         interface={"semantics": reading.semantics},
         signals=trace.columns,
         times=times,
         period=period,
         align=reading.align,
-        verdict=verdict,
-        final=float(trial.robustness or 0.0),
+        outcome=outcome,
         curves=curves,
-        violated_at=at,
     )
     return played.episode(room, 1)
 

@@ -13,7 +13,7 @@ from rtamt_gym.inputs.ranges import Parameter
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.reports.episodes import episode_of_run, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownEpisode, ShownRequirement
-from rtamt_gym.reports.rows import at_stop, cases_of, labelled, requirement_of, trials_of
+from rtamt_gym.reports.rows import at_stop, cases_of, judged, labelled, requirement_of, trials_of
 from rtamt_gym.reports.series import rounded, six
 from rtamt_gym.reports.views import HeatMap
 from rtamt_gym.results.intervals import wilson
@@ -56,7 +56,7 @@ def of_record(result: Sweep | Record, room: int, facts: Mapping[str, str] | None
         notes.append(
             "The result holds no system, so that no simulation was played again for this page."
         )
-    unit = unit_of(worst)
+    unit = unit_of(worst) if worst or record.timed else "steps"
     said = dict(facts or {})
     if sweep is not None:
         said = {"sampler": sweep.sampler, "seed": str(sweep.seed)} | said
@@ -94,7 +94,7 @@ def requirements_of(
     episodes = sum(map(len, worst.values()))
     found = []
     for name, formula in record.requirements.items():
-        trials = trials_of(record, name)
+        trials = trials_of(record, judged(record, name))
         runs = worst.get(name, [])
         step = any(run.view == "step" for run in runs)
         period = None if unit == "steps" else 1

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rtamt import Verdict
 from rtamt_gym.inputs.case import Case
-from rtamt_gym.reports.episodes import WORDS, case_texts, episode_of_run, in_words_of
+from rtamt_gym.reports.episodes import case_texts, episode_of_run, in_words_of
 from rtamt_gym.reports.model import Fact, Section, ShownTrial
 from rtamt_gym.reports.of_record import requirements_of, unit_of
-from rtamt_gym.reports.rows import TRIALS, cases_of, requirement_of, worst_first
+from rtamt_gym.reports.rows import TRIALS, cases_of, judged, requirement_of
 from rtamt_gym.reports.series import six
-from rtamt_gym.reports.views import Convergence, Word
+from rtamt_gym.reports.views import Convergence
+from rtamt_gym.results.codec import trials_of
+from rtamt_gym.results.outcome import WORDS
 from rtamt_gym.search.falsification.falsification import Falsification
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.search.runs.saved_case import SavedCase
@@ -76,10 +78,7 @@ def convergence_of(record: Record) -> tuple[Convergence, ...]:
     return tuple(
         _convergence(
             name,
-            [
-                None if row.error or name not in row.outcomes else row.outcomes[name].robustness
-                for row in record
-            ],
+            [None if outcome is None else outcome.robustness for outcome in judged(record, name)],
         )
         for name in record.requirements
     )
@@ -116,7 +115,7 @@ def of_case(saved: SavedCase, room: int) -> Section:
         "the case found",
         WORDS[saved.verdict],
         six(saved.robustness),
-        worst[0].violated_at if worst else None,
+        worst[0].decided_at if worst else None,
         None if run is None else six(run.duration),
         seed=saved.seed,
         case=case_texts(saved.case),
@@ -171,31 +170,21 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
     """The section of what ``rtamt falsify --json`` has written: the course of the search.
 
     Args:
-        kept: It, read as JSON.
+        kept: The result, of the kind ``"search"``.
 
     Raises:
         KeyError: If something is not in it.
     """
-    heights = {
-        name: [None if each is None else float(each) for each in every]
-        for name, every in kept["robustness_of_simulations"].items()
-    }
+    record = Record(trials_of(kept), kept["requirements"], kept["system"])
     name, falsified = kept["requirement"], kept["falsified"]
     case = case_texts(Case.from_json(json.dumps(kept["input"])))
-    requirements = [
-        requirement_of(
-            each,
-            in_words_of(formula, 1),
-            formula,
-            sorted(_trials(heights[each], falsified=falsified and each == name), key=worst_first),
-        )
-        for each, formula in kept["requirements"].items()
-    ]
     facts = ("simulations", "budget", "optimizer", "seed", "robustness", "reductions")
+    unit = "s" if record.timed else "steps"
     return Section(
         kind="search",
         title=f"Search for a violation by {kept['system']}",
         system=kept["system"],
+        unit=unit,
         facts=tuple(Fact(each, str(kept[each])) for each in facts),
         notes=(
             f"{name} is violated in simulation {kept['simulations']}."
@@ -203,19 +192,7 @@ def of_search_json(kept: Mapping[str, Any]) -> Section:
             else f"No simulation violates a requirement; {name} came closest.",
             f"Input: {'; '.join(case)}.",
         ),
-        requirements=tuple(requirements),
-        convergence=tuple(_convergence(each, every) for each, every in heights.items()),
+        requirements=requirements_of(record, {}, 0, unit=unit),
+        cases=cases_of(record),
+        convergence=convergence_of(record),
     )
-
-
-def _trials(heights: Sequence[float | None], *, falsified: bool) -> Iterator[ShownTrial]:
-    """A trial for each simulation of a search, which ends at the first violation."""
-    for i, height in enumerate(heights, 1):
-        label = f"simulation {i}"
-        if height is None:
-            yield ShownTrial(label, "failed")
-        else:
-            violated = falsified and i == len(heights)
-            holds = math.copysign(1.0, height) > 0
-            word: Word = "violated" if violated else "satisfied" if holds else "undecided"
-            yield ShownTrial(label, word, six(height))

@@ -6,11 +6,17 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from rtamt_gym.reports.episodes import WORDS, case_texts
-from rtamt_gym.reports.model import Counts, ShownEpisode, ShownRequirement, ShownTrial
+import numpy as np
+
+from rtamt_gym.reports.episodes import case_texts, rounded_moment
+from rtamt_gym.reports.model import Counts, Fact, ShownEpisode, ShownRequirement, ShownTrial
 from rtamt_gym.reports.series import evenly, six
-from rtamt_gym.reports.views import Cases, Word
+from rtamt_gym.reports.texts import number
+from rtamt_gym.reports.views import Cases
 from rtamt_gym.results.intervals import quantiles
+from rtamt_gym.results.outcome import Outcome, Word, word
+from rtamt_gym.results.statistics import STATISTICS, RequirementResult
+from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import Trial, open_at_stop
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted
@@ -20,6 +26,7 @@ __all__ = [
     "at_stop",
     "cases_of",
     "counts_of",
+    "judged",
     "labelled",
     "requirement_of",
     "trials_of",
@@ -45,38 +52,52 @@ def labelled(number: int, row: Trial) -> str:
     return f"simulation {number + 1}" if row.case or row.seed is None else f"seed {row.seed}"
 
 
-def word_of(row: Trial, name: str) -> Word:
-    """What a requirement became in a row."""
-    failed = row.error or name not in row.outcomes
-    return "failed" if failed else WORDS[row.outcomes[name].verdict]
-
-
 def counts_of(words: Sequence[Word]) -> Counts:
     """How often each word occurs."""
     order: tuple[Word, ...] = ("satisfied", "violated", "undecided", "failed")
     return Counts(len(words), *(words.count(each) for each in order))
 
 
-def trials_of(record: Record, name: str) -> list[ShownTrial]:
-    """A trial for each row, the worst first."""
+def trials_of(
+    rows: Sequence[Trial], outcomes: Sequence[Outcome | None], label: Label = labelled
+) -> list[ShownTrial]:
+    """The trials of a requirement, the worst first.
+
+    Args:
+        rows: The trials.
+        outcomes: What the requirement has become in each; None where it failed.
+        label: What tells a trial from others.
+    """
     trials = []
-    for number, row in enumerate(record):
-        word, outcome = word_of(row, name), row.outcomes.get(name)
-        at = outcome.decided_at if outcome is not None and word == "violated" else None
+    for place, (row, outcome) in enumerate(zip(rows, outcomes, strict=True)):
+        violated = outcome is not None and word(outcome) == "violated"
+        at = outcome.decided if violated and outcome is not None else None
         trials.append(
             ShownTrial(
-                label=labelled(number, row),
-                verdict=word,
-                robustness=None if outcome is None or word == "failed" else six(outcome.robustness),
-                violated_at=None if at is None else six(at),
-                duration=six(row.simulated),
+                label=label(place, row),
+                verdict=word(outcome),
+                robustness=None if outcome is None else six(outcome.robustness),
+                decided_at=None if at is None else rounded_moment(at),
+                duration=None if row.ended == "recorded" else six(row.simulated),
                 reward=None if row.reward is None else six(row.reward),
                 seed=row.seed,
                 case=case_texts(row.case),
-                text=row.error,
+                text=row.error or _text_of(row, outcome),
             )
         )
     return sorted(trials, key=worst_first)
+
+
+def _text_of(row: Trial, outcome: Outcome | None) -> str:
+    """Why a requirement has no outcome, or what would decide it."""
+    if outcome is not None:
+        return outcome.way_out
+    return next((each.message for each in row.failures.values()), "")
+
+
+def judged(results: Results, name: str) -> list[Outcome | None]:
+    """What a requirement has become in each trial; None where it failed."""
+    return [row.judged(name) for row in results]
 
 
 def worst_first(trial: ShownTrial) -> tuple[int, float]:
@@ -100,7 +121,9 @@ def requirement_of(
 ) -> ShownRequirement:
     """A requirement with its trials, the worst first; rate and interval are among ``also``."""
     heights = sorted(each.robustness for each in trials if each.robustness is not None)
-    violations = sorted(each.violated_at for each in trials if each.violated_at is not None)
+    violations = sorted(
+        each.decided_at.time or 0.0 for each in trials if each.decided_at is not None
+    )
     return ShownRequirement(
         name=name,
         words=words,
@@ -108,6 +131,7 @@ def requirement_of(
         counts=counts_of([each.verdict for each in trials]),
         rate=also.pop("rate", None),
         interval=also.pop("interval", None),
+        statistics=statistics_of(heights),
         robustness=evenly(heights, _ROBUSTNESS),
         quantiles=shares_of(heights),
         first_violations=evenly(violations, _ROBUSTNESS),
@@ -116,6 +140,16 @@ def requirement_of(
         worst=tuple(worst),
         by_end=sum(map(_by_end, trials)),
         **also,
+    )
+
+
+def statistics_of(heights: Sequence[float]) -> tuple[Fact, ...]:
+    """What the page tells of the robustness, a fact for each statistic of it."""
+    result = RequirementResult("", "", 0, 0, 0, 0, 0, np.array(heights), np.array(()), 0.0, ())
+    return tuple(
+        Fact(each.heading, number(each.of(result)))
+        for each in STATISTICS
+        if each.robustness and heights and each.shown(result)
     )
 
 
@@ -159,13 +193,14 @@ def cases_of(record: Record) -> Cases | None:
         labels=tuple(labelled(i, rows[i]) for i in places),
         columns={name: tuple(six(cells[i]) for i in places) for name, cells in varied.items()},
         robustness={name: tuple(_known(rows[i], name) for i in places) for name in names},
-        verdicts={name: tuple(word_of(rows[i], name) for i in places) for name in names},
+        verdicts={name: tuple(word(rows[i].judged(name)) for i in places) for name in names},
         left_out=len(rows) - len(places),
     )
 
 
 def _known(row: Trial, name: str) -> float | None:
-    return None if word_of(row, name) == "failed" else six(row.outcomes[name].robustness)
+    outcome = row.judged(name)
+    return None if outcome is None else six(outcome.robustness)
 
 
 def _height(row: Trial, name: str) -> float:

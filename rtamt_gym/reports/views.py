@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+
+from rtamt_gym.results.outcome import Word
 
 __all__ = [
     "Cases",
@@ -16,11 +17,7 @@ __all__ = [
     "Series",
     "TraceLine",
     "TraceTable",
-    "Word",
 ]
-
-Word = Literal["satisfied", "violated", "undecided", "failed"]
-"""What became of a requirement; failed: an error ended the episode, or no trace could be judged."""
 
 Series = tuple[float, ...]
 

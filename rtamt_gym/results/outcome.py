@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal, Self
+from typing import Final, Literal, Self
 
 from rtamt import Verdict
 
-__all__ = ["Failure", "Moment", "Outcome", "Word", "order", "word"]
+__all__ = ["WORDS", "Failure", "Moment", "Outcome", "Word", "order", "word"]
 
 Word = Literal["failed", "violated", "undecided", "satisfied"]
 """What became of a requirement; failed: an error ended the run, or it could not be judged."""
@@ -21,8 +21,10 @@ class Moment:
     """An instant of a run or a trace.
 
     Attributes:
-        sample: The number of its sample; None in dense time, or if nobody knows.
-        seconds: Its time in seconds; None if there is no period.
+        sample: The number of its sample, from 0 at the first; None in dense time, or if nobody
+            knows.
+        seconds: Its time in seconds, of a recorded trace on the clock of the trace; None if there
+            is no period.
 
     Example:
         >>> Moment.of(3, Fraction(1, 2)), Moment.of(3, None).time
@@ -90,10 +92,21 @@ class Outcome:
         decided = None if sample is None else Moment.of(sample, period)
         return cls(robustness, lower, upper, verdict, decided)
 
+    @classmethod
+    def of_height(cls, robustness: float) -> Self:
+        """The outcome of a robustness that is certain: satisfied from 0.0 on."""
+        verdict = Verdict.VIOLATED if math.copysign(1.0, robustness) < 0 else Verdict.SATISFIED
+        return cls(robustness, robustness, robustness, verdict)
+
     @property
     def decided_at(self) -> float | None:
         """The time of ``decided`` in seconds, the number of its sample if there is no period."""
         return None if self.decided is None else self.decided.time
+
+    @property
+    def by_end(self) -> bool:
+        """Whether it is violated at a robustness above 0: by how the run ended, not by a sample."""
+        return self.verdict is Verdict.VIOLATED and self.robustness > 0
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -114,7 +127,7 @@ class Failure:
     traceback: str = ""
 
 
-_WORDS: dict[Verdict, Word] = {
+WORDS: Final[Mapping[Verdict, Word]] = {
     Verdict.VIOLATED: "violated",
     Verdict.UNDECIDED: "undecided",
     Verdict.SATISFIED: "satisfied",
@@ -123,7 +136,7 @@ _WORDS: dict[Verdict, Word] = {
 
 def word(found: Outcome | Failure | None) -> Word:
     """What became of a requirement, in a word; of a failure, or of nothing, ``"failed"``."""
-    return _WORDS[found.verdict] if isinstance(found, Outcome) else "failed"
+    return WORDS[found.verdict] if isinstance(found, Outcome) else "failed"
 
 
 def order(robustness: float) -> tuple[float, float]:

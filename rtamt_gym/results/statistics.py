@@ -86,8 +86,9 @@ class RequirementResult:
 
     @property
     def heights(self) -> Floats:
-        """The robustness of the episodes that have one, in their order."""
-        return self.robustness[~np.isnan(self.robustness)]
+        """The robustness of the episodes that have one, least first; -0.0 comes before 0.0."""
+        known = self.robustness[~np.isnan(self.robustness)]
+        return known[np.lexsort((np.copysign(1.0, known), known))]
 
     @property
     def quantiles(self) -> Mapping[float, float]:
@@ -192,11 +193,11 @@ STATISTICS: Final = (
     Statistic(
         "failed", "failed", lambda of: of.failed, style="red", shown=lambda of: of.failed > 0
     ),
-    _height("least", "least", lambda heights: float(heights.min())),
+    _height("least", "least", lambda heights: float(heights[0])),
     # Of fewer than 20 it is the least.
     _height("cvar", "CVaR 5%", expected_shortfall, shown=lambda of: len(of.heights) >= 20),
-    _height("median", "median", lambda heights: quantiles(heights, [0.5])[0.5]),
-    _height("greatest", "greatest", lambda heights: float(heights.max()), where="counts"),
+    _height("median", "median", lambda heights: float(heights[(len(heights) - 1) // 2])),
+    _height("greatest", "greatest", lambda heights: float(heights[-1]), where="counts"),
 )
 """What is told of a requirement over many trials, in the order of the columns."""
 

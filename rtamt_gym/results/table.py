@@ -120,14 +120,17 @@ class Results(Sequence[Trial]):
         text = formulas[0]
         if len(formulas) > 1:
             text = " and ".join(f"({formula})" for formula in formulas)
+        return result_of(SUCCESS, text, self.rows, self.together(), limit)
+
+    def together(self) -> list[Outcome | None]:
+        """What all requirements at once have become in each trial; None where one failed."""
         names = set(self.requirements)
-        every = [
+        return [
             together(row.outcomes.values())
             if set(row.outcomes) == names and not row.error
             else None
             for row in self.rows
         ]
-        return result_of(SUCCESS, text, self.rows, every, limit)
 
     def statistics(self) -> pd.DataFrame:
         """A data frame of pandas: a row for each requirement, a column for each statistic.

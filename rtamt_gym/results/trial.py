@@ -30,8 +30,8 @@ STOPPED: Final = frozenset[RunEnd]({"violation", "decided", "known"})
 """Why runs are over that were stopped."""
 
 
-class Column(NamedTuple):
-    """A column of a record.
+class Measure(NamedTuple):
+    """A column of a record, and how its cells are found.
 
     Attributes:
         name: Its name; a column of a requirement has the requirement in brackets behind it.
@@ -45,22 +45,22 @@ class Column(NamedTuple):
 
 
 MEASURES: Final = (
-    Column("robustness", lambda outcome: outcome.robustness),
-    Column("lower", lambda outcome: outcome.lower),
-    Column("upper", lambda outcome: outcome.upper),
-    Column("verdict", lambda outcome: outcome.verdict.name, "text"),
-    Column("decided_at", lambda outcome: outcome.decided_at),
-    Column("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
+    Measure("robustness", lambda outcome: outcome.robustness),
+    Measure("lower", lambda outcome: outcome.lower),
+    Measure("upper", lambda outcome: outcome.upper),
+    Measure("verdict", lambda outcome: outcome.verdict.name, "text"),
+    Measure("decided_at", lambda outcome: outcome.decided_at),
+    Measure("decided_sample", lambda outcome: outcome.decided and outcome.decided.sample, "whole"),
 )
 """The columns of a requirement, written ``robustness(NAME)``."""
 
 OF_TRIAL: Final = (
-    Column("seed", lambda trial: trial.seed, "whole"),
-    Column("ended", lambda trial: trial.ended, "text"),
-    Column("simulated", lambda trial: trial.simulated),
-    Column("return", lambda trial: trial.reward),
-    Column("wall", lambda trial: trial.wall),
-    Column("error", lambda trial: trial.error, "text"),
+    Measure("seed", lambda trial: trial.seed, "whole"),
+    Measure("ended", lambda trial: trial.ended, "text"),
+    Measure("simulated", lambda trial: trial.simulated),
+    Measure("return", lambda trial: trial.reward),
+    Measure("wall", lambda trial: trial.wall),
+    Measure("error", lambda trial: trial.error, "text"),
 )
 """The columns of a trial beside the columns of its case and of its requirements."""
 

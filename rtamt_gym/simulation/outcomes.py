@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import rtamt
+from rtamt_gym.results.codec import document, plain_results, plain_trial
+from rtamt_gym.results.table import Results
 from rtamt_gym.results.trial import STOPPED
 from rtamt_gym.simulation.run import Run
 from rtamt_gym.tables import number, sample_text, shorten, table
@@ -49,51 +48,28 @@ def saved_note(runs: Sequence[Run]) -> list[str]:
     ]
 
 
-def to_json(runs: Sequence[Run], options: Mapping[str, str | None]) -> str:
-    """Writes the outcomes as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
+def to_json(runs: Sequence[Run], reading: Mapping[str, Any]) -> str:
+    """The runs as a result of the kind ``"runs"``.
 
     Args:
         runs: One or more runs of the same environment.
-        options: What a certain violation does to an episode, and how its ends are read.
+        reading: What a certain violation does to an episode, and how episodes are read.
     """
     first = runs[0]
-    return json.dumps(
+    texts = {name: course.formula for name, course in first.courses.items()}
+    results = Results([run.trial() for run in runs], texts, first.system)
+    trials = [
         {
-            "rtamt": rtamt.__version__,
-            "environment": first.system,
-            "period": None if first.period is None else float(first.period),
-            "time_limit": first.limit,
-            **options,
-            "specs": {name: course.formula for name, course in first.courses.items()},
-            "episodes": [_outcome(run) for run in runs],
-        },
-        indent=2,
-        allow_nan=False,
-    )
-
-
-def _outcome(run: Run) -> dict[str, Any]:
-    return {
-        "seed": run.seed,
-        "steps": run.steps,
-        "ended": run.ended,
-        "steps_saved": run.saved,
-        "violated_by": run.violated_by,
-        "specs": {
-            name: {
-                "robustness": _finite(course.final),
-                "lower": _finite(float(course.lower[-1])),
-                "upper": _finite(float(course.upper[-1])),
-                "verdict": course.verdict.name,
-                "decided_at": course.decided_at,
-            }
-            for name, course in run.courses.items()
-        },
-    }
-
-
-def _finite(value: float) -> float | str:
-    return value if math.isfinite(value) else str(value)
+            **plain_trial(run.trial()),
+            "steps": run.steps,
+            "steps_saved": run.saved,
+            "violated_by": run.violated_by,
+        }
+        for run in runs
+    ]
+    limit = None if first.limit is None else float(first.limit * (first.period or 1))
+    about = {"period": first.period, "limit": limit, "reading": reading}
+    return document("runs", {**about, **plain_results(results), "trials": trials})
 
 
 def _saved(run: Run) -> str:

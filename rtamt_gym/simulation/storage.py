@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rtamt import InputError, Verdict
-from rtamt_gym.inputs.case import Case
-from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
+from rtamt import InputError
+from rtamt_gym.results.codec import VERSION
+from rtamt_gym.simulation.record import Floats, RunRecord
+from rtamt_gym.simulation.written import plain_run, run_fields
 
 __all__ = ["load", "save"]
 
@@ -33,19 +32,7 @@ def save(run: RunRecord, path: Path) -> None:
             f"cannot write {path}: expected a name that ends in .parquet, the format that holds "
             "all of a run; run.to_frame() has the columns for other formats"
         )
-    kept = {each.name: getattr(run, each.name) for each in fields(run)} | {
-        "signals": list(run.signals),
-        "courses": {
-            name: {each.name: getattr(course, each.name) for each in fields(course)}
-            | dict.fromkeys(CURVES)
-            # Text, because JSON has no infinities.
-            | {"final": repr(course.final), "verdict": course.verdict.name}
-            for name, course in run.courses.items()
-        },
-        "period": None if run.period is None else str(run.period),
-        "case": None if run.case is None else run.case.to_json(),
-        "reward": None if run.reward is None else repr(run.reward),
-    }
+    kept = {"version": VERSION, **plain_run(run, arrays=False)}
     metadata = {_KEY: json.dumps(kept, allow_nan=False)}
     table = pa.table({name: np.asarray(values) for name, values in run.columns().items()})
     pq.write_table(table.replace_schema_metadata(metadata), path)
@@ -70,18 +57,4 @@ def load(path: Path) -> dict[str, Any]:
         array: Floats = table.column(name).to_numpy()
         return array
 
-    return kept | {
-        "signals": {name: column(name) for name in kept["signals"]},
-        "courses": {
-            name: Course(
-                **course
-                | {curve: column(f"{curve}({name})") for curve in CURVES}
-                | {"final": float(course["final"]), "verdict": Verdict[course["verdict"]]}
-                | {key: tuple(course.get(key, ())) for key in ("inputs", "outputs")}
-            )
-            for name, course in kept["courses"].items()
-        },
-        "period": None if kept["period"] is None else Fraction(kept["period"]),
-        "case": Case.from_json(kept["case"]) if kept.get("case") else None,
-        "reward": float(kept["reward"]) if kept.get("reward") else None,
-    }
+    return run_fields(kept, column)

@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, Page, expect
 from report_example import EXAMPLE
 
 EPISODE = EXAMPLE.sections[0].requirements[0].worst[0]
+DECIDED = EPISODE.decided_at.time if EPISODE.decided_at else None
 PLOT = "#evaluation-upright-worst-seed-17 .plot"
 
 
@@ -98,7 +99,7 @@ def test_the_first_words_of_the_plot_name_violation_and_deciding_samples(page: P
     notes = plot.locator(".annotation-text").all_text_contents()
     assert notes == [
         *("angle", "position", "robustness if it ended now, and what it can still become"),
-        *("margin of abs(angle) < 0.2", f"✗ violated at {EPISODE.violated_at:g} s"),
+        *("margin of abs(angle) < 0.2", f"✗ violated at {DECIDED:g} s"),
     ]
     diamonds = plot.evaluate(
         "plot => plot.data.filter(each => each.name === 'decides').map(each => [each.x, each.y])"

@@ -251,6 +251,6 @@ def _first(episode: Any) -> dict[str, Any]:  # noqa: ANN401 - an episode of one 
             for name in ("signals", "predicates")
         },
         "deciding": (),
-        "violated_at": None,
+        "decided_at": None,
         "frames": (),
     }

@@ -12,19 +12,16 @@ ALTERNATIVES = {"SatisfactionCallback"}
 
 OPEN = {
     "Columns",
-    "Failure",
     "Judgement",
     "Kind",
     "Lanes",
     "MakeMachine",
-    "Outcome",
     "Played",
     "Series",
     "Signal",
     "Snapshot",
     "Trace",
     "Values",
-    "Word",
 }
 """Names that still mean two things."""
 

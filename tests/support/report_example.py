@@ -26,6 +26,7 @@ from rtamt_gym.reports.views import (
     TraceLine,
     TraceTable,
 )
+from rtamt_gym.results.outcome import Moment
 
 _PIXEL = (
     "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGA"
@@ -60,7 +61,7 @@ _EPISODE = ShownEpisode(
             f"abs(angle) < 0.2 is {_MARGIN[_WORST]:.4g} at {_TIMES[_WORST]:g} s",
         ),
     ),
-    violated_at=_AT,
+    decided_at=Moment(round(_AT / 0.02), _AT),
     seed=17,
     explanation=f"robustness {_MARGIN[_WORST]:.4g} at 0 s, decided by abs(angle) < 0.2",
     frames=(
@@ -83,8 +84,10 @@ _UPRIGHT = ShownRequirement(
         ShownTrial(
             "seed 4", "failed", seed=4, duration=0.4, text="ValueError: the simulator stopped"
         ),
-        ShownTrial("seed 17", "violated", _MARGIN[_WORST], _AT, 2.0, 61.0, 17),
-        ShownTrial("seed 9", "violated", -0.05, 1.9, 2.0, 96.0, 9),
+        ShownTrial(
+            "seed 17", "violated", _MARGIN[_WORST], Moment(round(_AT / 0.02), _AT), 2.0, 61.0, 17
+        ),
+        ShownTrial("seed 9", "violated", -0.05, Moment(95, 1.9), 2.0, 96.0, 9),
         *(
             ShownTrial(f"seed {i}", "satisfied", 0.01 * (i + 1), None, 2.0, 100.0, i)
             for i in range(20)
@@ -144,7 +147,12 @@ _DRY = ShownRequirement(
     first_violations=(11.0,),
     trials=(
         ShownTrial(
-            "simulation 3", "violated", -0.73, 11.0, 19.0, case=("inflow = 0.3", "leak = 0.1")
+            "simulation 3",
+            "violated",
+            -0.73,
+            Moment(11, 11.0),
+            19.0,
+            case=("inflow = 0.3", "leak = 0.1"),
         ),
         ShownTrial(
             "simulation 6", "satisfied", 0.046, None, 19.0, case=("inflow = 0.3", "leak = 0.15")
@@ -199,7 +207,7 @@ _MATRIX = Section(
             counts=Counts(3, 1, 1, 0, 1),
             trials=(
                 ShownTrial("runs/c.csv", "failed", text="there is no column 'level'"),
-                ShownTrial("runs/b.csv", "violated", -0.5, 4.0),
+                ShownTrial("runs/b.csv", "violated", -0.5, Moment(4, 4.0)),
                 ShownTrial("runs/a.csv", "satisfied", 1.0),
             ),
             left_out=0,

@@ -55,8 +55,9 @@ function episode(chart, c, width) {
     }
     traces.push(...panel.traces(c, times).map((trace) => ({ type: "scatter", mode: "lines", xaxis: "x", yaxis: `y${suffix}`, ...trace })));
   });
-  if (chart.violated_at !== null) {
-    const at = real(chart.violated_at);
+  const decided = timeOf(chart.decided_at);
+  if (decided !== null) {
+    const at = real(decided);
     const right = at > (times[0] + times.at(-1)) / 2;
     layout.shapes.push(line(c, { xref: "x", yref: "paper", x0: at, x1: at, y0: 0, y1: 1 }, { line: { color: c.violated, width: 1.5, dash: "dash" } }));
     layout.annotations.push(note(c, `✗ violated at ${showTime(at, chart.unit)}`, {
@@ -65,6 +66,11 @@ function episode(chart, c, width) {
     }));
   }
   return { traces, layout };
+}
+
+// The seconds of a moment, or the number of its sample.
+function timeOf(moment) {
+  return moment === null ? null : moment.seconds ?? moment.sample;
 }
 
 function panelsOf(chart) {
@@ -226,7 +232,7 @@ function startPlayer(place, chart, plot) {
   });
   reset.addEventListener("click", () => Plotly.relayout(plot, { "xaxis.range": span(times) }));
   plot.on("plotly_hover", (event) => go(nearest(event.points[0].x)));
-  go(nearest(real(chart.violated_at) ?? chart.deciding[0]?.time ?? times[0]));
+  go(nearest(real(timeOf(chart.decided_at)) ?? chart.deciding[0]?.time ?? times[0]));
 }
 
 // A line at the time of the slider.

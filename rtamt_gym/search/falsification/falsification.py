@@ -17,6 +17,7 @@ from rtamt_gym.checks.extras import naming_extra
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.space import Space
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.falsification.coverage import Coverage
 from rtamt_gym.search.runs.record import Record
@@ -136,7 +137,8 @@ class Falsification:
             InputError: If a file can hold no name of the system, the policy or a signal, with the
                 way out.
         """
-        from rtamt_gym.search.runs.saved_case import SavedCase, check_name
+        from rtamt_gym.results.codec import check_name
+        from rtamt_gym.search.runs.saved_case import SavedCase
 
         check_name(path)
         # The search stops a run that cannot become the closest, once enough of it is known.
@@ -144,6 +146,32 @@ class Falsification:
         row = self.row if whole else self.replay().trial(self.input)
         names = {"system": system, "policy": policy}
         SavedCase.of(self._runner, self.requirement, row, Path(path).parent, **names).save(path)
+
+    def to_json(self) -> str:
+        """The search as a result of the kind ``"search"``, which ``rtamt report`` shows."""
+        return document(
+            "search",
+            {
+                "requirement": self.requirement,
+                "formula": self.record.requirements[self.requirement],
+                "falsified": self.falsified,
+                "robustness": self.robustness,
+                "input": self.input,
+                "found": self.found,
+                "simulation_seed": self.row.seed,
+                "simulations": self.simulations,
+                "failed": len(self.record.failed()),
+                "simulated_time": self.simulated_time,
+                "reductions": self.reductions,
+                "budget": self.budget,
+                "seed": self.seed,
+                "optimizer": self.optimizer,
+                "scales": self.scales,
+                "gap": self.coverage.gap,
+                "distance": self.coverage.distance,
+                **plain_results(self.record, rates=False),
+            },
+        )
 
     def __repr__(self) -> str:
         what = "falsified" if self.falsified else "not falsified"

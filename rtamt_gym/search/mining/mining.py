@@ -14,6 +14,10 @@ from rtamt.errors import Argument
 from rtamt_gym.checks.arguments import check_choice
 from rtamt_gym.judging.reading import SampleReading, checked_reading, lists_reading
 from rtamt_gym.recorded.progress import progress as shown_progress
+from rtamt_gym.results.codec import document, plain_results
+from rtamt_gym.results.outcome import Outcome
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.mining.bisection import Found, ValueVerdict, tightest
 from rtamt_gym.search.mining.requirement import Ranges, Template, template
 from rtamt_gym.search.mining.traces import Samples, Traces, samples_of
@@ -108,6 +112,24 @@ class Mined:
     def formula(self) -> str:
         """The requirement as text, with the value in the place of the parameter."""
         return str(self.specification.formula)
+
+    def to_json(self) -> str:
+        """The value as a result of the kind ``"mined"``, whose trials are the witnesses."""
+        names = ("requirement", "parameter", "value", "side", "fails_at", "low", "high", "traces")
+        trials = [
+            Trial.of_trace(each.name, "", {self.parameter: Outcome.of_height(each.robustness)})
+            for each in self.witnesses
+        ]
+        about = {
+            **{name: getattr(self, name) for name in names},
+            "formula": self.formula,
+            "explanation": str(self.explanation),
+            "evaluations": self.evaluations,
+            "probes": self.probes,
+            "notes": self.notes,
+        }
+        results = Results(trials, {self.parameter: self.formula})
+        return document("mined", {**about, **plain_results(results, rates=False)})
 
     def __repr__(self) -> str:
         return (

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
 from collections import Counter
 from collections.abc import Mapping
 from textwrap import wrap
-from typing import Any, Final
+from typing import Any
 
-import numpy as np
-
-import rtamt
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.inputs.waveform import Waveform
+from rtamt_gym.results.codec import document, plain_results
 from rtamt_gym.results.statistics import columns_of
 from rtamt_gym.search.runs.record import Record
 from rtamt_gym.tables import counted, number, shorten, table
 
-__all__ = ["FORMAT", "case_lines", "failures", "strict_json", "summary", "to_json"]
-
-
-FORMAT: Final = "rtamt record 1"
-"""What the JSON of a record says that it is, for `rtamt report`."""
+__all__ = ["case_lines", "failures", "summary", "to_json"]
 
 
 def summary(record: Record) -> list[str]:
@@ -54,44 +46,14 @@ def failures(record: Record) -> list[str]:
 
 
 def to_json(record: Record, options: Mapping[str, Any]) -> str:
-    """The record as strict JSON: infinities are the strings ``"inf"`` and ``"-inf"``.
+    """The record as a result of the kind ``"record"``.
 
     Args:
         record: The simulations.
         options: How they were chosen and run.
     """
-    columns = record.columns()
-    names = list(columns)
-    rows = zip(*columns.values(), strict=True)
-    return json.dumps(
-        {
-            "format": FORMAT,
-            "rtamt": rtamt.__version__,
-            "system": record.system,
-            **options,
-            "requirements": dict(record.requirements),
-            "simulations": [
-                {name: _finite(cell) for name, cell in zip(names, row, strict=True)} for row in rows
-            ],
-        },
-        indent=2,
-        allow_nan=False,
-    )
-
-
-def _finite(cell: Any) -> Any:  # noqa: ANN401 - a cell of a table
-    return str(cell) if isinstance(cell, float) and not np.isfinite(cell) else cell
-
-
-def strict_json(kept: Mapping[str, Any]) -> str:
-    """Strict JSON over several lines, in which a list of numbers or texts is one line."""
-    text = json.dumps(kept, indent=2, allow_nan=False)
-    # No text of JSON holds a newline.
-    return re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{_one_line(found[1])}]", text)
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
+    rates = not record.case_columns
+    return document("record", {**options, **plain_results(record, rates=rates)})
 
 
 def case_lines(case: Case) -> list[str]:

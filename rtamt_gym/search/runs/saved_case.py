@@ -21,9 +21,9 @@ from rtamt.errors import nearest
 from rtamt_gym.checks.names import listing
 from rtamt_gym.inputs.case import Case
 from rtamt_gym.judging.reading import ROWS, RunReading
+from rtamt_gym.results.codec import check_name, document, read_as
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.naming import import_path, named_object, named_system, system_name
-from rtamt_gym.search.runs.report import strict_json
 from rtamt_gym.search.runs.runner import Runner
 from rtamt_gym.simulation.policies import policy_of
 from rtamt_gym.simulation.run import Run
@@ -31,14 +31,24 @@ from rtamt_gym.simulation.simulate import simulate
 
 __all__ = ["SavedCase"]
 
-_FORMAT: Final = "rtamt case 1"
-
 _READING: Final = tuple(
     name for name in ROWS if name in RunReading.__annotations__ and name != "period"
 )
 
 _KEYS: Final = (
-    *("format", "system", "requirement", "case", "seed", "duration", "period", "signals"),
+    *(
+        "format",
+        "version",
+        "kind",
+        "rtamt",
+        "system",
+        "requirement",
+        "case",
+        "seed",
+        "duration",
+        "period",
+        "signals",
+    ),
     *("policy", "reading", "expected", "versions"),
 )
 
@@ -198,23 +208,22 @@ class SavedCase:
         if self.requirement.unit != "s":
             requirement["unit"] = self.requirement.unit
         kept = {
-            "format": _FORMAT,
             "system": dict(self.system),
             "requirement": requirement,
-            "case": json.loads(self.case.to_json()),
+            "case": self.case,
             "seed": self.seed,
-            "duration": None if self.duration is None else _written(self.duration),
+            "duration": self.duration,
             "period": self.period,
             "signals": None if self.signals is None else dict(self.signals),
             "policy": self.policy,
             "reading": dict(self.reading),
             "expected": {
-                "verdict": self.verdict.name,
-                "robustness": _written(self.robustness),
+                "verdict": self.verdict,
+                "robustness": self.robustness,
             },
             "versions": dict(self.versions),
         }
-        return strict_json(kept) + "\n"
+        return document("case", kept) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the case into a file, whose name ends in ``.json``.
@@ -233,30 +242,7 @@ class SavedCase:
             InputError: If it holds no case.
             OSError: If there is no such file.
         """
-        where = os.fspath(path)
-        try:
-            kept = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
-        except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
-            raise InputError(f"{where} holds no case: expected JSON, got {error}") from error
-        if not isinstance(kept, dict) or kept.get("format") != _FORMAT:
-            raise InputError(
-                f'{where} holds no case: expected JSON whose "format" is "{_FORMAT}", as rtamt '
-                "falsify --save and Falsification.save write it"
-            )
-        try:
-            return cls(**_read(kept), folder=Path(path).parent)
-        except rtamt.RtamtError as error:
-            error.add_note(where)
-            raise
-
-
-def check_name(path: str | os.PathLike[str]) -> None:
-    """Refuses the name of a file that does not end in ``.json``."""
-    if Path(path).suffix.lower() != ".json":
-        raise InputError(
-            f"cannot write {os.fspath(path)}: expected a name that ends in .json, in which a case "
-            "is kept"
-        )
+        return read_as(path, "case", lambda kept: cls(**_read(kept), folder=Path(path).parent))
 
 
 def _read(kept: Mapping[str, Any]) -> dict[str, Any]:
@@ -316,14 +302,6 @@ def _check_keys(
                 f"expected {what} with {listing([*needed, *possible])}, got {key!r}"
                 f"{nearest(key, [*needed, *possible])}"
             )
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f'{text}, which strict JSON does not have; write "inf" or "-inf"')
-
-
-def _written(number: float) -> float | str:
-    return number if math.isfinite(number) else repr(float(number))
 
 
 def _number(name: str, given: Any) -> float:  # noqa: ANN401 - what JSON holds

@@ -19,7 +19,7 @@ from rtamt_gym.inputs.waveform import Waveform
 from rtamt_gym.results.trial import Trial
 from rtamt_gym.search.runs.files import finished
 
-__all__ = ["load", "read_space", "save", "written_space"]
+__all__ = ["holds_run", "load", "read_space", "save", "written_space"]
 
 _KEY = b"rtamt.record"
 """The key of the file's metadata under which all is kept that is no cell, as JSON."""
@@ -77,6 +77,14 @@ def load(path: Path) -> tuple[list[Trial], dict[str, Any]]:
         )
     kept: dict[str, Any] = json.loads(metadata[_KEY])
     return [_row(cells, kept) for cells in table.to_pylist()], kept
+
+
+def holds_run(path: Path) -> bool:
+    """Whether a Parquet file holds the samples of one run, as `Run.save` writes it."""
+    try:
+        return b"rtamt.run" in (pq.read_schema(path).metadata or {})
+    except pa.ArrowInvalid as error:
+        raise InputError(f"cannot read {path}: it is no Parquet file") from error
 
 
 def written_space(space: Space) -> dict[str, Any]:

@@ -188,31 +188,41 @@ def test_run_writes_strict_json_with_infinities_as_text(
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
 
-    assert json.loads((folder / "o.json").read_text(), parse_constant=refuse) == {
+    kept = json.loads((folder / "o.json").read_text(), parse_constant=refuse)
+    assert kept.pop("results")["low"]["violated"] == 1
+    assert kept["trials"][0].pop("wall") > 0
+    assert kept == {
+        "format": "rtamt result",
+        "version": 2,
+        "kind": "runs",
         "rtamt": rtamt.__version__,
-        "environment": ramp,
-        "period": 0.1,
-        "time_limit": 8,
-        "on_violation": "terminate",
-        "at_termination": None,
-        "at_truncation": "cut",
-        "specs": {"low": "always(x < 5.5)"},
-        "episodes": [
+        "system": ramp,
+        "period": "1/10",
+        "limit": 0.8,
+        "reading": {
+            "on_violation": "terminate",
+            "at_termination": None,
+            "at_truncation": "cut",
+        },
+        "requirements": {"low": "always(x < 5.5)"},
+        "trials": [
             {
                 "seed": 0,
-                "steps": 6,
                 "ended": "violation",
-                "steps_saved": 2,
-                "violated_by": "low",
-                "specs": {
+                "simulated": 0.6,
+                "return": 0.0,
+                "outcomes": {
                     "low": {
+                        "verdict": "VIOLATED",
                         "robustness": -0.5,
                         "lower": "-inf",
                         "upper": -0.5,
-                        "verdict": "VIOLATED",
-                        "decided_at": 6,
+                        "decided_at": {"sample": 6, "seconds": 0.6},
                     }
                 },
+                "steps": 6,
+                "steps_saved": 2,
+                "violated_by": "low",
             }
         ],
     }

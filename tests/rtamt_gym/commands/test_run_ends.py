@@ -131,15 +131,16 @@ def test_the_outcomes_hold_how_the_ends_were_read(capsys: Output) -> None:
     assert main([*RUN, *INVARIANT, *ends]) == 0
     capsys.readouterr()
     outcomes = json.loads(Path("o.json").read_text())
-    assert (outcomes["at_termination"], outcomes["at_truncation"]) == ("failure", "open")
-    (episode,) = outcomes["episodes"]
+    ends = [outcomes["reading"][each] for each in ("at_termination", "at_truncation")]
+    assert ends == ["failure", "open"]
+    (episode,) = outcomes["trials"]
     assert (episode["ended"], episode["violated_by"]) == ("terminated", "spec")
-    assert episode["specs"]["spec"] == {
+    assert episode["outcomes"]["spec"] == {
         "robustness": 6.0,
         "lower": "-inf",
         "upper": -0.0,
         "verdict": "VIOLATED",
-        "decided_at": 3,
+        "decided_at": {"sample": 3, "seconds": 0.3},
     }
 
 

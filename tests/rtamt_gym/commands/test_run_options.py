@@ -127,8 +127,8 @@ def test_a_function_of_the_working_directory_drives_every_episode(capsys: Output
     arguments = [*RUN, "--policy", "rtamt_pilot:act", "--episodes", "2", "--json", "o.json"]
     assert main(arguments) == 0
     capsys.readouterr()
-    episodes = json.loads(Path("o.json").read_text())["episodes"]
-    assert [(e["steps"], e["specs"]["spec"]["robustness"]) for e in episodes] == [(5, 1.0)] * 2
+    episodes = json.loads(Path("o.json").read_text())["trials"]
+    assert [(e["steps"], e["outcomes"]["spec"]["robustness"]) for e in episodes] == [(5, 1.0)] * 2
 
 
 @pytest.mark.parametrize(

@@ -310,12 +310,19 @@ def test_other_arguments_are_refused(call: Callable[[], object], message: str) -
 def test_files_that_hold_no_comparison_are_refused(tmp_path: Path) -> None:
     a = evaluation_of(NEAR)
     texts = {
-        "words.json": ("{", "it is no JSON: Expecting property name enclosed in double quotes: "),
+        "words.json": ("{", "got no JSON: Expecting property name enclosed in double quotes: "),
         "other.json": (
-            '{"format": "rtamt evaluation 1"}',
-            "holds no comparison: expected the format 'rtamt comparison 1', as Comparison.save",
+            '{"format": "rtamt result", "version": 2, "kind": "evaluation"}',
+            "holds no comparison but a result of kind 'evaluation': expected a file that ",
         ),
-        "torn.json": ('{"format": "rtamt comparison 1"}', "it is no comparison that "),
+        "newer.json": (
+            '{"format": "rtamt result", "version": 3, "kind": "comparison"}',
+            "holds a result of version 3, and rtamt ",
+        ),
+        "torn.json": (
+            '{"format": "rtamt result", "version": 2, "kind": "comparison"}',
+            "it is no result of kind 'comparison' that rtamt compare --save and Comparison.save ",
+        ),
     }
     for name, (text, message) in texts.items():
         (tmp_path / name).write_text(text)

@@ -24,6 +24,7 @@ from rtamt_gym.reports.html import render
 from rtamt_gym.reports.model import Report
 from rtamt_gym.reports.of_evaluation import of_evaluation
 from rtamt_gym.reports.series import ROOM
+from rtamt_gym.results.outcome import Moment
 from rtamt_gym.simulation.record import Stop
 
 SPECS = {"low": "always(x < 1)"}
@@ -250,7 +251,7 @@ def test_a_report_shows_the_pictures_of_its_episodes() -> None:
     section = of_evaluation(found, ROOM)
     (episode,) = section.requirements[0].worst
     assert [frame.time for frame in episode.frames] == [0.5 * i for i in range(10)]
-    assert episode.violated_at == 2.0
+    assert episode.decided_at == Moment(4, 2.0)
     assert episode.frames[4].words == "The episode of seed 5 at 2 s"
     sources = [frame.source.partition("data:image/webp;base64,") for frame in episode.frames]
     assert [(before, b64decode(code)) for before, _, code in sources] == [
@@ -293,7 +294,7 @@ def test_a_hundred_episodes_with_pictures_stay_below_six_megabytes() -> None:
     assert 0 < sum(letters) <= 480_000
     for episode in worst:
         times = [frame.time for frame in episode.frames]
-        assert episode.violated_at == 18.5
+        assert episode.decided_at == Moment(37, 18.5)
         assert 18.5 in times
         assert times == sorted(set(times))
     assert len(render(Report("shown", "rtamt", (section,))).encode()) < 6_000_000

@@ -113,9 +113,9 @@ def test_json_says_how_a_bag_was_read_and_a_report_reads_it_again(
     command = ["monitor", "spec.stl", "--period", "100ms", "--json", "--", "bags"]
     assert main(command) == 1
     text = capsys.readouterr().out
-    outcomes = json.loads(text)
-    assert outcomes["period"] == "1/10"
-    assert outcomes["columns"] == {"signals": {"cmd.linear.x": "robot0/cmd_vel.linear.x"}}
+    reading, outcomes = json.loads(text)["reading"], json.loads(text)
+    assert reading["period"] == "1/10"
+    assert reading["columns"] == {"signals": {"cmd.linear.x": "robot0/cmd_vel.linear.x"}}
     assert [each["verdict"] for each in outcomes["traces"]] == [
         "SATISFIED",
         "VIOLATED",

@@ -109,13 +109,13 @@ def test_a_default_is_kept_with_the_outcomes(
     path = bag(tmp_path, {3: 0.125})
     assert main(["monitor", TEXT, path, "--period", "1", "--json"]) == 1
     outcomes = json.loads(capsys.readouterr().out)
-    assert outcomes["columns"]["starts"] == {"limit": 0.5}
+    assert outcomes["reading"]["columns"]["starts"] == {"limit": 0.5}
     # The formula of the outcomes has lost its declarations.
     again = rtamt.parse(outcomes["requirements"]["slow"])
-    trace, _ = read_ruled(path, {"": again}, RULES, Columns(**outcomes["columns"]))
+    trace, _ = read_ruled(path, {"": again}, RULES, Columns(**outcomes["reading"]["columns"]))
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == [0.5, 0.5, 0.5, 0.125, 0.125]
     absent = bag(tmp_path, {}, "absent.mcap")
-    trace, _ = read_ruled(absent, {"": again}, RULES, Columns(**outcomes["columns"]))
+    trace, _ = read_ruled(absent, {"": again}, RULES, Columns(**outcomes["reading"]["columns"]))
     assert isinstance(trace, Trace)
     assert trace.columns["limit"].tolist() == [0.5] * 5

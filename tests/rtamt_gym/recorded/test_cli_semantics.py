@@ -77,8 +77,8 @@ def test_episodes_are_judged_under_the_semantics(folder: Path) -> None:
     found = {}
     for semantics in ("standard", "output-robustness"):
         assert main([*command, "--semantics", semantics]) == 0
-        (episode,) = json.loads((folder / "out.json").read_text())["episodes"]
-        found[semantics] = episode["specs"]["spec"]["robustness"]
+        (episode,) = json.loads((folder / "out.json").read_text())["trials"]
+        found[semantics] = episode["outcomes"]["spec"]["robustness"]
     assert found["standard"] < 8.0 < found["output-robustness"] < 9.0
 
 

@@ -13,8 +13,10 @@ import pytest
 
 import rtamt
 from rtamt_gym.__main__ import main
-from rtamt_gym.recorded.junit import to_junit
-from rtamt_gym.recorded.outcome import Failure, Matrix, Row
+from rtamt_gym.results.junit import to_junit
+from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.outcome import Failure
+from rtamt_gym.results.trial import Trial
 
 Output = pytest.CaptureFixture[str]
 TEXT = """\
@@ -110,7 +112,9 @@ def test_the_counts_of_junit_are_those_of_its_cases(folder: Path) -> None:
 def test_what_no_xml_may_hold_is_replaced() -> None:
     name = "a\x1b[0m\ud800<&>\"'.csv"
     failure = Failure("bad \x00 byte & <tag>")
-    data = to_junit(Matrix({"p": "x > 0"}, [Row(name, "", {"p": failure})]), {"end": "cut"})
+    data = to_junit(
+        Matrix([Trial.of_trace(name, "", {"p": failure})], {"p": "x > 0"}), {"end": "cut"}
+    )
     root = ET.fromstring(data)  # noqa: S314 - our own
     assert root[0].get("name") == "a\ufffd[0m\ufffd<&>\"'.csv"
     error = root.find(".//error")
@@ -208,14 +212,20 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
     assert main(["monitor", "req.stl", *options, "--", "near.csv", "bad.csv"]) == 2
     out, err = capsys.readouterr()
     assert err == f"outcomes: out.xml\nrtamt: error: {BAD}\n"
-    assert strict(out) == {
-        "format": "rtamt outcomes 1",
+    kept = strict(out)
+    assert {name: each for name, each in kept.items() if name not in {"traces", "trials"}} == {
+        "format": "rtamt result",
+        "version": 2,
+        "kind": "traces",
         "rtamt": rtamt.__version__,
-        "end": "cut",
-        "view": "episode",
-        "semantics": "standard",
-        "time": "sampled",
-        "columns": {},
+        "system": "",
+        "reading": {
+            "end": "cut",
+            "view": "episode",
+            "semantics": "standard",
+            "time": "sampled",
+            "columns": {},
+        },
         "verdict": "ERROR",
         "exit_code": 2,
         "counts": {"error": 2, "violated": 1, "undecided": 0, "satisfied": 1},
@@ -225,42 +235,95 @@ def test_json_is_all_that_stands_on_standard_output(capsys: Output) -> None:
             "near": "always(gap > 2)",
             "answered": "always(req >= 3 implies eventually[0:1](gnt >= 3))",
         },
-        "traces": [
-            {
-                "trace": "near.csv",
-                "verdict": "VIOLATED",
-                "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
-                "notes": [],
-                "requirements": {
-                    "near": {
-                        "verdict": "VIOLATED",
-                        "robustness": -1.0,
-                        "lower": "-inf",
-                        "upper": -1.0,
-                        "certain_from": 0.5,
-                        "explanation": EXPLAINED,
-                    },
-                    "answered": {
-                        "verdict": "SATISFIED",
-                        "robustness": 3.0,
-                        "lower": 3.0,
-                        "upper": 3.0,
-                        "certain_from": None,
-                    },
-                },
-            },
-            {
-                "trace": "bad.csv",
-                "verdict": "ERROR",
-                "described": None,
-                "notes": [],
-                "requirements": {
-                    "near": {"verdict": "ERROR", "error": BAD},
-                    "answered": {"verdict": "ERROR", "error": BAD},
-                },
-            },
-        ],
+        "results": {
+            "near": results(-1.0, violated=1, first_violations=[0.5], worst=[[0, -1.0]]),
+            "answered": results(3.0, satisfied=1, worst=[[0, 3.0]]),
+        },
     }
+    near, bad = kept["trials"]
+    assert near == {
+        "name": "near.csv",
+        "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
+        "ended": "recorded",
+        "outcomes": {
+            "near": {
+                "verdict": "VIOLATED",
+                "robustness": -1.0,
+                "lower": "-inf",
+                "upper": -1.0,
+                "decided_at": {"sample": 1, "seconds": 0.5},
+                "text": "VIOLATED, robustness -1, certain from 0.5 s on",
+                "explanation": EXPLAINED,
+            },
+            "answered": {
+                "verdict": "SATISFIED",
+                "robustness": 3.0,
+                "lower": 3.0,
+                "upper": 3.0,
+                "decided_at": None,
+                "text": "SATISFIED, robustness 3, at the end of the trace",
+            },
+        },
+        "verdict": "VIOLATED",
+    }
+    assert bad["outcomes"] == {
+        name: {"verdict": "ERROR", "error": BAD} for name in ("near", "answered")
+    }
+    assert [trace["trace"] for trace in kept["traces"]] == ["near.csv", "bad.csv"]
+
+
+def results(height: float, **counts: Any) -> dict[str, Any]:  # noqa: ANN401
+    """The statistics of a requirement that one of two traces was judged by."""
+    numbers = dict.fromkeys(["least", "cvar", "median", "greatest"], height)
+    shares = dict.fromkeys(["0.05", "0.25", "0.5", "0.75", "0.95"], height)
+    found: dict[str, Any] = {
+        "episodes": 2,
+        "satisfied": 0,
+        "violated": 0,
+        "undecided": 0,
+        "failed": 1,
+    }
+    found |= {"quantiles": shares, "first_violations": [], "saved": 0.0, "worst": []}
+    return {**found, **numbers, **counts}
+
+
+def test_the_keys_of_version_1_stand_beside_those_of_version_2(capsys: Output) -> None:
+    main(["monitor", "req.stl", "--json", "--", "near.csv", "bad.csv"])
+    assert strict(capsys.readouterr().out)["traces"] == [
+        {
+            "trace": "near.csv",
+            "verdict": "VIOLATED",
+            "described": "near.csv: 3 samples, one every 0.5 s, 0 s to 1 s",
+            "notes": [],
+            "requirements": {
+                "near": {
+                    "verdict": "VIOLATED",
+                    "robustness": -1.0,
+                    "lower": "-inf",
+                    "upper": -1.0,
+                    "certain_from": 0.5,
+                    "explanation": EXPLAINED,
+                },
+                "answered": {
+                    "verdict": "SATISFIED",
+                    "robustness": 3.0,
+                    "lower": 3.0,
+                    "upper": 3.0,
+                    "certain_from": None,
+                },
+            },
+        },
+        {
+            "trace": "bad.csv",
+            "verdict": "ERROR",
+            "described": None,
+            "notes": [],
+            "requirements": {
+                "near": {"verdict": "ERROR", "error": BAD},
+                "answered": {"verdict": "ERROR", "error": BAD},
+            },
+        },
+    ]
 
 
 def test_json_says_why_a_verdict_is_open_and_keeps_the_sign_of_zeros(

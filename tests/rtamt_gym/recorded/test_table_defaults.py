@@ -159,12 +159,12 @@ def test_a_default_is_kept_with_the_outcomes(
     path = table(tmp_path, ABSENT)
     assert main(["monitor", TEXT, path, "--json"]) == 0
     outcomes = json.loads(capsys.readouterr().out)
-    assert outcomes["columns"] == {"starts": {"limit": 0.5}}
+    assert outcomes["reading"]["columns"] == {"starts": {"limit": 0.5}}
     (cell,) = outcomes["traces"][0]["requirements"].values()
     assert cell["robustness"] == 0.25
     # The formula of the outcomes has lost its declarations.
     again = rtamt.parse(outcomes["requirements"]["out"])
-    trace, _ = read_ruled(path, {"": again}, Reading(), Columns(**outcomes["columns"]))
+    trace, _ = read_ruled(path, {"": again}, Reading(), Columns(**outcomes["reading"]["columns"]))
     assert trace.notes == ["'limit' is 0.5, its default: there is no such column"]
 
 

@@ -39,7 +39,9 @@ def test_counts_rates_and_times_are_those_of_the_rows() -> None:
     assert low.first_violations == (0.4, 1.5)
     assert [trial.label for trial in low.trials] == [f"seed {i}" for i in (10, 9, 8, 7, 11)]
     assert low.trials[0].text == "ValueError: it broke"
-    assert [trial.violated_at for trial in every.trials] == [None, 1.5, 0.4, 1.0, None]
+    assert [each.decided_at and each.decided_at.time for each in every.trials] == [
+        *(None, 1.5, 0.4, 1.0, None)
+    ]
     assert section.returns == (2.0, 3.0, 4.0, 5.0)
     assert low.words == "x0 stays below 5 at all times"
     assert seen.words == "x1 gets above 0.5 within the first 1 s"
@@ -65,7 +67,7 @@ def test_an_episode_has_its_signals_predicates_and_the_samples_that_decided() ->
     assert decision.values == {"x0": 9.0}
     assert decision.robustness == episode.final == -4.0
     assert decision.words == "x0 < 5 decided at 1.6 s, where x0 is 9"
-    assert episode.violated_at == pytest.approx(1.6)
+    assert episode.decided_at == Moment(16, 1.6)
     assert episode.verdict == "violated"
 
 

@@ -3,12 +3,14 @@
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rtamt_gym.__main__ import main
 from rtamt_gym.reports.of_matrix import of_matrix
 from rtamt_gym.reports.series import ROOM
+from rtamt_gym.results.outcome import Moment
 
 SPEC = "near = always(gap > 2); answered = always(req >= 3 implies eventually[0:1](gnt >= 3))"
 TRACES = {
@@ -23,13 +25,13 @@ def judged(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     *options: str,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """What ``rtamt monitor --json`` prints about the traces in a folder."""
     monkeypatch.chdir(folder)
     for name, text in TRACES.items():
         (folder / name).write_text(text, encoding="utf-8")
     main(["monitor", SPEC, "--json", *options, "--", *TRACES])
-    outcomes: dict[str, object] = json.loads(capsys.readouterr().out)
+    outcomes: dict[str, Any] = json.loads(capsys.readouterr().out)
     return outcomes
 
 
@@ -56,7 +58,7 @@ def test_every_outcome_is_shown_and_the_worst_trace_in_full(
     assert episode.robustness == (3.0, -1.0, -1.0)
     assert episode.upper == (3.0, -1.0, -1.0)
     assert episode.lower == (-math.inf,) * 3
-    assert episode.violated_at == near.trials[1].violated_at == 0.5
+    assert episode.decided_at == near.trials[1].decided_at == Moment(1, 0.5)
     assert episode.deciding[0].values == {"gap": 1.0}
 
 
@@ -66,7 +68,7 @@ def test_the_options_of_the_columns_are_read_again(
     outcomes = judged(
         tmp_path, monkeypatch, capsys, "--signal", "gap=req", "--time-unit", "ms", "--view", "step"
     )
-    assert outcomes["columns"] == {"signals": {"gap": "req"}, "time_unit": "ms"}
+    assert outcomes["reading"]["columns"] == {"signals": {"gap": "req"}, "time_unit": "ms"}
     near, _ = of_matrix(outcomes, tmp_path, ROOM).requirements
     assert near.words == "at all times, gap stays above 2 from then on"
     (episode,) = near.worst
@@ -96,4 +98,4 @@ def test_without_times_bounds_count_steps(
     section = of_matrix(json.loads(capsys.readouterr().out), tmp_path, ROOM)
     assert section.unit == "steps"
     assert section.requirements[0].words == "x stays below 3 during the first 1 step"
-    assert section.requirements[0].worst[0].violated_at == 1.0
+    assert section.requirements[0].worst[0].decided_at == Moment(1, None)

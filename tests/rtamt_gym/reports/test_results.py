@@ -19,10 +19,9 @@ from rtamt_gym.reports.write import report_of
 from rtamt_gym.search.runs.report import to_json
 
 KINDS = (
-    "holds no result; results are the files of Evaluation.save, rtamt evaluate --save, "
-    "Comparison.save, rtamt compare --save, rtamt sweep --json, Falsification.save, rtamt falsify "
-    "--save, rtamt falsify --json, rtamt monitor --json, and the Parquet files and folders of "
-    "sweeps and campaigns"
+    "holds no result: expected a file that rtamt run --json, rtamt monitor --json, rtamt sweep "
+    "--json, rtamt falsify --json, rtamt falsify --save and Falsification.save, rtamt evaluate "
+    "--save and Evaluation.save, rtamt compare --save and Comparison.save, rtamt mine --json write"
 )
 
 
@@ -111,7 +110,7 @@ def test_a_page_is_written_from_objects_and_files(
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("time,x\n0,1\n", "; it is no JSON: Extra data: line 1 column 5 (char 4)"),
+        ("time,x\n0,1\n", ", got no JSON: Extra data: line 1 column 5 (char 4)"),
         ('{"format": "rtamt dream 7"}', ""),
         ("[1, 2]", ""),
     ],
@@ -129,11 +128,13 @@ def test_a_file_that_holds_no_result_is_refused(
 
 def test_a_damaged_result_is_refused_with_what_it_lacks(tmp_path: Path) -> None:
     path = tmp_path / "o.json"
-    path.write_text('{"format": "rtamt outcomes 1", "traces": []}', encoding="utf-8")
+    path.write_text(
+        '{"format": "rtamt outcomes 1", "traces": [{"described": ""}]}', encoding="utf-8"
+    )
     with pytest.raises(InputError) as caught:
         section_of(path, ROOM)
     assert str(caught.value) == (
-        f'cannot read {path}: "format" is "rtamt outcomes 1", but KeyError: \'requirements\''
+        f"cannot read {path}: KeyError: 'requirements' in what says that it is 'rtamt outcomes 1'"
     )
 
 

@@ -60,8 +60,8 @@ def test_tables_and_pictures_say_what_a_zero_means() -> None:
     labels = [axes.get_xlabel() for axes in draw([run]).axes]
     assert "SATISFIED, 0, holds, at 1.5 s" in labels
     assert "VIOLATED, 0, violated, at 1 s" in labels
-    (episode,) = json.loads(to_json([run], {}))["episodes"]
-    assert episode["specs"]["above"]["verdict"] == "VIOLATED"
+    (episode,) = json.loads(to_json([run], {}))["trials"]
+    assert episode["outcomes"]["above"]["verdict"] == "VIOLATED"
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rtamt_gym.recorded.matrix import LEGEND, cell_text, summary
-from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome
+from rtamt_gym.results.matrix import LEGEND, Matrix, cell_text, label, summary
+from rtamt_gym.results.outcome import Failure, Outcome
 
 __all__ = ["to_markdown"]
 
@@ -18,14 +18,14 @@ def to_markdown(matrix: Matrix) -> str:
 
     The first 50 are explained.
     """
-    names = [_escaped(name) for name in matrix.formulas]
-    lines = [f"# {matrix.word}", ""]
+    names = [_escaped(name) for name in matrix.requirements]
+    lines = [f"# {label(matrix.word)}", ""]
     lines += [f"{_escaped(text)}  " for text in summary(matrix)]
     lines += ["", f"| trace | verdict | {' | '.join(names)} |"]
     lines.append(f"|---|---|{'---:|' * len(names)}")
     for row in matrix.rows:
-        cells = [cell_text(cell).strip() for cell in row.cells.values()]
-        lines.append(f"| {_escaped(row.trace)} | {row.word} | {' | '.join(cells)} |")
+        cells = [cell_text(row.cell(name)).strip() for name in matrix.requirements]
+        lines.append(f"| {_escaped(row.name)} | {label(row.word)} | {' | '.join(cells)} |")
     lines += ["", f"{LEGEND}."]
     explained = list(_explained(matrix))
     for head, text in explained[:_MOST]:
@@ -41,12 +41,13 @@ def to_markdown(matrix: Matrix) -> str:
 
 def _explained(matrix: Matrix) -> Iterator[tuple[str, str]]:
     for row in matrix.rows:
-        for name, cell in row.cells.items():
-            head = f"{row.trace}: {name}"
+        for name in matrix.requirements:
+            cell = row.cell(name)
+            head = f"{row.name}: {name}"
             if isinstance(cell, Failure):
                 yield f"{head}: error", cell.message
             elif cell.explanation or cell.way_out:
-                yield f"{head}: {cell.text}", _why(cell, matrix.formulas[name])
+                yield f"{head}: {cell.text}", _why(cell, matrix.requirements[name])
 
 
 def _why(cell: Outcome, formula: str) -> str:

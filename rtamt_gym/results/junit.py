@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 from rtamt import Verdict
-from rtamt_gym.recorded.outcome import Failure, Matrix, Outcome, Row, word
+from rtamt_gym.results.matrix import Matrix
+from rtamt_gym.results.outcome import Failure, Outcome, Word, word
+from rtamt_gym.results.trial import Trial
 
 __all__ = ["to_junit"]
 
@@ -29,22 +31,22 @@ def to_junit(matrix: Matrix, rules: Mapping[str, str]) -> bytes:
     del counts["skipped"]  # schemas have it in suites only
     root = ET.Element("testsuites", {"name": "rtamt", **counts})
     for row in matrix.rows:
-        root.append(_suite(row, matrix.formulas, rules))
+        root.append(_suite(row, matrix.requirements, rules))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
-def _suite(row: Row, formulas: Mapping[str, str], rules: Mapping[str, str]) -> ET.Element:
-    words = [word(cell) for cell in row.cells.values()]
+def _suite(row: Trial, formulas: Mapping[str, str], rules: Mapping[str, str]) -> ET.Element:
+    words = [word(row.cell(name)) for name in formulas]
     counts = _counts({each: words.count(each) for each in words})
-    suite = ET.Element("testsuite", {"name": _xml(row.trace), **counts})
+    suite = ET.Element("testsuite", {"name": _xml(row.name), **counts})
     properties = ET.SubElement(suite, "properties")
     for name, value in rules.items():
         ET.SubElement(properties, "property", name=name, value=value)
-    for name, cell in row.cells.items():
-        case = ET.SubElement(suite, "testcase", classname=_xml(row.trace), name=_xml(name))
-        _say(case, cell, formulas[name])
+    for name in formulas:
+        case = ET.SubElement(suite, "testcase", classname=_xml(row.name), name=_xml(name))
+        _say(case, row.cell(name), formulas[name])
     if row.described:
         ET.SubElement(suite, "system-out").text = _xml("\n".join([row.described, *row.notes]))
     return suite
@@ -64,12 +66,12 @@ def _say(case: ET.Element, cell: Outcome | Failure, formula: str) -> None:
         said.text = _xml("\n".join([formula, "", cell.text, *reasons]))
 
 
-def _counts(words: Mapping[str, int]) -> dict[str, str]:
+def _counts(words: Mapping[Word, int]) -> dict[str, str]:
     counts = {
         "tests": sum(words.values()),
-        "failures": words.get("VIOLATED", 0),
-        "errors": words.get("ERROR", 0),
-        "skipped": words.get("UNDECIDED", 0),
+        "failures": words.get("violated", 0),
+        "errors": words.get("failed", 0),
+        "skipped": words.get("undecided", 0),
     }
     return {name: str(count) for name, count in counts.items()}
 

@@ -1,0 +1,330 @@
+"""The one form of JSON that results are kept in: how it is written and read.
+
+It is strict JSON. A number that is not finite is one of the texts ``"inf"``, ``"-inf"``, ``"nan"``;
+what there is not is null or left out. Every file says ``"format"``, ``"version"`` and ``"kind"``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import numpy as np
+
+import rtamt
+from rtamt import InputError, Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.outcome import Failure, Moment, Outcome
+from rtamt_gym.results.statistics import STATISTICS, RequirementResult
+from rtamt_gym.results.table import Results
+from rtamt_gym.results.trial import Trial
+from rtamt_gym.results.version_1 import upgraded
+
+__all__ = [
+    "FORMAT",
+    "KINDS",
+    "VERSION",
+    "check_name",
+    "document",
+    "fraction_of",
+    "number_of",
+    "outcome_of",
+    "plain",
+    "plain_outcome",
+    "plain_result",
+    "plain_results",
+    "plain_trial",
+    "read",
+    "read_as",
+    "save",
+    "trial_of",
+    "trials_of",
+]
+
+FORMAT: Final = "rtamt result"
+VERSION: Final = 2
+
+KINDS: Final[Mapping[str, str]] = {
+    "runs": "rtamt run --json",
+    "traces": "rtamt monitor --json",
+    "record": "rtamt sweep --json",
+    "search": "rtamt falsify --json",
+    "case": "rtamt falsify --save and Falsification.save",
+    "evaluation": "rtamt evaluate --save and Evaluation.save",
+    "comparison": "rtamt compare --save and Comparison.save",
+    "mined": "rtamt mine --json",
+}
+"""The kinds of results, and what writes them."""
+
+_RATES: Final = ("rate", "interval")
+"""The statistics of trials that differ by chance alone."""
+
+_BROKEN: Final = (KeyError, TypeError, ValueError, AttributeError, IndexError)
+"""What is raised where a file lacks something or holds something else."""
+
+T = TypeVar("T")
+
+
+def document(kind: str, fields: Mapping[str, Any]) -> str:
+    """The text of a result: its head, and its fields as `plain` makes them.
+
+    Lists of numbers or texts stand on one line, and so does each of the trials.
+    """
+    head = {"format": FORMAT, "version": VERSION, "kind": kind, "rtamt": rtamt.__version__}
+    return _indented(plain({**head, **fields}))
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - what a result holds
+    """A value as dicts, lists, numbers and texts, which strict JSON can say."""
+    for kind, make in _PLAIN:
+        if isinstance(value, kind):
+            return make(value)
+    return value
+
+
+def plain_outcome(found: Outcome | Failure) -> dict[str, Any]:
+    """What a requirement has become, as JSON holds it."""
+    if isinstance(found, Failure):
+        return {"verdict": "ERROR", "error": found.message}
+    texts = ("text", "not_recorded", "way_out", "explanation")
+    kept = {
+        "verdict": found.verdict,
+        "robustness": found.robustness,
+        "lower": found.lower,
+        "upper": found.upper,
+        "decided_at": found.decided,
+        **{name: getattr(found, name) for name in texts if getattr(found, name)},
+    }
+    return {name: plain(each) for name, each in kept.items()}
+
+
+def plain_trial(trial: Trial) -> dict[str, Any]:
+    """A trial as JSON holds it; what it does not have is left out."""
+    recorded = trial.ended == "recorded"
+    kept = {
+        "name": trial.name or None,
+        "described": trial.described or None,
+        "case": trial.case or None,
+        "seed": trial.seed,
+        "ended": trial.ended,
+        "simulated": None if recorded else trial.simulated,
+        "return": trial.reward,
+        "wall": None if recorded else trial.wall,
+        "error": trial.error or None,
+        "notes": trial.notes or None,
+    }
+    cells: dict[str, Outcome | Failure] = {**trial.outcomes, **trial.failures}
+    return {name: plain(each) for name, each in kept.items() if each is not None} | {
+        "outcomes": {name: plain_outcome(cell) for name, cell in cells.items()}
+    }
+
+
+def plain_result(result: RequirementResult, *, rates: bool = True) -> dict[str, Any]:
+    """The statistics of a requirement; rates where trials differ by chance alone."""
+    kept = {each.key: each.of(result) for each in STATISTICS if rates or each.key not in _RATES}
+    kept["quantiles"] = {str(share): value for share, value in result.quantiles.items()}
+    kept |= {"first_violations": result.first_violations, "saved": result.saved}
+    return {name: plain(each) for name, each in kept.items()} | {"worst": plain(result.worst)}
+
+
+def plain_results(results: Results, *, rates: bool = True) -> dict[str, Any]:
+    """The keys that all results of trials have: system, requirements, results, trials.
+
+    Args:
+        results: The trials.
+        rates: Whether they differ by chance alone, so that a rate says something of the system.
+    """
+    found = results.results()
+    return {
+        "system": results.system,
+        "requirements": results.requirements,
+        "results": {name: plain_result(each, rates=rates) for name, each in found.items()},
+        "trials": results.rows,
+    }
+
+
+_PLAIN: Final[tuple[tuple[type | tuple[type, ...], Callable[[Any], Any]], ...]] = (
+    (
+        (float, np.floating),
+        lambda value: float(value) if math.isfinite(value) else repr(float(value)),
+    ),
+    (Fraction, str),
+    (Verdict, lambda value: value.name),
+    (Case, lambda value: plain(json.loads(value.to_json()))),
+    (Moment, lambda value: {"sample": value.sample, "seconds": plain(value.seconds)}),
+    (Trial, plain_trial),
+    (RequirementResult, plain_result),
+    (np.ndarray, lambda value: plain(value.tolist())),
+    (Mapping, lambda value: {str(key): plain(each) for key, each in value.items()}),
+    ((list, tuple), lambda value: [plain(each) for each in value]),
+)
+"""What JSON holds of values that it does not know; the first kind that fits counts."""
+
+
+def outcome_of(kept: Mapping[str, Any]) -> Outcome | Failure:
+    """Reads what `plain_outcome` has made."""
+    if kept["verdict"] == "ERROR":
+        return Failure(kept["error"])
+    at = kept["decided_at"]
+    return Outcome(
+        float(kept["robustness"]),
+        float(kept["lower"]),
+        float(kept["upper"]),
+        Verdict[kept["verdict"]],
+        None if at is None else Moment(at["sample"], number_of(at["seconds"])),
+        text=kept.get("text", ""),
+        not_recorded=tuple(kept.get("not_recorded", ())),
+        way_out=kept.get("way_out", ""),
+        explanation=kept.get("explanation", ""),
+    )
+
+
+def trial_of(kept: Mapping[str, Any]) -> Trial:
+    """Reads what `plain_trial` has made."""
+    cells = {name: outcome_of(each) for name, each in kept["outcomes"].items()}
+    return Trial(
+        Case.from_json(json.dumps(kept.get("case", {}))),
+        kept.get("seed"),
+        {name: each for name, each in cells.items() if isinstance(each, Outcome)},
+        kept["ended"],
+        float(kept.get("simulated", 0.0)),
+        float(kept.get("wall", 0.0)),
+        kept.get("error", ""),
+        number_of(kept.get("return")),
+        name=kept.get("name", ""),
+        described=kept.get("described", ""),
+        notes=tuple(kept.get("notes", ())),
+        failures={name: each for name, each in cells.items() if isinstance(each, Failure)},
+    )
+
+
+def trials_of(kept: Mapping[str, Any]) -> list[Trial]:
+    """The trials of a result."""
+    return [trial_of(each) for each in kept["trials"]]
+
+
+def number_of(kept: float | str | None) -> Any:  # noqa: ANN401 - a float, or None
+    """A number that `plain` has written; None of None."""
+    return None if kept is None else float(kept)
+
+
+def fraction_of(kept: str | None) -> Fraction | None:
+    """A fraction that `plain` has written; None of None."""
+    return None if kept is None else Fraction(kept)
+
+
+def save(text: str, path: str | os.PathLike[str]) -> None:
+    """Writes the text of a result into a file.
+
+    Raises:
+        InputError: If the name does not end in ``.json``.
+    """
+    check_name(path)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def check_name(path: str | os.PathLike[str]) -> None:
+    """Refuses the name of a file that does not end in ``.json``."""
+    if Path(path).suffix.lower() != ".json":
+        raise InputError(f"cannot write {os.fspath(path)}: expected a name that ends in .json")
+
+
+def read(path: str | os.PathLike[str], kinds: Iterable[str] = tuple(KINDS)) -> dict[str, Any]:
+    """Reads the file of a result; one of version 1 is read as what version 2 would have.
+
+    Args:
+        path: The file.
+        kinds: The kinds that are expected.
+
+    Raises:
+        InputError: If the file does not hold such a result; says what it holds, and what writes
+            one.
+        OSError: If there is no such file.
+    """
+    where, kinds = os.fspath(path), list(kinds)
+    what = f"no {kinds[0]}" if len(kinds) == 1 else "no result"
+    written = ", ".join(KINDS[kind] for kind in kinds)
+    verb = "writes" if len(kinds) == 1 and " and " not in written else "write"
+    expected = f"expected a file that {written} {verb}"
+    try:
+        kept = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:  # no text, no JSON, or lists without end
+        raise InputError(f"{where} holds {what}: {expected}, got no JSON: {error}") from error
+    try:
+        found = _headed(kept) if isinstance(kept, dict) else None
+    except _BROKEN as error:
+        raise InputError(
+            f"cannot read {where}: {type(error).__name__}: {error} in what says that it is "
+            f"{kept.get('format', 'a result')!r}"
+        ) from error
+    if found is None:
+        raise InputError(f"{where} holds {what}: {expected}")
+    if found["version"] != VERSION:
+        raise InputError(
+            f"{where} holds a result of version {found['version']}, and rtamt {rtamt.__version__} "
+            f"reads versions 1 and {VERSION}; install a newer rtamt"
+        )
+    if found["kind"] not in kinds:
+        raise InputError(f"{where} holds {what} but a result of kind {found['kind']!r}: {expected}")
+    return found
+
+
+def read_as(path: str | os.PathLike[str], kind: str, make: Callable[[Mapping[str, Any]], T]) -> T:
+    """Reads a result of one kind, and makes what it holds.
+
+    Raises:
+        InputError: As `read` does, and if the file lacks something or holds something else.
+    """
+    return made(path, read(path, [kind]), make)
+
+
+def made(
+    path: str | os.PathLike[str], kept: Mapping[str, Any], make: Callable[[Mapping[str, Any]], T]
+) -> T:
+    """Makes what a result holds, read from a file.
+
+    Raises:
+        InputError: If it lacks something or holds something else.
+    """
+    try:
+        return make(kept)
+    except rtamt.RtamtError as error:
+        error.add_note(os.fspath(path))
+        raise
+    except _BROKEN as error:
+        kind = kept["kind"]
+        raise InputError(
+            f"cannot read {os.fspath(path)}: it is no result of kind {kind!r} that {KINDS[kind]} "
+            f"wrote: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _headed(kept: dict[str, Any]) -> dict[str, Any] | None:
+    """A result of version 2 or later; None if it is none."""
+    if kept.get("format") != FORMAT:
+        return upgraded(kept)
+    known = isinstance(kept.get("version"), int) and kept.get("kind") in KINDS
+    return kept if known else None
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f'{text}, which strict JSON does not have; write "inf" or "-inf"')
+
+
+def _indented(kept: Mapping[str, Any]) -> str:
+    """JSON over several lines, in which a list of plain values, and each trial, is one line."""
+    lines = dict(kept)
+    trials: Sequence[Any] = lines.get("trials", ())
+    if trials:
+        lines["trials"] = ["TRIALS"]
+    text = json.dumps(lines, indent=2, allow_nan=False)
+    # No text of JSON holds a newline.
+    text = re.sub(r"\[\n([^\[\]{}]*)\n *\]", lambda found: f"[{' '.join(found[1].split())}]", text)
+    written = ",\n    ".join(json.dumps(each, allow_nan=False) for each in trials)
+    return text.replace('  "trials": ["TRIALS"]', f'  "trials": [\n    {written}\n  ]', 1)

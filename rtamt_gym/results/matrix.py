@@ -1,0 +1,228 @@
+"""`Matrix`: recorded traces under requirements, and its table for a terminal of 80 columns."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import get_args
+
+from rtamt import Verdict
+from rtamt_gym.results.outcome import Failure, Outcome, Word, order, word
+from rtamt_gym.results.table import Results
+from rtamt_gym.tables import counted, number, shorten, table
+
+__all__ = [
+    "LEGEND",
+    "Matrix",
+    "cell_text",
+    "indented",
+    "label",
+    "matrix_lines",
+    "summary",
+    "undecided_lines",
+]
+
+_WIDTH = 80
+
+LEGEND = "numbers are robustness; V: violated, U: undecided, E: error, else satisfied"
+"""What the cells of the table say."""
+
+
+class Matrix(Results):
+    """Recorded traces under requirements, a row for each trace, at least one."""
+
+    def counts(self) -> dict[Word, int]:
+        """The number of outcomes with each word, those with 0 too."""
+        words = [word(row.cell(name)) for row in self.rows for name in self.requirements]
+        return {each: words.count(each) for each in get_args(Word)}
+
+    @property
+    def word(self) -> Word:
+        """The worst of all verdicts, as a word."""
+        return next(each for each, count in self.counts().items() if count)
+
+    @property
+    def exit_code(self) -> int:
+        """2 if something could not be judged, else 1 if violated, else 3 if undecided, else 0."""
+        return {"failed": 2, "violated": 1, "undecided": 3, "satisfied": 0}[self.word]
+
+    def failures(self) -> dict[str, tuple[Failure, list[str]]]:
+        """For each message of an error the error and the traces that have it."""
+        found: dict[str, tuple[Failure, list[str]]] = {}
+        for row in self.rows:
+            for failure in row.failures.values():
+                _, traces = found.setdefault(failure.message, (failure, []))
+                if row.name not in traces[-1:]:
+                    traces.append(row.name)
+        return found
+
+    def worst_requirement(self) -> tuple[str, str] | None:
+        """The name of the requirement that most traces violate, and why; None if none was judged.
+
+        Of several it is the one that is undecided in most traces, then the one of the least
+        robustness, then the first.
+        """
+        columns = {
+            name: {row.name: row.outcomes[name] for row in self.rows if name in row.outcomes}
+            for name in self.requirements
+        }
+        found = _worst(columns)
+        if found is None:
+            return None
+        name, counts, least = found
+        total = len(columns[name])
+        words = [f"{each} in {n} of {counted(total, 'trace')}" for each, n in counts if n]
+        words.append(f"least {number(columns[name][least].robustness + 0.0)} in {least}")
+        return name, ", ".join(words)
+
+    def worst_trace(self) -> tuple[str, str] | None:
+        """The name of the trace that violates most requirements, and why; None if none was judged.
+
+        Of several it is the one with most that are undecided, then that of the least robustness.
+        """
+        rows = {row.name: row.outcomes for row in self.rows}
+        found = _worst(rows)
+        if found is None:
+            return None
+        name, counts, least = found
+        total = len(rows[name])
+        words = [f"{n} of {counted(total, 'requirement')} {each}" for each, n in counts if n]
+        words.append(f"least {number(rows[name][least].robustness + 0.0)} of {least}")
+        return name, ", ".join(words)
+
+
+def _worst(
+    lines: Mapping[str, Mapping[str, Outcome]],
+) -> tuple[str, list[tuple[str, int]], str] | None:
+    """The worst row or column: its name, its open and violated verdicts, and where it is least."""
+    best: tuple[int, int, float] | None = None
+    found = None
+    for name, line in lines.items():
+        if not line:
+            continue
+        verdicts = [outcome.verdict for outcome in line.values()]
+        violated, open_ = verdicts.count(Verdict.VIOLATED), verdicts.count(Verdict.UNDECIDED)
+        values = {other: outcome.robustness for other, outcome in line.items()}
+        least = min(values, key=lambda other: order(values[other]))
+        badness = violated, open_, -values[least]
+        if best is None or badness > best:
+            best = badness
+            found = name, [("violated", violated), ("undecided", open_)], least
+    return found
+
+
+def label(found: Word) -> str:
+    """The word as the table has it: the name of a verdict, or ``"ERROR"``."""
+    return "ERROR" if found == "failed" else found.upper()
+
+
+def matrix_lines(matrix: Matrix) -> list[str]:
+    """Writes a table with a row for each trace, and in words what is worst and what is open.
+
+    Requirements that do not fit beside each other stand in further tables below.
+    """
+    names = ["trace", *(_cut(row.name, 36) for row in matrix.rows)]
+    words = ["verdict", *(label(row.word) for row in matrix.rows)]
+    columns = [
+        [f"{shorten(name, 16)}  ", *(cell_text(row.cell(name)) for row in matrix.rows)]
+        for name in matrix.requirements
+    ]
+    lines = []
+    for head, part in _blocks(names, words, columns):
+        align = "<" * len(head) + ">" * len(part)
+        lines += [*table(list(zip(*head, *part, strict=True)), align), ""]
+    wrapped = (textwrap.wrap(text, _WIDTH, subsequent_indent="    ") for text in summary(matrix))
+    lines += [LEGEND, *(line for text in wrapped for line in text)]
+    return lines + [line for name in matrix.requirements for line in _open(matrix, name)]
+
+
+def summary(matrix: Matrix) -> Iterator[str]:
+    """Counts the outcomes in words, names what is worst, and says if traces were read otherwise."""
+    counts = [
+        counted(count, "error") if each == "failed" else f"{count} {each}"
+        for each, count in matrix.counts().items()
+        if count
+    ]
+    traces = counted(len(matrix.rows), "trace")
+    yield f"{traces}, {counted(len(matrix.requirements), 'requirement')}: {', '.join(counts)}"
+    for what, worst in (
+        ("requirement", matrix.worst_requirement()),
+        ("trace", matrix.worst_trace()),
+    ):
+        if worst:
+            yield f"worst {what}: {worst[0]}, {worst[1]}"
+    noted = [row for row in matrix.rows if row.notes]
+    if noted:
+        yield f"note on {noted[0].name}{_more(len(noted))}: {'; '.join(noted[0].notes)}"
+
+
+def cell_text(cell: Outcome | Failure) -> str:
+    """A robustness with the letter of its verdict, which is a blank if that is satisfied."""
+    if isinstance(cell, Failure):
+        return "E"
+    letter = {Verdict.VIOLATED: "V", Verdict.UNDECIDED: "U"}.get(cell.verdict, " ")
+    return f"{cell.robustness + 0.0:.4g} {letter}"
+
+
+def _blocks(
+    names: list[str], words: list[str], columns: Sequence[list[str]]
+) -> Iterator[tuple[list[list[str]], list[list[str]]]]:
+    """Parts of the columns that fit beside the names, the first with the verdicts too."""
+    head, part = [names, words], list[list[str]]()
+    room = _WIDTH - sum(2 + max(map(len, column)) for column in head)
+    for column in columns:
+        width = 2 + max(map(len, column))
+        if part and width > room:
+            yield head, part
+            head, part = [names], []
+            room = _WIDTH - 2 - max(map(len, names))
+        part.append(column)
+        room -= width
+    yield head, part
+
+
+def _open(matrix: Matrix, name: str) -> list[str]:
+    """Says why a requirement is undecided, at the first trace where it is."""
+    found = [
+        (row.name, cell)
+        for row in matrix.rows
+        if isinstance(cell := row.cell(name), Outcome) and cell.verdict == Verdict.UNDECIDED
+    ]
+    if not found:
+        return []
+    trace, cell = found[0]
+    said = f"{name} is undecided in {trace}{_more(len(found))}"
+    head = textwrap.wrap(said, _WIDTH, subsequent_indent="    ")
+    return ["", *head, *undecided_lines(cell.not_recorded, cell.way_out)]
+
+
+def _more(count: int) -> str:
+    return f" and {count - 1} more" if count > 1 else ""
+
+
+def _cut(text: str, width: int) -> str:
+    """Cuts a text to a width, with three dots in place of its beginning."""
+    return text if len(text) <= width else "..." + text[3 - width :]
+
+
+def undecided_lines(not_recorded: Iterable[str], way_out: str) -> list[str]:
+    """Says why a verdict is open, indented; no line if it is decided.
+
+    Args:
+        not_recorded: What the verdict needs and the trace does not have.
+        way_out: What would decide it; empty if it is decided.
+    """
+    return [line for text in (*not_recorded, way_out) for line in indented(text, "    ")]
+
+
+def indented(text: str, indent: str) -> list[str]:
+    """A text of four lines at most, indented."""
+    return textwrap.wrap(
+        text,
+        width=80,
+        initial_indent=indent,
+        subsequent_indent=f"{indent}  ",
+        break_on_hyphens=False,
+        max_lines=4,
+        placeholder=" ...",
+    )

@@ -1,0 +1,85 @@
+"""Runs in full as JSON holds them: beside others in a file, or as what a table says of itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from rtamt import Verdict
+from rtamt_gym.inputs.case import Case
+from rtamt_gym.results.codec import fraction_of, number_of, plain
+from rtamt_gym.simulation.record import CURVES, Course, Floats, RunRecord
+
+__all__ = ["plain_run", "run_fields"]
+
+
+def plain_run(run: RunRecord, *, arrays: bool = True) -> dict[str, Any]:
+    """A run in full as JSON holds it; without arrays the names of its signals."""
+    kept = {each.name: getattr(run, each.name) for each in fields(run)}
+    kept["signals"] = run.signals if arrays else list(run.signals)
+    kept["courses"] = {
+        name: {
+            each.name: getattr(course, each.name)
+            for each in fields(course)
+            if arrays or each.name not in CURVES
+        }
+        | {"decided_at": course.outcome(run.period).decided}
+        for name, course in run.courses.items()
+    }
+    found: dict[str, Any] = plain(kept)
+    return found
+
+
+def run_fields(
+    kept: Mapping[str, Any], column: Callable[[str], Floats] | None = None
+) -> dict[str, Any]:
+    """The fields of a run from what `plain_run` has made.
+
+    Args:
+        kept: It, read as JSON.
+        column: Gives the columns of the table that has the arrays; None: they are in ``kept``.
+    """
+    case = kept.get("case")
+    if not isinstance(case, str | None):  # version 1 has it as text
+        case = json.dumps(case)
+    signals = kept["signals"]
+    taken = ("wall_time", "reward", "period", "case", "signals", "courses")
+    known = {each.name for each in fields(RunRecord)} - {*taken}
+    own = {name: each for name, each in kept.items() if name in known}
+    return own | {
+        "wall_time": number_of(kept["wall_time"]),
+        "reward": number_of(kept.get("reward")),
+        "period": fraction_of(kept["period"]),
+        "case": None if case is None else Case.from_json(case),
+        "signals": {name: column(name) if column else _array(signals[name]) for name in signals},
+        "courses": {
+            name: _course(
+                each,
+                {c: column(f"{c}({name})") if column else _array(each[c]) for c in CURVES},
+            )
+            for name, each in kept["courses"].items()
+        },
+    }
+
+
+def _course(kept: Mapping[str, Any], curves: Mapping[str, Floats]) -> Course:
+    at = kept["decided_at"]
+    return Course(
+        formula=kept["formula"],
+        **curves,
+        final=number_of(kept["final"]),
+        verdict=Verdict[kept["verdict"]],
+        decided_at=at["sample"] if isinstance(at, dict) else at,  # of version 1 a sample
+        unit=kept.get("unit", "s"),
+        semantics=kept.get("semantics", "standard"),
+        inputs=tuple(kept.get("inputs", ())),
+        outputs=tuple(kept.get("outputs", ())),
+    )
+
+
+def _array(kept: Sequence[float | str]) -> Floats:
+    return np.array([number_of(each) for each in kept], np.float64)
