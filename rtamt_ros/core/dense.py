@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from rtamt import DenseMonitor, InputError, Verdict
+from rtamt import (
+    DenseEpisodeMonitor,
+    DenseMonitor,
+    InputError,
+    Specification,
+    SpecificationError,
+    Verdict,
+)
 from rtamt_ros.core.account import Account
 from rtamt_ros.core.inputs import Input
 from rtamt_ros.core.record import CsvRecord
-from rtamt_ros.core.report import RequirementReport, holds, seconds
+from rtamt_ros.core.report import RequirementReport, seconds
 from rtamt_ros.core.requirements import SubscribedRequirement, unbounded
 from rtamt_ros.core.settings import Settings
 
 __all__ = ["DenseJudge"]
 
 _Events = dict[str, list[tuple[float, float]]]
-
-_UNKNOWN = (-math.inf, math.inf)
 
 
 class DenseJudge:
@@ -27,7 +33,9 @@ class DenseJudge:
     A run begins when every input has come and none is stale. The robustness of a time is reported
     as soon as it is known: with receive times, when a message comes or a look is taken, up to the
     message's own time, as topics that are silent have kept their values; with stamps, when every
-    topic has a later one.
+    topic has a later one. `DenseMonitor` gives the robustness, or `DenseEpisodeMonitor`, that of
+    the run so far, if no monitor can wait for the requirement; bounds and verdict are those of
+    `DenseEpisodeMonitor`.
 
     Args:
         requirement: What to judge.
@@ -48,15 +56,24 @@ class DenseJudge:
         options: Any = {"semantics": settings.semantics}
         self.account = Account(requirement, record)
         self.inputs = requirement.inputs
-        self._monitor = DenseMonitor(spec, **options)
+        self._episode = DenseEpisodeMonitor(spec, **options)
+        self._monitor: DenseMonitor | None = None
+        self._named: dict[str, DenseMonitor | DenseEpisodeMonitor] = {}
+        try:
+            self._monitor = DenseMonitor(spec, **options)
+        except SpecificationError:  # an unbounded future inside the formula
+            self._named = {
+                name: _alone(spec, name, options)
+                for name, formula in spec.formulas.items()
+                if formula is not spec.formula
+            }
         self._read = {
             source: [
                 (name, place) for name, (of, place) in requirement.cells.items() if of is source
             ]
             for source in self.inputs
         }
-        top = unbounded(spec)
-        self._invariant, self._goal = top == "always", top == "eventually"
+        self._may_rise = self._monitor is None or unbounded(spec) == "eventually"
         self._silence = not settings.stamps
         self._record = record
         self._origin: int | None = None
@@ -65,7 +82,7 @@ class DenseJudge:
         self._why = ""
         self._jumps = 0
         self._robustness: tuple[float, int] | None = None
-        self._bounds, self._verdict = _UNKNOWN, Verdict.UNDECIDED
+        self._verdict = Verdict.UNDECIDED
 
     def stop(self, why: str) -> None:
         """End the run; the next event with which every input is there begins another."""
@@ -95,12 +112,14 @@ class DenseJudge:
     def _begin(self, now: int) -> Sequence[RequirementReport]:
         if self._is_absent(now):
             return []
-        self._monitor.reset()
+        for each in (self._episode, self._monitor, *self._named.values()):
+            if each is not None:
+                each.reset()
         self._has_jumped()
         times = [each.time for each in self.inputs if each.time is not None]
         self._origin = min(times, default=now)
         self._robustness, self._last = None, {}
-        self._bounds, self._verdict = _UNKNOWN, Verdict.UNDECIDED
+        self._verdict = Verdict.UNDECIDED
         self._fresh = True
         return self._feed(self.inputs, now)
 
@@ -133,7 +152,7 @@ class DenseJudge:
         else:
             self._extend_defaults(events)
         try:
-            found = self._monitor.update(events)
+            found = self._update(events)
         except InputError as error:  # a term is no number
             self.stop("there was no robustness")
             return [self.account.failed(now, str(error))]
@@ -168,39 +187,55 @@ class DenseJudge:
                     same = ((until - (self._origin or 0)) / 1e9, source.values[place])
                     events.setdefault(name, []).append(same)
 
+    def _update(self, events: _Events) -> Sequence[tuple[float, float]]:
+        """Take in events; the robustness of times that they settle."""
+        robustness = self._episode.update(events)
+        for each in self._named.values():
+            each.update({name: its for name, its in events.items() if name in each.variables})
+        if self._monitor is not None:
+            return self._monitor.update(events)
+        if math.isnan(robustness) or (self._robustness or (None,))[0] == robustness:
+            return []
+        return [(self._episode.settled, robustness)]
+
     def _judged(self, found: Sequence[tuple[float, float]]) -> Sequence[RequirementReport]:
-        settled = self._monitor.settled
+        settled = (self._monitor or self._episode).settled
         if math.isinf(settled):
             return []
         time = self._time(settled)
+        decided = self._decided(time)
         reports = []
         for begin, robustness in found:
             about = self._time(begin)
             self._robustness = robustness, about
             self.account.found(robustness, about)
-            self._decide(robustness, time)
             reports.append(self._report(time))
         if not found:
-            self._report(time)
+            report = self._report(time)
+            return [report] if decided else []
         return reports
 
-    def _decide(self, robustness: float, time: int) -> None:
-        """What the robustness up to a time says of the run; the verdict is about its begin."""
-        if self._verdict is not Verdict.UNDECIDED and not (self._invariant or self._goal):
-            return
-        before = self._verdict
-        if self._invariant:
-            self._bounds = -math.inf, robustness
-        elif self._goal:
-            self._bounds = robustness, math.inf
-        else:
-            self._bounds = robustness, robustness
-        if not self._goal and not holds(robustness):
-            self._verdict = Verdict.VIOLATED
-        elif not self._invariant and holds(robustness):
-            self._verdict = Verdict.SATISFIED
-        if self._verdict is Verdict.VIOLATED and before is not self._verdict:
-            self.account.violated(time)
+    def _decided(self, time: int) -> bool:
+        """Whether the verdict on the run is new; it is about its begin."""
+        before, self._verdict = self._verdict, self._episode.verdict
+        if self._verdict is before:
+            return False
+        if self._verdict is Verdict.VIOLATED:
+            at = self._episode.decided_at
+            self.account.violated(time if at is None else self._time(at))
+        return True
+
+    def _values(self) -> Mapping[str, float]:
+        """The robustness of every named formula, nan where it is not known yet."""
+        if self._monitor is not None:
+            return self._monitor.values
+        spec = self._episode.specification
+        return {
+            name: self._episode.robustness
+            if formula is spec.formula
+            else _value(self._named[name], name)
+            for name, formula in spec.formulas.items()
+        }
 
     def _time(self, time: float) -> int:
         return (self._origin or 0) + round(time * 1e9)
@@ -211,8 +246,24 @@ class DenseJudge:
             time,
             robustness,
             about,
-            self._bounds,
+            self._episode.bounds(),
             self._verdict,
-            self._monitor.values,
-            may_rise=self._goal,
+            self._values(),
+            may_rise=self._may_rise,
         )
+
+
+def _alone(
+    specification: Specification, name: str, options: Mapping[str, Any]
+) -> DenseMonitor | DenseEpisodeMonitor:
+    """The monitor of a named formula by itself."""
+    formula = specification.formulas[name]
+    alone = replace(specification, formula=formula, formulas={name: formula}, uses={})
+    try:
+        return DenseMonitor(alone, **options)
+    except SpecificationError:  # an unbounded future inside the formula
+        return DenseEpisodeMonitor(alone, **options)
+
+
+def _value(monitor: DenseMonitor | DenseEpisodeMonitor, name: str) -> float:
+    return monitor.values[name] if isinstance(monitor, DenseMonitor) else monitor.robustness

@@ -58,11 +58,6 @@ ERRORS = {
     "  eventually[0:0.25](x>1)\n"
     "            ^\n"
     "  hint: use 0.2 s or 0.3 s, take samples 0.05 s apart, or let --align round it",
-    "--spec always(x>1)or(x<0) --dense": "STL:1:1: 'always' without an end needs the whole future, "
-    "for which DenseMonitor cannot wait\n"
-    "  always(x>1)or(x<0)\n"
-    "  ^\n"
-    "  hint: write an end, as in always[0:10], or leave out --dense",
     "--spec next(x>1) --dense": "STL:1:1: 'next' speaks of neighbouring samples, and dense time "
     "has none\n"
     "  next(x>1)\n"

@@ -267,5 +267,34 @@ def test_values_without_a_robustness_begin_anew() -> None:
 
 
 def test_a_requirement_that_dense_time_cannot_monitor_is_refused_at_once() -> None:
-    with pytest.raises(SpecificationError, match="'always' without an end needs the whole future"):
-        started("always(x > 0) and y > 0")
+    with pytest.raises(SpecificationError, match="'prev' speaks of neighbouring samples"):
+        started("always(prev(x > 0))")
+
+
+def test_two_invariants_in_one_formula_and_a_response_without_end_are_judged() -> None:
+    ros, node = started(
+        "both = always(x > 0) and always(y > 0); answered = always(x > 2 implies eventually(y > 2))"
+    )
+    for x, y in ((3.0, 1.0), (1.0, 1.0), (1.0, 3.0), (1.0, -1.0), (1.0, 1.0)):
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=x))
+        ros.send("rtamt/y", message("std_msgs", "Float64", data=y))
+        ros.tick(ros.time + 100 * MS)
+    assert ros.data("rtamt/both") == [1.0, -1.0]
+    assert ros.data("rtamt/both/verdict") == [0, -1]
+    assert ros.data("rtamt/both/upper") == [1.0, -1.0]
+    assert ros.data("rtamt/answered") == [-1.0, 1.0]
+    assert ros.data("rtamt/answered/verdict") == [0]
+    both, answered = node.reports
+    assert (both.level, answered.level, both.violations) == (Level.ERROR, Level.OK, 1)
+    assert both.violated_at is not None
+    assert 0 < both.violated_at - (START + 300 * MS) < MS
+
+
+def test_a_verdict_comes_before_the_robustness_that_a_window_delays() -> None:
+    ros, node = started("always[0:10](x > 0)")
+    for value in (2.0, -1.0):
+        ros.send("rtamt/x", message("std_msgs", "Float64", data=value))
+        ros.tick(ros.time + 100 * MS)
+    assert ros.data("rtamt/spec/verdict") == [-1]
+    assert ros.data("rtamt/spec/upper") == [-1.0]
+    assert node.reports[0].text.startswith("violated, robustness not known yet")
