@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rtamt.inputs.between import Between
 from rtamt.inputs.lanes import Floats, LaneReader, Lanes
 from rtamt.inputs.samples import ends_of, in_between
 from rtamt.machines.discrete import PythonDiscreteMachine
@@ -81,6 +82,7 @@ class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
         super().__init__(
             (PythonUncertainEpisode(program, reader.lane(i)) for i in range(num)), reader
         )
+        self._variables = program.variables
 
     def update(
         self, values: ArrayLike, mask: ArrayLike | None = None, upper: ArrayLike | None = None
@@ -113,6 +115,11 @@ class PythonEpisodeBank(_PythonBank[PythonUncertainEpisode]):
     @property
     def upper(self) -> Floats:
         return self._each("upper")
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        rows = [m.inputs or [0.0] * len(self._variables) for m in self._machines]
+        return np.array([[isinstance(x, Between) for x in row] for row in rows], dtype=np.bool_)
 
     @property
     def verdict(self) -> NDArray[np.int8]:

@@ -191,6 +191,10 @@ class _NeutralBank:
         return np.where(self._complete, self._best.robustness, self._best.upper)
 
     @property
+    def unknown(self) -> NDArray[np.bool_]:
+        return self._best.unknown
+
+    @property
     def verdict(self) -> NDArray[np.int8]:
         return verdicts_of(self.lower, self.upper)
 

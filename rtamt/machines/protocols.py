@@ -233,6 +233,8 @@ class EpisodeBank(Bank, Protocol):
 
     Attributes:
         verdict: 1 where the sign bit of lower is clear, -1 where upper's is set, else 0.
+        unknown: Which values of the last samples are not known: a row for each lane, a column for
+            each variable.
     """
 
     def update(
@@ -251,6 +253,8 @@ class EpisodeBank(Bank, Protocol):
     def upper(self) -> Floats: ...
     @property
     def verdict(self) -> NDArray[np.int8]: ...
+    @property
+    def unknown(self) -> NDArray[np.bool_]: ...
     @property
     def finished(self) -> NDArray[np.bool_]: ...
     def finish(self, mask: ArrayLike | None = None, end: End = "complete") -> Floats:

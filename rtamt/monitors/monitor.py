@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rtamt.errors import InputError, StateError
+from rtamt.inputs.between import Between
 from rtamt.inputs.samples import Columns, SampleReader
 from rtamt.machines.backend import BACKENDS, read_only
 from rtamt.machines.protocols import DiscreteMachine, End, EpisodeMachine, SampleMachine
@@ -270,6 +271,12 @@ class EpisodeMonitor(EpisodeValues[float, bool], _Single[EpisodeMachine]):
     def _made(self, reader: SampleReader) -> EpisodeMachine:
         limit_episode(self.program)
         return BACKENDS[self.backend].episode_machine(self.program, reader)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """The variables whose value in the last sample is not known exactly (`Between`)."""
+        values = zip(self.variables, self._machine.inputs, strict=False)  # none before the first
+        return tuple(name for name, value in values if isinstance(value, Between))
 
     def bounds(self) -> tuple[float, float]:
         """Give `lower` and `upper` as a pair."""

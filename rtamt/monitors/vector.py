@@ -217,6 +217,12 @@ class VectorEpisodeMonitor(
         "verdict", "The verdict on each lane: -1 violated, 0 undecided, 1 satisfied."
     )
 
+    unknown: MachineValue[NDArray[np.bool_]] = machine_value(
+        "unknown",
+        "Whether each value of the last sample of each lane is not known exactly (`Between`); "
+        "a row for each lane, a column for each variable.",
+    )
+
     def finish(
         self, mask: ArrayLike | None = None, *, end: End = "complete"
     ) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ This is pastification (Nickovic and Yamaguchi, ATVA 2020) on numbers instead of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, assert_never
@@ -226,6 +227,29 @@ class Program:
         kept = sorted(self.needed(result, *outputs.values()))
         part = replace(self, result=result, outputs=outputs)
         return part.reordered(kept, sum(r < self.terms for r in kept))
+
+    def read_first(self) -> frozenset[str]:
+        """The variables whose value at sample 0 the result hangs on, in some trace."""
+        times: dict[int, set[tuple[int, float]]] = {self.result: {(0, 0)}}
+        found = set[str]()
+        for register in range(len(self.instructions) - 1, -1, -1):
+            spans = times.pop(register, set())
+            match self.instructions[register]:
+                case Load(variable) if any(begin == 0 for begin, _ in spans):
+                    found.add(variable)
+                case Map(_, args):
+                    for a in args:
+                        times.setdefault(a, set()).update(spans)
+                case Window(_, lo, hi, args):
+                    for begin, end in spans:
+                        last = math.inf if hi is None else end + hi
+                        first = 0 if lo is None else max(0, begin + lo)
+                        if last >= 0:  # nothing is read before sample 0
+                            for a in args:
+                                times.setdefault(a, set()).add((first, last))
+                case _:
+                    pass
+        return frozenset(found)
 
     def needed(self, *registers: int) -> set[int]:
         """The registers that these are computed from, themselves included."""

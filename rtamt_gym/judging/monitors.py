@@ -9,7 +9,7 @@ from typing import Any, Unpack
 import numpy as np
 
 import rtamt
-from rtamt import RtamtError
+from rtamt import InputError, RtamtError
 from rtamt.errors import Argument
 from rtamt_gym.judging.first_sample import first_sample_error
 from rtamt_gym.judging.reading import Reading, SampleReading
@@ -20,6 +20,7 @@ __all__ = [
     "VectorInstantMonitor",
     "machine_state",
     "make_monitors",
+    "require_known",
 ]
 
 
@@ -105,6 +106,29 @@ def machine_state(monitor: rtamt.Monitor | rtamt.EpisodeMonitor) -> Any:  # noqa
     return monitor.__reduce__()[2]
 
 
+def require_known(reading: Reading, asked: Argument) -> None:
+    """Refuses what needs robustness of instants where samples may be unknown.
+
+    Args:
+        reading: How samples are judged.
+        asked: What needs it.
+
+    Raises:
+        InputError: If samples may be unknown.
+    """
+    if reading.nan == "unknown":
+        raise InputError(
+            Argument("nan", "unknown"),
+            " leaves a robustness between two bounds, and ",
+            asked,
+            " needs that of every instant; expected ",
+            Argument("nan", "raise"),
+            " or ",
+            Argument("nan", "hold"),
+            " with it",
+        )
+
+
 def make_monitors(
     specs: Mapping[str, rtamt.Specification],
     reading: Reading,
@@ -131,6 +155,8 @@ def make_monitors(
     """
     monitors: dict[str, tuple[Any, Any]] = {}
     view = reading.view
+    if view == "step":
+        require_known(reading, Argument("view", "step"))
     for name, options in reading.of_monitors(specs).items():
         spec = specs[name]
         if view == "episode" and not spec.looks_ahead:  # the first sample judges no episode

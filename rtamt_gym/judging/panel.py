@@ -13,12 +13,13 @@ import numpy as np
 
 import rtamt
 from rtamt import End, EpisodeMonitor, InputError, Verdict
+from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, CostMeter
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import VERDICTS, outcome, present, spec_state
 from rtamt_gym.judging.interface import described
-from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors
+from rtamt_gym.judging.monitors import InstantMonitor, machine_state, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import picked, split, together
 from rtamt_gym.judging.reading import Reading
@@ -78,6 +79,8 @@ class Panel:
         self._specs = specs
         self._sources = [source for source, _ in self.monitors.values()]
         self._judges = [judge for _, judge in self.monitors.values()]
+        if cost is not None:
+            require_known(reading, Argument("cost", cost))
         self._meter = cost and CostMeter(cost, specs, reading)
         self._owing: Obligations | None = None
         self._reading = reading
@@ -92,6 +95,7 @@ class Panel:
         A `feeder` that was made before does not.
         """
         if self._owing is None:
+            require_known(self._reading, Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
             columns = list(dict.fromkeys(chain(*self.variables.values())))
             self._owing = Obligations(judged, 1, self._reading, columns)

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 import rtamt
 from rtamt import End, VectorEpisodeMonitor
+from rtamt.errors import Argument
 from rtamt_gym.judging.clocks import Obligations
 from rtamt_gym.judging.costs import Cost, VectorCostMeter
 from rtamt_gym.judging.ends import AtTermination
 from rtamt_gym.judging.infos import VERDICTS, Where, outcome, spec_state
-from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors
+from rtamt_gym.judging.monitors import VectorInstantMonitor, make_monitors, require_known
 from rtamt_gym.judging.obligations import Obligation
 from rtamt_gym.judging.picking import pick
 from rtamt_gym.judging.reading import Reading
@@ -76,6 +77,8 @@ class VectorPanel:
         self._violated = np.zeros((len(specs), num), np.bool_)
         self._failed = np.zeros((len(specs), num), np.bool_)  # by the end alone
         self._fails = False  # whether that has happened yet
+        if cost is not None:
+            require_known(reading, Argument("cost", cost))
         self._meter = cost and VectorCostMeter(cost, specs, num, reading, columns)
         self._owing: Obligations | None = None
         self._reading = num, reading, columns
@@ -88,6 +91,7 @@ class VectorPanel:
     def track_obligations(self) -> list[list[Obligation]]:
         """Follows what the temporal operators owe from now on, as `Panel.track_obligations`."""
         if self._owing is None:
+            require_known(self._reading[1], Argument("observe", "obligations"))
             judged = {name: judge.specification for name, (_, judge) in self.monitors.items()}
             self._owing = Obligations(judged, *self._reading)
         return self._owing.found

@@ -215,6 +215,7 @@ class StlReward(Rewarding, gym.Wrapper[Any, ActType, ObsType, ActType], RecordCo
     ) -> tuple[Any, dict[str, Any]]:
         """Resets the environment; the sample of the reset gives the first potential."""
         obs, info = self.env.reset(seed=seed, options=options)
+        self._require_known_start()
         values = self._values()
         self._robustness = self._potential(values)
         self._outcome = self._return = 0.0

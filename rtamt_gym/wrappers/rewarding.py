@@ -5,15 +5,20 @@ from __future__ import annotations
 import warnings
 from collections import deque
 from collections.abc import Mapping
+from itertools import compress
 from typing import Any, Required, TypedDict, TypeVar
 
 import gymnasium as gym
+import numpy as np
 from gymnasium.vector import VectorWrapper
 
 from rtamt import InputError
+from rtamt.errors import Argument
 from rtamt_gym.checks.callers import caller_level
+from rtamt_gym.checks.names import listing
 from rtamt_gym.judging.specs import SpecsLike
 from rtamt_gym.shaping import Mode, Priority, Shaping
+from rtamt_gym.signals.columns import Lanes
 from rtamt_gym.signals.signals import SignalLike, own_signals
 from rtamt_gym.wrappers.clipping import ClipWatch
 from rtamt_gym.wrappers.monitor import StlMonitor
@@ -66,6 +71,32 @@ class Rewarding(Observing):
             whole=self._whole,
         )
         self._watch: ClipWatch | None = ClipWatch(shaping, num)
+
+    def _require_known_start(self, begun: Lanes | None = None) -> None:
+        """Refuses episodes whose first sample hangs on what is unknown.
+
+        Args:
+            begun: The environments whose episodes begin; None: all.
+
+        Raises:
+            InputError: If a specification reads an unknown value of the sample of a reset.
+        """
+        if self._monitor.judging.reading.nan != "unknown":
+            return
+        for name, (_, judge) in self._monitor.monitors.items():
+            unknown = judge.unknown
+            if not isinstance(unknown, tuple):  # a row for each environment
+                rows = unknown if begun is None else unknown[begun]
+                unknown = tuple(compress(judge.variables, np.any(rows, axis=0).tolist()))
+            read = [v for v in unknown if v in judge.program.read_first()]
+            if read:
+                raise InputError(
+                    f"specification {name!r} reads {listing(read)} at the sample of the reset, "
+                    "where nothing is known of it: its worst case stays as it is there for the "
+                    "whole episode, and nothing can be learned; give the signal a value at the "
+                    "reset, speak of the samples after it, as in always[1:inf](...), or pass ",
+                    Argument("nan", "hold"),
+                )
 
     def _warn_if_flat(self) -> None:
         """Ends the watch over the first episodes once they are over."""

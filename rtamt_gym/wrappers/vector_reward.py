@@ -115,6 +115,7 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
         """Resets environments; the sample of a reset gives the first potential."""
         mask = None if options is None else options.get("reset_mask")
         obs, infos = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists
+        self._require_known_start(mask)
         values = self._monitor.values()
         self._robustness = self._potential(values)
         which = slice(None) if mask is None else mask
@@ -151,10 +152,12 @@ class VectorStlReward(Rewarding, VectorWrapper, RecordConstructorArgs):
             self._robustness = after
             begun = self._monitor.begun
             if begun is not None:
+                self._require_known_start(begun)
                 shaped = np.where(begun, paid, shaped)
                 self._returns[begun] = self._outcome[begun] = 0.0
             put(infos, "reward", paid, None if begun is None else ~begun, self.num_envs)
         else:
+            self._require_known_start(ended)
             self._robustness = self._potential(now)
             infos["final_info"] = dict(infos["final_info"])
             put(infos["final_info"], "reward", paid, ended, self.num_envs)

@@ -61,6 +61,17 @@ nb::object finished(const EpisodeObject& object) {
                                   [&](std::size_t lane) { return object.machine.finished()[lane] != 0; });
 }
 
+nb::object unknown(const EpisodeObject& object) {
+    static const NewArray array("bool");
+    const UncertainBank& bank = object.machine;
+    const std::size_t num = bank.num();
+    const std::size_t width = bank.variables();
+    const nb::object found = array.make<bool>(num * width, [&](std::size_t i) {
+        return !same(bank.inputs()[i], bank.upper_inputs()[i]);
+    });
+    return found.attr("reshape")(width, num).attr("T");
+}
+
 nb::object verdicts(const EpisodeObject& object) {
     static const NewArray array("int8");
     const double* lower = object.machine.lower();
@@ -244,6 +255,7 @@ void bind_banks(nb::module_& m) {
         .def_prop_ro("verdict", verdicts,
                      "1 if the sign bit of lower is clear, -1 if that of upper is set, else 0.")
         .def_prop_ro("finished", finished, "Whether the episodes have ended.")
+        .def_prop_ro("unknown", unknown, "Which values of the last samples are not known.")
         .def("finish", finish, nb::arg("mask").none() = nb::none(),
              nb::arg("end") = "complete",
              "End the episodes that the mask chooses, make their bounds those of this reading;\n"
