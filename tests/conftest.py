@@ -1,4 +1,4 @@
-"""Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=search``."""
+"""Hypothesis draws the same examples everywhere, others with ``--hypothesis-profile=nightly``."""
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -8,15 +8,23 @@ import rtamt
 # Tests and fixtures that two files have in common.
 pytest.register_assert_rewrite("ros_contract", "ros_live", "ros2_client")
 
+# Every run repeats the same few examples; those of a night are many, and others each time. A property
+# whose examples are slow has a number of its own, in both.
 settings.register_profile(
     "repeatable",
     derandomize=True,
     deadline=None,
     database=None,
-    max_examples=100,
+    max_examples=50,
     suppress_health_check=[HealthCheck.too_slow],
 )
-settings.register_profile("search", deadline=None, max_examples=2000)
+settings.register_profile(
+    "nightly",
+    settings.get_profile("repeatable"),
+    derandomize=False,
+    max_examples=1000,
+    print_blob=True,
+)
 settings.load_profile("repeatable")
 
 # Without a compiler there is one back-end to test; CI requires both.

@@ -3,6 +3,7 @@
 import tomllib
 
 import pytest
+from hypothesis import settings
 from paths import ROOT
 
 FOLDERS = ("browser", "cluster", "learners", "ros")
@@ -24,3 +25,12 @@ def test_the_suite_leaves_the_groups_out_and_ci_runs_them() -> None:
     assert {f"tests/{folder}" for folder in FOLDERS} <= set(left_out)
     ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert [folder for folder in FOLDERS if f"groups tests/{folder} " not in ci] == []
+
+
+def test_a_night_draws_more_examples_and_others_each_time() -> None:
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "--hypothesis-profile=nightly --hypothesis-seed=" in ci
+    night, each = settings.get_profile("nightly"), settings.get_profile("repeatable")
+    assert (night.derandomize, each.derandomize) == (False, True)
+    assert night.max_examples >= 10 * each.max_examples
+    assert night.deadline is None

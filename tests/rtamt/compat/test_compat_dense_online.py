@@ -52,7 +52,6 @@ def expected_of(formula: Formula, known: Signals, before: float | None) -> Pairs
     return news if news and news[-1][0] == end else [*news, [end, steps[-1][1]]]
 
 
-@settings(max_examples=100)
 @given(formula=bounded, whole=signals(), shares=chunks())
 def test_update_gives_the_new_steps_and_the_value_at_the_settled_time(
     formula: Formula, whole: Signals, shares: list[list[float]], backend: str

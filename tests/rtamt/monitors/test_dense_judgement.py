@@ -65,7 +65,6 @@ def agrees(formula: Formula, whole: Signals, backend: Backend) -> None:
         assert found.decided_at == when
 
 
-@settings(max_examples=120)
 @given(formula=formulas(depth=2, endless=True, dense=True), whole=signals())
 def test_it_is_what_the_definition_says(formula: Formula, whole: Signals, backend: Backend) -> None:
     agrees(formula, whole, backend)

@@ -53,7 +53,6 @@ def sums(events: list[tuple[Fraction, float]]) -> list[tuple[float, float]]:
 # Exactness. --------------------------------------------------------------------------------------
 
 
-@settings(max_examples=100)
 @given(formula=any_formula, whole=zeros, way=st.sampled_from(("nearest", "sums", "late")))
 def test_times_in_tenths_give_what_rational_arithmetic_gives(
     formula: Formula, whole: Signals, way: str, backend: Backend
@@ -114,7 +113,6 @@ doubles = st.one_of(
 ticks = st.sampled_from(("1ns", "100ns", "1us", "7us", "30ms", Fraction(1, 3), 1, 10))
 
 
-@settings(max_examples=300)
 @given(times=st.lists(doubles, min_size=1, max_size=8), resolution=ticks, data=st.data())
 def test_a_time_is_the_tick_nearest_to_its_shortest_decimal_text(
     times: list[float], resolution: str | int | Fraction, data: st.DataObject, backend: Backend

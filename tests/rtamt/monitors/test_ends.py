@@ -8,7 +8,7 @@ from bits import identical
 from end_oracle import cut, ended
 from episode_monitors import feed, offered
 from golden_cases import cases
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from strategies import Trace, formulas, length, sample, traces
 
@@ -46,7 +46,6 @@ def agrees_with_its_definition(formula: Formula, trace: Trace, backend: Backend)
         assert identical(offered(monitor), expected), end
 
 
-@settings(max_examples=300)
 @given(formula=formulas(depth=2, endless=True), trace=traces(most=10))
 def test_every_reading_agrees_with_its_definition(
     formula: Formula, trace: Trace, backend: Backend
@@ -54,7 +53,6 @@ def test_every_reading_agrees_with_its_definition(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@settings(max_examples=200)
 @given(formula=formulas(depth=1, endless=True), data=st.data(), trace=traces(most=8))
 def test_endless_operators_inside_others_agree_with_the_definition(
     formula: Formula, data: st.DataObject, trace: Trace, backend: Backend
@@ -151,7 +149,6 @@ def test_what_the_open_reading_decided_stands(
             assert monitor.robustness == before.robustness
 
 
-@settings(max_examples=200)
 @given(
     formula=formulas(depth=2, endless=True),
     trace=traces(most=6),

@@ -85,7 +85,6 @@ def test_endless_windows_inside_every_operator_inside_windows(
     agrees_with_its_definition(data.draw(st.sampled_from(windows)), trace, backend)
 
 
-@settings(max_examples=200)
 @given(formula=formulas(depth=3), trace=traces(most=14))
 def test_bounded_formulas_agree_with_the_definition(
     formula: Formula, trace: Trace, backend: Backend
@@ -93,7 +92,6 @@ def test_bounded_formulas_agree_with_the_definition(
     agrees_with_its_definition(formula, trace, backend)
 
 
-@settings(max_examples=200)
 @given(formula=formulas(depth=2, endless=True), trace=traces(most=12))
 def test_endless_formulas_agree_with_the_definition(
     formula: Formula, trace: Trace, backend: Backend

@@ -118,7 +118,6 @@ def decided(draw: st.DrawFn) -> Case:
     return formula, trace, n, explain(formula, trace, sample=sample, n=n)
 
 
-@settings(max_examples=300)
 @given(case=decided(), move=st.sampled_from((-0.75, -0.25, 0.5)))
 def test_the_robustness_follows_the_deciding_value_wherever_the_others_move_on_their_side(
     case: Case, move: float
@@ -140,7 +139,6 @@ def test_the_robustness_follows_the_deciding_value_wherever_the_others_move_on_t
         assert after == explanation.robustness + sign * move
 
 
-@settings(max_examples=200)
 @given(case=decided(), seed=st.integers(0, 2**32))
 def test_no_value_matters_where_no_value_decided(case: Case, seed: int) -> None:
     formula, trace, n, explanation = case

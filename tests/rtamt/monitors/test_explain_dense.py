@@ -153,7 +153,6 @@ def test_every_step_has_the_value_of_its_formula_and_goes_on_with_an_operand_of_
     checked(data.draw(cases(name)), backend)
 
 
-@settings(max_examples=100)
 @given(case=cases(values=INTEGERS))
 def test_an_explanation_has_the_sign_of_the_robustness_all_the_way_down(
     case: Case, backend: Backend
@@ -204,7 +203,6 @@ def opened_cases(draw: st.DrawFn) -> Case:
     return formula, whole, STEP * rng.randint(0, int(end / STEP))
 
 
-@settings(max_examples=150)
 @given(case=opened_cases(), move=st.sampled_from((-0.75, -0.25, 0.5)))
 def test_the_robustness_follows_the_value_that_decided(case: Case, move: float) -> None:
     formula, whole, time = case

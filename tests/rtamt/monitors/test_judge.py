@@ -55,7 +55,6 @@ def agrees(formula: Formula, trace: Trace, backend: Backend) -> None:
         assert bool(found.untested) == (found.verdict is U)
 
 
-@settings(max_examples=150)
 @given(formula=formulas(depth=2, endless=True), trace=traces(most=10))
 def test_it_says_what_the_monitor_says_of_the_same_samples(
     formula: Formula, trace: Trace, backend: Backend

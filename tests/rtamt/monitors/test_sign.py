@@ -11,7 +11,7 @@ from bits import bits, identical
 from boolean_oracle import holds as true_at
 from episode_monitors import feed
 from golden_cases import cases
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from oracle import horizon
 from strategies import INTEGERS, Trace, formulas, length, sample, traces
@@ -45,7 +45,6 @@ def truth(formula: Formula, trace: Trace) -> list[bool]:
     return [true_at(formula, trace, n, i) for i in range(n)]
 
 
-@settings(max_examples=300)
 @given(formula=formulas(endless=True), trace=traces(values=INTEGERS))
 def test_evaluate_says_whether_the_formula_holds(
     formula: Formula, trace: Trace, backend: Backend
@@ -90,7 +89,6 @@ def test_an_episode_says_at_every_sample_whether_it_holds_if_it_ends_there(
     assert monitor.verdict is not Verdict.UNDECIDED
 
 
-@settings(max_examples=200)
 @given(
     formula=formulas(depth=2),
     start=traces(values=INTEGERS, most=8),

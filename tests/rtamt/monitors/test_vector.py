@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from strategies import INFINITIES, QUARTERS, formulas
@@ -112,7 +112,6 @@ def same(found: object, expected: object) -> bool:
 # Vector equals list of singles. ------------------------------------------------------------------
 
 
-@settings(max_examples=150)
 @given(formula=formulas(depth=2), num=st.integers(1, 5), data=st.data())
 def test_a_vector_monitor_is_a_list_of_monitors(
     formula: Formula, num: int, data: st.DataObject, backend: Backend
@@ -133,7 +132,6 @@ def test_a_vector_monitor_is_a_list_of_monitors(
             vector = pickle.loads(pickle.dumps(vector))
 
 
-@settings(max_examples=150)
 @given(formula=formulas(depth=2, endless=True), num=st.integers(1, 4), data=st.data())
 def test_a_vector_episode_monitor_is_a_list_of_episode_monitors(
     formula: Formula, num: int, data: st.DataObject, backend: Backend

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from bits import bits
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rtamt import EpisodeMonitor
@@ -102,7 +102,6 @@ def assert_the_ends_agree(expected: EpisodeMonitor, monitor: EpisodeMonitor) -> 
 value = st.sampled_from(VALUES)
 
 
-@settings(max_examples=300)
 @given(
     text=formulas(),
     rows=st.lists(st.tuples(value, value), min_size=1, max_size=40),

@@ -106,7 +106,6 @@ def made(text: str, num: int) -> Obligations:
     return Obligations({"spec": rtamt.parse(text)}, num, Reading(period=1), COLUMNS)
 
 
-@settings(max_examples=150)
 @given(pattern=single() | nested() | past(), rows=traces)
 def test_clocks_and_margins_are_those_of_the_definition(
     pattern: Pattern, rows: list[tuple[float, ...]]

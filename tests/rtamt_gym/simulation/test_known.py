@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 import gymnasium as gym
 import pytest
 import rtamt_envs  # noqa: F401 - registers the scenarios
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import rtamt
@@ -22,7 +22,6 @@ def sampled(values: list[int]) -> Iterator[Mapping[str, float]]:
 
 
 @given(values=WAVES, level=st.integers(-3, 3))
-@settings(max_examples=150)
 @pytest.mark.parametrize(
     "text",
     [
