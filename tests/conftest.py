@@ -8,8 +8,8 @@ import rtamt
 # Tests and fixtures that two files have in common.
 pytest.register_assert_rewrite("ros_contract", "ros_live", "ros2_client")
 
-# Every run repeats the same few examples; those of a night are many, and others each time. A property
-# whose examples are slow has a number of its own, in both.
+# Every run repeats the same few examples; those of a night are many, and others each time. A
+# property whose examples are slow has a number of its own, in both.
 settings.register_profile(
     "repeatable",
     derandomize=True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from typing import Final
@@ -68,7 +69,8 @@ def options_of(command: str) -> Mapping[str, str]:
     if command not in COMMANDS:
         return {}
     parser = argparse.ArgumentParser(add_help=False)
-    import_module(f"rtamt_gym.commands.{command}").add_arguments(parser)
+    with suppress(RtamtError):  # of a package that adds to a table: this is the error to word
+        import_module(f"rtamt_gym.commands.{command}").add_arguments(parser)
     made_by = _OF_RESULTS.get(command, "")
     return {**options_of(made_by), **options_in(parser)}
 

@@ -40,6 +40,8 @@ _WHY = 12
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from rtamt_gym.search.falsification.optimizers import described
+
     parser.description = (
         "Searches for an input with which a system violates one of its requirements. Prints what "
         "was found, made as simple as it can be, and why it violates. Exits 1 if a requirement is "
@@ -88,8 +90,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--optimizer",
         default="portfolio",
         metavar="NAME",
-        help="what chooses the inputs: portfolio, corners, random, sobol, cma, dual_annealing, "
-        "differential_evolution or tpe (default: portfolio)",
+        help=f"what chooses the inputs (default: portfolio). {described()}",
     )
     parser.add_argument(
         "--no-reduce",

@@ -7,16 +7,20 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Final
 
 from rtamt import InputError
+from rtamt_gym.checks.plugins import plugins
 from rtamt_gym.recorded.columns import Columns
 from rtamt_gym.recorded.recording import Recording
 
 __all__ = [
     "FORMATS",
+    "GROUP",
     "Format",
     "extensions",
     "format_of",
+    "formats",
     "is_bag",
     "is_bag_folder",
     "open_recording",
@@ -54,10 +58,36 @@ FORMATS = [
 ]
 """A row for each format; the first reads what has no extension, and standard input."""
 
+GROUP: Final = "rtamt.trace_formats"
+"""The entry points of other packages that add a format, each the name of a `Format`."""
+
+
+def formats() -> list[Format]:
+    """The formats of this package, and those that other packages add.
+
+    Raises:
+        InputError: If what is added is no format, or takes an extension that another has.
+    """
+    rows = [*FORMATS]
+    for name, row in plugins(GROUP).items():
+        if not isinstance(row, Format):
+            raise InputError(
+                f"expected a Format as the entry point {name!r} of {GROUP}, got {row!r}"
+            )
+        taken = {extension: each.name for each in rows for extension in each.extensions}
+        for extension in row.extensions:
+            if extension in taken:
+                raise InputError(
+                    f"the entry point {name!r} of {GROUP} takes {extension}, which "
+                    f"{taken[extension]} has; give it another extension"
+                )
+        rows.append(row)
+    return rows
+
 
 def extensions() -> list[str]:
     """The ends of the names of files that can be read."""
-    return [extension for row in FORMATS for extension in row.extensions]
+    return [extension for row in formats() for extension in row.extensions]
 
 
 def is_bag_folder(path: str | Path) -> bool:
@@ -77,7 +107,7 @@ def format_of(path: str) -> Format:
         InputError: If no format has the extension.
     """
     name = ".db3" if is_bag_folder(path) else Path(path).name.lower()
-    for row in FORMATS:
+    for row in formats():
         if name.endswith(row.extensions):
             return row
     if Path(path).suffix:

@@ -36,7 +36,7 @@ FLOORS = {
         ("search",),
         ("evaluation",),
         ("reports", "learners", "datasets"),
-        ("demo",),
+        ("demo", "testing"),
         ("commands",),
         ("__init__", "__main__"),
     ),

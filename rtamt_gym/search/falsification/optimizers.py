@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from itertools import count
 from typing import Final
@@ -11,12 +12,13 @@ import numpy as np
 from rtamt import InputError, InputTypeError
 from rtamt.errors import Argument, nearest
 from rtamt_gym.checks.names import listing
+from rtamt_gym.checks.plugins import plugins
 from rtamt_gym.search.falsification.evolution import Climb, population_of
 from rtamt_gym.search.falsification.points import extremes, quasi_random, take
 from rtamt_gym.search.falsification.portfolio import portfolio
 from rtamt_gym.search.falsification.protocol import Evaluate, Optimizer
 
-__all__ = ["OPTIMIZERS", "OptimizerLike", "find_optimizer"]
+__all__ = ["GROUP", "OPTIMIZERS", "OptimizerLike", "described", "find_optimizer", "optimizers"]
 
 OptimizerLike = str | Optimizer
 """The name of an optimizer, or one's own."""
@@ -33,12 +35,13 @@ def find_optimizer(given: OptimizerLike) -> Optimizer:
         InputTypeError: If it is neither a name nor a function.
     """
     if isinstance(given, str):
-        if given not in OPTIMIZERS:
+        known = optimizers()
+        if given not in known:
             raise InputError(
-                f"there is no optimizer {given!r}; there are {listing(OPTIMIZERS)}"
-                f"{nearest(given, OPTIMIZERS)}"
+                f"there is no optimizer {given!r}; there are {listing(known)}"
+                f"{nearest(given, known)}"
             )
-        return OPTIMIZERS[given]
+        return known[given]
     if not callable(given):
         raise InputTypeError(
             "expected ",
@@ -126,4 +129,31 @@ OPTIMIZERS: Final[Mapping[str, Optimizer]] = {
     "differential_evolution": _differential_evolution,
     "tpe": _tpe,
 }
-"""The optimizers by name."""
+"""The optimizers by name; ``--help`` has the first line of each docstring."""
+
+GROUP: Final = "rtamt.optimizers"
+"""The entry points of other packages that add an optimizer under their name."""
+
+
+def optimizers() -> Mapping[str, Optimizer]:
+    """The optimizers of this package, and those that other packages add, by name.
+
+    Raises:
+        InputError: If what is added is no function, or has the name of one that is there.
+    """
+    added = plugins(GROUP)
+    for name, optimizer in added.items():
+        if name in OPTIMIZERS or not callable(optimizer):
+            raise InputError(
+                f"expected a function with a name of its own as the entry point {name!r} of "
+                f"{GROUP}, got {optimizer!r}"
+            )
+    return {**OPTIMIZERS, **added}
+
+
+def described() -> str:
+    """A sentence about each optimizer, the first line of its docstring."""
+    return "; ".join(
+        f"{name}: {(inspect.getdoc(each) or 'no docstring').partition(chr(10))[0].rstrip('.')}"
+        for name, each in optimizers().items()
+    )

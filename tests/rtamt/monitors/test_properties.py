@@ -59,6 +59,7 @@ def test_strategies_draw_every_operator() -> None:
     drawn: set[str] = set()
 
     @given(formulas(endless=True))
+    @settings(max_examples=200)
     def collect(formula: Formula) -> None:
         drawn.update(node.op.name for node in formula.nodes() if node.op is not None)
 

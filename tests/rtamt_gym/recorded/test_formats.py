@@ -28,6 +28,7 @@ from rtamt_gym.recorded.event_rows import read_events
 from rtamt_gym.recorded.readers import extensions, open_recording
 from rtamt_gym.recorded.ruled import read_ruled
 from rtamt_gym.recorded.trace import EventTrace, Trace, read_trace
+from rtamt_gym.testing import check_trace_format
 
 Table = Mapping[str, NDArray[Any]]
 Write = Callable[[Path, Table], object]
@@ -149,6 +150,10 @@ def test_a_trace_comes_back_as_it_was_written(ending: str, tmp_path: Path) -> No
     times, values = events.signals["speed"]
     assert times.tolist() == TABLE["time"].tolist()
     assert values.tolist() == TABLE["speed"].tolist()
+
+
+def test_every_table_keeps_the_contract_that_ships(extension: str, tmp_path: Path) -> None:
+    check_trace_format(extension, WRITERS[extension], tmp_path)
 
 
 def test_empty_cells_are_refused_held_dropped_or_no_events(extension: str, tmp_path: Path) -> None:

@@ -1,0 +1,40 @@
+"""What other packages add to the tables of this one: the entry points of their distributions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Any
+
+from rtamt import InputError
+
+__all__ = ["plugins"]
+
+
+@cache
+def plugins(group: str) -> Mapping[str, Any]:
+    """The objects that installed packages add to a table, by their names.
+
+    Args:
+        group: The table, as in ``[project.entry-points."rtamt.optimizers"]``.
+
+    Raises:
+        InputError: If one of them cannot be loaded, or two have one name; names the package.
+    """
+    found: dict[str, Any] = {}
+    for entry in entry_points(group=group):
+        package = entry.dist.name if entry.dist else "a package"
+        if entry.name in found:
+            raise InputError(
+                f"expected one {entry.name!r} among the entry points {group}, got another of "
+                f"{package}; remove one of the packages"
+            )
+        try:
+            found[entry.name] = entry.load()
+        except Exception as error:  # a package may raise anything while it is imported
+            raise InputError(
+                f"cannot load {entry.value}, which {package} adds to {group} as {entry.name!r}: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+    return found
